@@ -1,0 +1,1 @@
+"""Real2Sim2Real experiments for Planar Robot Casting."""

@@ -1,0 +1,1 @@
+"""The measurement set: casts as they were executed and tracked, on disk and in memory."""

@@ -1,0 +1,68 @@
+"""What was told to a rig and what was seen, in memory."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robotcast.casts.action import Action
+from robotcast.casts.tool_motion import ToolMotion
+
+
+@dataclass(frozen=True)
+class Cable:
+    """A cable as its owner measured it."""
+
+    name: str
+    length_m: float
+    mass_kg: float
+    radius_m: float
+    endpoint_mass_kg: float
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One cast that was executed and tracked.
+
+    Attributes
+    ----------
+    trial, action_id : casts that repeat an action share its `action_id`.
+    tool : what the held end really did.
+    waypoints_s : ndarray of shape (k,), times of the tracked waypoints; lost frames are gaps.
+    waypoints_m : ndarray of shape (k, 2), the tracked free end in the robot base's frame.
+    """
+
+    trial: int
+    action_id: int
+    action: Action
+    tool: ToolMotion
+    waypoints_s: np.ndarray
+    waypoints_m: np.ndarray
+
+    @property
+    def endpoint_m(self) -> np.ndarray:
+        """Where the free end was seen last, (2,)."""
+        return self.waypoints_m[-1]
+
+
+@dataclass(frozen=True)
+class MeasurementSet:
+    """A set of casts with one cable on one rig.
+
+    Attributes
+    ----------
+    noise_m : standard deviation of one tracked coordinate, None when unknown.
+    rig : which rig the casts come from, as every table names it.
+    """
+
+    cable: Cable
+    r0_m: float
+    period_s: float
+    noise_m: float | None
+    trials: tuple[Trial, ...]
+    rig: str = "recorded"
+
+    def select(self, trials: Iterable[int]) -> "MeasurementSet":
+        """Return the set with only the given trial numbers, in this set's order."""
+        wanted = set(trials)
+        return replace(self, trials=tuple(t for t in self.trials if t.trial in wanted))

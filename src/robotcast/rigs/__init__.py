@@ -1,0 +1,1 @@
+"""Rigs that execute casts: the virtual one, recorded sets."""

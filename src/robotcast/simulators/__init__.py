@@ -1,0 +1,1 @@
+"""Simulators of a cast; all answer the same simulate call."""

@@ -1,0 +1,51 @@
+"""A number of a simulator that tuning may change."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One simulator parameter with what tuning needs to know of it.
+
+    Attributes
+    ----------
+    scale : "log" when the parameter is searched by its logarithm.
+    frozen : held at `nominal` when True.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    nominal: float
+    scale: Literal["linear", "log"] = "linear"
+    frozen: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.lower <= self.nominal <= self.upper or self.lower >= self.upper:
+            raise ValueError(
+                f"parameter {self.name}: expected lower ≤ nominal ≤ upper and lower < upper, "
+                f"got {self.lower}, {self.nominal}, {self.upper}"
+            )
+        if self.scale == "log" and self.lower <= 0:
+            raise ValueError(f"parameter {self.name}: a log scale needs lower > 0")
+
+    def to_unit(self, value: np.ndarray) -> np.ndarray:
+        """Map values in bounds to [0, 1] on the parameter's scale."""
+        if self.scale == "log":
+            return np.log(value / self.lower) / math.log(self.upper / self.lower)
+        return (value - self.lower) / (self.upper - self.lower)
+
+    def from_unit(self, unit: np.ndarray) -> np.ndarray:
+        """Map [0, 1] to values in bounds, the inverse of `to_unit`."""
+        if self.scale == "log":
+            return self.lower * np.exp(unit * math.log(self.upper / self.lower))
+        return self.lower + unit * (self.upper - self.lower)
+
+    def at(self, value: float) -> "Parameter":
+        """Return the parameter with another nominal value."""
+        return replace(self, nominal=value)

@@ -1,0 +1,71 @@
+"""The one call that every simulator answers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from robotcast.casts.tool_motion import ToolMotion
+from robotcast.progress import Progress, silent
+from robotcast.simulators.parameter import Parameter
+
+
+class Cast(Protocol):
+    """What a simulator needs of a cast: how the tool moved, and when to look."""
+
+    @property
+    def tool(self) -> ToolMotion: ...
+
+    @property
+    def waypoints_s(self) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class SimulatedCast:
+    """A cast that was never measured."""
+
+    tool: ToolMotion
+    waypoints_s: np.ndarray
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Waypoints of every cast under every parameter vector.
+
+    Attributes
+    ----------
+    waypoints_m : ndarray of shape (n_vectors, n_casts, k_max, 2); NaN past a cast's own k
+        waypoints and wherever the run diverged.
+    diverged : bool ndarray of shape (n_vectors, n_casts).
+    """
+
+    waypoints_m: np.ndarray
+    diverged: np.ndarray
+
+
+class Simulator(Protocol):
+    """Predicts the free end's waypoints for casts × parameter vectors in one call."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]: ...
+
+    def simulate(
+        self,
+        casts: Sequence[Cast],
+        vectors: np.ndarray,
+        *,
+        progress: Progress = silent,
+    ) -> Prediction:
+        """Simulate every cast under every parameter vector.
+
+        Parameters
+        ----------
+        casts : the tool motions and the times of the wanted waypoints.
+        vectors : ndarray of shape (n_vectors, n_parameters), values of all `parameters`
+            (frozen ones too) in their order and units.
+        """
+        ...

@@ -1,0 +1,1 @@
+"""Tuning simulator parameters to measured casts."""

@@ -1,0 +1,1 @@
+"""Camera calibration and the tracking of the free end in video."""
