@@ -1,0 +1,72 @@
+"""What every stage script shares: its entry point, its bar, where its output goes."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
+from omegaconf import DictConfig
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+console = Console(stderr=True)
+
+
+def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
+    """Turn `body(config)` into a command: composed by Hydra, refusing bad input in one line."""
+
+    def run(config: DictConfig) -> None:
+        try:
+            body(config)
+        except (ValueError, FileNotFoundError) as error:
+            console.print(f"{Path(sys.argv[0]).stem}: {error}", style="bold red", markup=False)
+            sys.exit(2)
+
+    return hydra.main(version_base=None, config_path="../conf", config_name="config")(run)
+
+
+def output_folder(default: str) -> Path:
+    """Return where to write: `default`, or the job's own folder in a Hydra multirun."""
+    if HydraConfig.get().mode == RunMode.MULTIRUN:
+        return Path(HydraConfig.get().runtime.output_dir)
+    return Path(default)
+
+
+class _Rate(ProgressColumn):
+    def render(self, task: Task) -> Text:
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:.1f}/s")
+
+
+@contextmanager
+def bar(title: str) -> Iterator[Callable[..., None]]:
+    """Show a progress bar with a rate and what is left; yield its `progress(done, total, note)`."""
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _Rate(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[note]}"),
+        console=console,
+    ) as shown:
+        task = shown.add_task(title, total=None, note="")
+
+        def progress(done: int, total: int, note: str = "") -> None:
+            shown.update(task, completed=done, total=total, note=note)
+
+        yield progress
