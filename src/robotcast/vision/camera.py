@@ -1,0 +1,123 @@
+"""A pinhole camera with lens distortion over the board."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+_UNDISTORT_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-9)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where a camera is, how it is turned, and how its lens bends straight lines.
+
+    Attributes
+    ----------
+    width, height : size of the image [px].
+    focal_px : focal length; pixels are square.
+    centre_px : principal point (u, v).
+    distortion : (k1, k2, p1, p2, k3), the Brown–Conrady terms in OpenCV's order.
+    rotation : Rodrigues vector (3,) that turns the robot frame into the camera's.
+    translation_m : (3,), so that p_camera = R p + translation.
+    """
+
+    width: int
+    height: int
+    focal_px: float
+    centre_px: tuple[float, float]
+    distortion: tuple[float, ...]
+    rotation: tuple[float, float, float]
+    translation_m: tuple[float, float, float]
+
+    @classmethod
+    def overhead(
+        cls,
+        width: int,
+        height: int,
+        *,
+        focal_widths: float,
+        position_m: tuple[float, float, float],
+        tilt_rad: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        centre_offset_widths: tuple[float, float] = (0.0, 0.0),
+        distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0),
+    ) -> "Camera":
+        """Hang a camera over the board, looking down, x up and y left in the image.
+
+        Parameters
+        ----------
+        focal_widths, centre_offset_widths : focal length and the principal point's offset from
+            the middle, in image widths, so that one description serves every resolution.
+        position_m : the camera's position in the robot frame.
+        tilt_rad : small turns about the image's right, down and viewing axes.
+        """
+        if width <= 0 or height <= 0 or focal_widths <= 0:
+            raise ValueError(
+                f"camera: size and focal length must be positive, got {width} × {height} px "
+                f"and {focal_widths} widths"
+            )
+        looking_down = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+        turn = cv2.Rodrigues(np.asarray(tilt_rad, dtype=float))[0] @ looking_down
+        rotation = cv2.Rodrigues(turn)[0].ravel()
+        translation = -turn @ np.asarray(position_m, dtype=float)
+        return cls(
+            width,
+            height,
+            focal_widths * width,
+            (
+                (width - 1) / 2 + centre_offset_widths[0] * width,
+                (height - 1) / 2 + centre_offset_widths[1] * width,
+            ),
+            tuple(float(d) for d in distortion),
+            tuple(float(r) for r in rotation),
+            tuple(float(t) for t in translation),
+        )
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """The intrinsic matrix (3, 3)."""
+        (u, v), f = self.centre_px, self.focal_px
+        return np.array([[f, 0.0, u], [0.0, f, v], [0.0, 0.0, 1.0]])
+
+    @property
+    def rotation_matrix(self) -> np.ndarray:
+        """R (3, 3), from the robot frame to the camera's."""
+        return cv2.Rodrigues(np.array(self.rotation))[0]
+
+    @property
+    def position_m(self) -> np.ndarray:
+        """The camera's position in the robot frame, (3,)."""
+        return -self.rotation_matrix.T @ np.array(self.translation_m)
+
+    def project(self, points_m: np.ndarray) -> np.ndarray:
+        """Return the pixels (…, 2) of points (…, 3) in the robot frame."""
+        points = np.ascontiguousarray(points_m, dtype=float)
+        pixels = cv2.projectPoints(
+            points.reshape(-1, 1, 3),
+            np.array(self.rotation),
+            np.array(self.translation_m),
+            self.matrix,
+            np.array(self.distortion),
+        )[0]
+        return pixels.reshape(*points.shape[:-1], 2)
+
+    def depth(self, points_m: np.ndarray) -> np.ndarray:
+        """Return the distances (…) of points (…, 3) along the viewing axis [m]."""
+        return np.asarray(points_m) @ self.rotation_matrix[2] + self.translation_m[2]
+
+    def to_plane(self, pixels: np.ndarray, height_m: float = 0.0) -> np.ndarray:
+        """Return where the rays of `pixels` (…, 2) meet the plane z = `height_m`, (…, 2) [m]."""
+        shape = np.shape(pixels)
+        rays = cv2.undistortPoints(
+            np.ascontiguousarray(pixels, dtype=float).reshape(-1, 1, 2),
+            self.matrix,
+            np.array(self.distortion),
+            None,
+            None,
+            None,
+            _UNDISTORT_UNTIL,
+        ).reshape(-1, 2)
+        directions = np.column_stack([rays, np.ones(len(rays))]) @ self.rotation_matrix
+        position = self.position_m
+        reach = (height_m - position[2]) / directions[:, 2]
+        return (position[:2] + reach[:, None] * directions[:, :2]).reshape(shape)

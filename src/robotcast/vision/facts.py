@@ -1,0 +1,61 @@
+"""What a session tells its tracker beforehand."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from robotcast.vision.fiducials import FiducialBoard
+
+
+@dataclass(frozen=True)
+class TrackerFacts:
+    """The `vision` block of session.yaml: all that a person can measure or look up.
+
+    Attributes
+    ----------
+    period_s : a waypoint is wanted every `period_s` from t = 0.
+    exposure_s : exposure time; frame k is exposed from video_t0_s + k / fps on.
+    focal_widths : the lens's nominal focal length in image widths.
+    endpoint_radius_m, endpoint_height_m : the bright ball and how high its centre lies.
+    endpoint_bgr, board_bgr : colours of the ball and the board, grey levels.
+    """
+
+    period_s: float
+    exposure_s: float
+    focal_widths: float
+    endpoint_radius_m: float
+    endpoint_height_m: float
+    endpoint_bgr: tuple[float, float, float]
+    board_bgr: tuple[float, float, float]
+    fiducials: FiducialBoard
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> "TrackerFacts":
+        """Read what `as_dict` wrote."""
+        return cls(
+            period_s=float(values["period_s"]),
+            exposure_s=float(values["exposure_s"]),
+            focal_widths=float(values["focal_widths"]),
+            endpoint_radius_m=float(values["endpoint_radius_m"]),
+            endpoint_height_m=float(values["endpoint_height_m"]),
+            endpoint_bgr=_colour(values["endpoint_bgr"]),
+            board_bgr=_colour(values["board_bgr"]),
+            fiducials=FiducialBoard.from_dict(values["fiducials"]),
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain numbers for a YAML file."""
+        return {
+            "period_s": self.period_s,
+            "exposure_s": self.exposure_s,
+            "focal_widths": self.focal_widths,
+            "endpoint_radius_m": self.endpoint_radius_m,
+            "endpoint_height_m": self.endpoint_height_m,
+            "endpoint_bgr": list(self.endpoint_bgr),
+            "board_bgr": list(self.board_bgr),
+            "fiducials": self.fiducials.as_dict(),
+        }
+
+
+def _colour(values: Any) -> tuple[float, float, float]:
+    blue, green, red = (float(v) for v in values)
+    return blue, green, red

@@ -1,0 +1,77 @@
+"""ArUco markers along the edges of the board: where they are, and finding them in a picture."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+BORDER_MODULES = 1
+MODULES = 4 + 2 * BORDER_MODULES
+
+
+@dataclass(frozen=True)
+class FiducialBoard:
+    """Markers lying on the board, upright towards +x.
+
+    Attributes
+    ----------
+    side_m : side of a marker's black square.
+    centres_m : marker number → (x, y) of its centre in the robot frame.
+    """
+
+    side_m: float
+    centres_m: dict[int, tuple[float, float]]
+
+    @classmethod
+    def along_edges(
+        cls, length_m: float, width_m: float, *, side_m: float, margin_m: float, spacing_m: float
+    ) -> "FiducialBoard":
+        """Lay markers along the edges of a board x ∈ [0, length], |y| ≤ width / 2.
+
+        The near edge keeps a gap in the middle for the robot's base.
+        """
+        x_near, x_far = margin_m, length_m - margin_m
+        y_edge = width_m / 2 - margin_m
+        along_y = np.linspace(-y_edge, y_edge, round(2 * y_edge / spacing_m) + 1)
+        along_x = np.linspace(x_near, x_far, round((x_far - x_near) / spacing_m) + 1)
+        places = [(x_far, y) for y in along_y]
+        places += [(x, y) for y in (-y_edge, y_edge) for x in along_x[:-1]]
+        places += [(x_near, y) for y in along_y[1:-1] if abs(y) > spacing_m / 2]
+        return cls(side_m, {i: (float(x), float(y)) for i, (x, y) in enumerate(places)})
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> "FiducialBoard":
+        """Read what `as_dict` wrote."""
+        centres = {int(i): (float(x), float(y)) for i, (x, y) in values["centres_m"].items()}
+        return cls(float(values["side_m"]), centres)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain numbers for a YAML file."""
+        return {
+            "side_m": self.side_m,
+            "centres_m": {i: list(xy) for i, xy in self.centres_m.items()},
+        }
+
+    def corners_m(self, number: int) -> np.ndarray:
+        """Return the corners (4, 2) of a marker in OpenCV's order, clockwise from its top left."""
+        offsets = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * self.side_m / 2
+        return np.array(self.centres_m[number]) + offsets
+
+
+def dictionary() -> cv2.aruco.Dictionary:
+    """Return the marker family in use."""
+    return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+
+
+def find_markers(grey: np.ndarray, board: FiducialBoard) -> dict[int, np.ndarray]:
+    """Return the sub-pixel corners (4, 2) of each of the board's markers seen in a grey image."""
+    settings = cv2.aruco.DetectorParameters()
+    settings.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    settings.cornerRefinementWinSize = 3
+    settings.minMarkerPerimeterRate = 0.02
+    corners, numbers, _ = cv2.aruco.ArucoDetector(dictionary(), settings).detectMarkers(grey)
+    if numbers is None:
+        return {}
+    found = zip(np.ravel(numbers), corners, strict=True)
+    return {int(i): c.reshape(4, 2) for i, c in found if int(i) in board.centres_m}
