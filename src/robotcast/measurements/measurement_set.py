@@ -53,6 +53,7 @@ class MeasurementSet:
     ----------
     noise_m : standard deviation of one tracked coordinate, None when unknown.
     rig : which rig the casts come from, as every table names it.
+    tool_planned : the tool was not logged; the planned motion stands in for it.
     """
 
     cable: Cable
@@ -61,6 +62,14 @@ class MeasurementSet:
     noise_m: float | None
     trials: tuple[Trial, ...]
     rig: str = "recorded"
+    tool_planned: bool = False
+
+    @property
+    def notice(self) -> str | None:
+        """What a stage must tell its user before it uses the set, None when nothing."""
+        if self.tool_planned:
+            return "the set has no tool.csv; the planned motion of its actions stands in for it"
+        return None
 
     def select(self, trials: Iterable[int]) -> "MeasurementSet":
         """Return the set with only the given trial numbers, in this set's order."""

@@ -1,0 +1,89 @@
+"""How far predicted waypoints are from measured ones (paper, "Simulator Parameter Tuning")."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotcast.measurements.measurement_set import Trial
+
+
+@dataclass(frozen=True)
+class PredictionErrors:
+    """The paper's two metrics over a set of casts.
+
+    Attributes
+    ----------
+    waypoint_m : average waypoint error: L² distance averaged over a cast's tracked waypoints,
+        then over casts.
+    final_m : median over casts of the L² distance at the last tracked waypoint.
+    waypoint_percent, final_percent : the same in % of cable length.
+    n_diverged : casts whose run diverged; each counts with an error of one cable length.
+    """
+
+    waypoint_m: float
+    final_m: float
+    waypoint_percent: float
+    final_percent: float
+    n_casts: int
+    n_diverged: int
+
+
+def waypoint_distances(predicted_m: np.ndarray, trials: Sequence[Trial]) -> np.ndarray:
+    """Return the distance of every predicted waypoint from the measured one.
+
+    Parameters
+    ----------
+    predicted_m : ndarray of shape (n_casts, k_max, 2); waypoint j of cast i belongs to
+        `trials[i].waypoints_s[j]`, so frames lost by the tracker take no part.
+
+    Returns
+    -------
+    ndarray of shape (n_casts, k_max) [m]; NaN past a cast's waypoints and where a run diverged.
+    """
+    k_most = max((len(t.waypoints_s) for t in trials), default=0)
+    if len(predicted_m) != len(trials) or predicted_m.shape[1] < k_most:
+        raise ValueError(
+            f"expected predictions for {len(trials)} casts with up to {k_most} waypoints, "
+            f"got an array of shape {predicted_m.shape}"
+        )
+    distance_m = np.full(predicted_m.shape[:2], np.nan)
+    for row, predicted, trial in zip(distance_m, predicted_m, trials, strict=True):
+        k = len(trial.waypoints_s)
+        row[:k] = np.linalg.norm(predicted[:k] - trial.waypoints_m, axis=-1)
+    return distance_m
+
+
+def cast_errors(predicted_m: np.ndarray, trials: Sequence[Trial]) -> tuple[np.ndarray, np.ndarray]:
+    """Return every cast's average waypoint error and final error, each (n_casts,) [m].
+
+    Both are NaN for a cast whose prediction lacks one of its waypoints: its run diverged.
+    """
+    distance_m = waypoint_distances(predicted_m, trials)
+    average_m = np.array(
+        [row[: len(t.waypoints_s)].mean() for row, t in zip(distance_m, trials, strict=True)]
+    )
+    final_m = np.array(
+        [row[len(t.waypoints_s) - 1] for row, t in zip(distance_m, trials, strict=True)]
+    )
+    return average_m, np.where(np.isnan(average_m), np.nan, final_m)
+
+
+def prediction_errors(
+    predicted_m: np.ndarray, trials: Sequence[Trial], length_m: float
+) -> PredictionErrors:
+    """Return the metrics of predictions (n_casts, k_max, 2) for a cable of `length_m`."""
+    if not trials:
+        raise ValueError("errors need at least one cast")
+    average_m, final_m = cast_errors(predicted_m, trials)
+    diverged = np.isnan(average_m)
+    waypoint_m = float(np.where(diverged, length_m, average_m).mean())
+    median_m = float(np.median(np.where(diverged, length_m, final_m)))
+    return PredictionErrors(
+        waypoint_m=waypoint_m,
+        final_m=median_m,
+        waypoint_percent=100 * waypoint_m / length_m,
+        final_percent=100 * median_m / length_m,
+        n_casts=len(trials),
+        n_diverged=int(diverged.sum()),
+    )

@@ -1,0 +1,81 @@
+"""What no model can beat: how far repeats of one action lie from each other."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotcast.measurements.measurement_set import MeasurementSet, Trial
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """The errors that a perfect model would still show, estimated from repeats.
+
+    Attributes
+    ----------
+    waypoint_percent, final_percent : average waypoint deviation and median final deviation in %
+        of cable length, comparable with the two metrics of `errors`; None without repeats.
+    n_actions, n_casts : how many actions were repeated and the casts they make together.
+    """
+
+    waypoint_percent: float | None
+    final_percent: float | None
+    n_actions: int
+    n_casts: int
+
+    def __str__(self) -> str:
+        if self.waypoint_percent is None:
+            return "the noise floor is unknown: no action was repeated"
+        return (
+            f"noise floor from {self.n_casts} repeats of {self.n_actions} actions: "
+            f"average waypoint deviation {self.waypoint_percent:.2f} %, "
+            f"median final deviation {self.final_percent:.2f} % of cable length"
+        )
+
+
+def noise_floor(measured: MeasurementSet) -> NoiseFloor:
+    """Estimate the noise floor from the casts that repeat an action.
+
+    A perfect model predicts the mean path μ of an action and misses repeat p_j by |p_j − μ|.
+    The mean of only n repeats stands in for μ and lies too near to each of them: for normal
+    scatter |p_j − p̄| is on average √((n − 1)/n) times |p_j − μ|, so every deviation is
+    multiplied by √(n/(n − 1)). Waypoints are matched by their time in camera periods; a time
+    counts where at least two repeats were tracked, with n the repeats tracked there. The final
+    deviation compares the last tracked waypoints.
+    """
+    repeats: dict[int, list[Trial]] = {}
+    for trial in measured.trials:
+        repeats.setdefault(trial.action_id, []).append(trial)
+    groups = [group for group in repeats.values() if len(group) > 1]
+    averages_m = [_average_deviations(group, measured.period_s) for group in groups]
+    average_m = np.concatenate([*averages_m, np.empty(0)])
+    if len(average_m) == 0:
+        return NoiseFloor(None, None, 0, 0)
+    to_percent = 100 / measured.cable.length_m
+    final_m = np.concatenate([_deviations(np.stack([t.endpoint_m for t in g])) for g in groups])
+    return NoiseFloor(
+        waypoint_percent=float(average_m.mean() * to_percent),
+        final_percent=float(np.median(final_m) * to_percent),
+        n_actions=len(groups),
+        n_casts=sum(len(group) for group in groups),
+    )
+
+
+def _average_deviations(group: Sequence[Trial], period_s: float) -> np.ndarray:
+    """Return the average deviation of each repeat that shares times with others, (≤ n,)."""
+    steps = [np.round(t.waypoints_s / period_s).astype(int) for t in group]
+    paths_m = np.full((len(group), max(s.max() for s in steps) + 1, 2), np.nan)
+    for path_m, step, trial in zip(paths_m, steps, group, strict=True):
+        path_m[step] = trial.waypoints_m
+    shared = np.isfinite(paths_m[..., 0]).sum(axis=0) > 1
+    deviations_m = _deviations(paths_m[:, shared])
+    sharing = np.isfinite(deviations_m).any(axis=1)
+    return np.nanmean(deviations_m[sharing], axis=1)
+
+
+def _deviations(repeats_m: np.ndarray) -> np.ndarray:
+    """Return corrected distances from the mean over axis 0: (n, ..., 2) → (n, ...), NaN kept."""
+    n = np.isfinite(repeats_m[..., 0]).sum(axis=0)
+    distance_m = np.linalg.norm(repeats_m - np.nanmean(repeats_m, axis=0), axis=-1)
+    return distance_m * np.sqrt(n / (n - 1))

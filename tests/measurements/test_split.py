@@ -1,0 +1,53 @@
+"""A split never shows one side an action of the other."""
+
+from pathlib import Path
+
+import pytest
+
+from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.split import split_by_action
+
+
+@pytest.fixture(scope="module")
+def measured(recorded_sets: Path) -> MeasurementSet:
+    return read_measurement_set(recorded_sets / "a")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_sides_are_full_and_share_no_action(measured: MeasurementSet, seed: int) -> None:
+    first, second = split_by_action(measured, 20, 30, seed)
+    assert (len(first.trials), len(second.trials)) == (20, 30)
+    assert not {t.action_id for t in first.trials} & {t.action_id for t in second.trials}
+
+
+def test_repeats_stay_together(measured: MeasurementSet) -> None:
+    repeats = {a: {t.trial for t in measured.trials if t.action_id == a} for a in range(6)}
+    first, second = split_by_action(measured, 12, 40, seed=1)
+    sides = [{t.trial for t in side.trials} for side in (first, second)]
+    for casts in repeats.values():
+        assert any(casts <= side or not casts & side for side in sides)
+
+
+def test_the_seed_alone_decides(measured: MeasurementSet) -> None:
+    def numbers(seed: int) -> list[int]:
+        return [t.trial for t in split_by_action(measured, 20, 30, seed)[0].trials]
+
+    assert numbers(4) == numbers(4)
+    assert numbers(4) != numbers(5)
+
+
+def test_too_few_casts_are_refused(measured: MeasurementSet) -> None:
+    with pytest.raises(ValueError, match=r"needs 30 \+ 30 casts, the set has 52"):
+        split_by_action(measured, 30, 30, seed=0)
+
+
+def test_repeats_that_fit_no_side_are_refused(measured: MeasurementSet) -> None:
+    repeated = measured.select(t.trial for t in measured.trials if t.action_id < 6)
+    with pytest.raises(ValueError, match="repeats of an action together"):
+        split_by_action(repeated, 2, 2, seed=0)
+
+
+def test_an_empty_side_is_refused(measured: MeasurementSet) -> None:
+    with pytest.raises(ValueError, match="both sides"):
+        split_by_action(measured, 20, 0, seed=0)

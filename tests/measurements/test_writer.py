@@ -1,0 +1,94 @@
+"""What is written is read back exactly, once, and as the same bytes."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.writer import TableFormat, write_measurement_set
+
+FORMATS: tuple[TableFormat, ...] = ("csv", "parquet")
+
+
+def with_awkward_numbers(measured: MeasurementSet) -> MeasurementSet:
+    rng = np.random.default_rng(3)
+    trials = tuple(
+        replace(t, waypoints_m=rng.normal(size=t.waypoints_m.shape) * 10.0 ** -rng.integers(0, 12))
+        for t in measured.trials
+    )
+    cable = replace(measured.cable, mass_kg=np.nextafter(1e-5, 1), radius_m=1 / 300)
+    return replace(measured, trials=trials, cable=cable, noise_m=0.1 / 3, rig="virtual")
+
+
+def assert_same(one: MeasurementSet, other: MeasurementSet) -> None:
+    assert replace(one, trials=()) == replace(other, trials=())
+    assert len(one.trials) == len(other.trials)
+    for a, b in zip(one.trials, other.trials, strict=True):
+        assert (a.trial, a.action_id, a.action) == (b.trial, b.action_id, b.action)
+        np.testing.assert_array_equal(a.tool.t_s, b.tool.t_s)
+        np.testing.assert_array_equal(a.tool.pose, b.tool.pose)
+        np.testing.assert_array_equal(a.waypoints_s, b.waypoints_s)
+        np.testing.assert_array_equal(a.waypoints_m, b.waypoints_m)
+
+
+@pytest.mark.parametrize("table_format", FORMATS)
+def test_a_set_comes_back_to_the_last_digit(
+    set_folder: Path, tmp_path: Path, table_format: TableFormat
+) -> None:
+    measured = with_awkward_numbers(read_measurement_set(set_folder))
+    write_measurement_set(measured, tmp_path / "new", table_format)
+    assert_same(read_measurement_set(tmp_path / "new"), measured)
+
+
+@pytest.mark.parametrize("table_format", FORMATS)
+def test_a_recorded_set_comes_back(
+    recorded_sets: Path, tmp_path: Path, table_format: TableFormat
+) -> None:
+    measured = read_measurement_set(recorded_sets / "a")
+    write_measurement_set(measured, tmp_path / "new", table_format)
+    assert_same(read_measurement_set(tmp_path / "new"), measured)
+
+
+@pytest.mark.parametrize("table_format", FORMATS)
+def test_the_same_set_gives_the_same_bytes(
+    set_folder: Path, tmp_path: Path, table_format: TableFormat
+) -> None:
+    measured = read_measurement_set(set_folder)
+    folders = [tmp_path / "one", tmp_path / "two"]
+    for folder in folders:
+        write_measurement_set(measured, folder, table_format)
+    one, two = ({p.name: p.read_bytes() for p in folder.iterdir()} for folder in folders)
+    assert one == two
+
+
+def test_a_set_on_disk_is_never_changed(set_folder: Path) -> None:
+    before = {p.name: p.read_bytes() for p in set_folder.iterdir()}
+    measured = read_measurement_set(set_folder)
+    with pytest.raises(ValueError, match="never changed in place"):
+        write_measurement_set(measured, set_folder)
+    assert {p.name: p.read_bytes() for p in set_folder.iterdir()} == before
+
+
+def test_a_failed_write_leaves_nothing(set_folder: Path, tmp_path: Path) -> None:
+    measured = read_measurement_set(set_folder)
+    broken = replace(measured.trials[0], waypoints_m=np.zeros((1, 5)))
+    with pytest.raises(ValueError):
+        write_measurement_set(replace(measured, trials=(broken,)), tmp_path / "new")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["set"]
+
+
+def test_a_planned_motion_is_not_written_as_if_it_was_measured(
+    set_folder: Path, tmp_path: Path
+) -> None:
+    measured = replace(read_measurement_set(set_folder), tool_planned=True)
+    write_measurement_set(measured, tmp_path / "new")
+    assert not (tmp_path / "new" / "tool.csv").exists()
+
+
+def test_a_set_without_casts_is_not_written(set_folder: Path, tmp_path: Path) -> None:
+    measured = read_measurement_set(set_folder).select([])
+    with pytest.raises(ValueError, match="without casts"):
+        write_measurement_set(measured, tmp_path / "new")
