@@ -7,7 +7,7 @@ import polars as pl
 import pytest
 
 from robotcast.casts.action import Action
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.measurements.reader import read_measurement_set
 
 
@@ -61,17 +61,22 @@ def test_blank_lines_spaces_and_windows_files_are_read(set_folder: Path) -> None
     np.testing.assert_array_equal(trial.waypoints_s, [0, 0.1, 0.3])
 
 
-def straight_motion(action: Action, r0_m: float) -> ToolMotion:
-    return ToolMotion(np.array([0.0, 1.0]), np.array([[r0_m, 0, 0], [action.r2_m, 0, 0]]))
-
-
 def test_without_tool_csv_the_planned_motion_stands_in_and_is_announced(set_folder: Path) -> None:
     (set_folder / "tool.csv").unlink()
-    measured = read_measurement_set(set_folder, straight_motion)
-    assert measured.trials[1].tool.pose[-1, 0] == 0.7
+    measured = read_measurement_set(set_folder)
+    trial = measured.trials[1]
+    planned = plan_action(trial.action, r0_m=0.6, limits=PlanLimits())
+    np.testing.assert_array_equal(trial.tool.pose, planned.tool.pose)
     assert measured.notice is not None
     assert "no tool.csv" in measured.notice
     assert measured.select([1]).notice == measured.notice
+
+
+def test_a_cast_that_cannot_be_planned_is_refused_without_tool_csv(set_folder: Path) -> None:
+    (set_folder / "tool.csv").unlink()
+    edit(set_folder / "actions.csv", "1,1,0.5,0.6,-0.8", "1,1,0.5,0.6,0.8")
+    with pytest.raises(ValueError, match=r"actions\.csv line 3: without tool\.csv .* turn back"):
+        read_measurement_set(set_folder)
 
 
 def edit(path: Path, old: str, new: str) -> None:

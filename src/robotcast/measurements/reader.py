@@ -1,26 +1,27 @@
 """Reading a measurement set from disk, checked."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from robotcast.casts.action import ACTION_COLUMNS, Action
+from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.measurements.rig_file import read_rig_file
 from robotcast.measurements.rules import check_actions, check_complete, check_motion
 from robotcast.measurements.table import TABLE_COLUMNS, Table, find_table, read_table
 
-PlanTool = Callable[[Action, float], ToolMotion]
+DEFAULT_LIMITS = PlanLimits()
 
 
-def read_measurement_set(folder: Path, plan_tool: PlanTool | None = None) -> MeasurementSet:
+def read_measurement_set(folder: Path, limits: PlanLimits = DEFAULT_LIMITS) -> MeasurementSet:
     """Read a measurement set, its tables as CSV or Parquet.
 
     Parameters
     ----------
-    plan_tool : (action, r0 [m]) → the motion to assume for a set without a tool table.
+    limits : how a cast is planned; a set without a tool table falls back on the planned motion
+        of its actions, and its `notice` says so.
 
     Raises
     ------
@@ -45,7 +46,7 @@ def read_measurement_set(folder: Path, plan_tool: PlanTool | None = None) -> Mea
         r0_m=facts.r0_m,
         period_s=facts.period_s,
         noise_m=facts.noise_m,
-        trials=_trials(actions, waypoints, logged or _planned(actions, facts.r0_m, plan_tool)),
+        trials=_trials(actions, waypoints, logged or _planned(actions, facts.r0_m, limits)),
         rig=facts.rig,
         tool_planned=logged is None,
     )
@@ -75,13 +76,11 @@ def _logged_tools(folder: Path, actions: Table) -> list[ToolMotion] | None:
     ]
 
 
-def _planned(actions: Table, r0_m: float, plan_tool: PlanTool | None) -> list[ToolMotion]:
-    if plan_tool is None:
-        raise ValueError(f"{actions.path.parent}: tool.csv is missing and no plan was given")
+def _planned(actions: Table, r0_m: float, limits: PlanLimits) -> list[ToolMotion]:
     planned = []
     for index, action in enumerate(_actions(actions)):
         try:
-            planned.append(plan_tool(action, r0_m))
+            planned.append(plan_action(action, r0_m=r0_m, limits=limits).tool)
         except ValueError as error:
             raise ValueError(
                 f"{actions.place(index)}: without tool.csv the motion is planned, "
