@@ -1,0 +1,183 @@
+"""Many casts at once as analytic curves: angle, radius and blend as functions of time."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from robotcast.casts.jerk_limited import PIECES, RestToRest
+from robotcast.casts.limits import PlanLimits
+
+SAMPLES_PER_PIECE = 32
+SPEED_MARGIN = 5e-4
+"""The planned peak stays this fraction below v_max: room for peaks between samples."""
+SPEED_TOLERANCE = 1e-6
+ROUNDS = 100
+
+
+@dataclass(frozen=True)
+class CastCurves:
+    """Planned casts, one a row (paper, "Parameterized Actions").
+
+    Attributes
+    ----------
+    actions : ndarray of shape (n, 6), columns `ACTION_COLUMNS`, r₁ filled in.
+    r0_m : radius where every cast starts.
+    durations_s, jerks_rad_s3 : ndarrays of shape (n, 14), pieces of constant jerk of θ(t):
+        seven from 0 to θ₁ and seven from θ₁ to θ₂, at rest in between.
+    """
+
+    actions: np.ndarray
+    r0_m: float
+    durations_s: np.ndarray
+    jerks_rad_s3: np.ndarray
+
+    @property
+    def turn_s(self) -> np.ndarray:
+        """When each tool rests in θ₁, (n,)."""
+        return self.durations_s[:, :PIECES].sum(axis=1)
+
+    @property
+    def end_s(self) -> np.ndarray:
+        """When each tool arrives in θ₂, (n,)."""
+        return self.turn_s + self.durations_s[:, PIECES:].sum(axis=1)
+
+    def rows(self, chosen: slice | np.ndarray) -> Self:
+        """Return the chosen casts."""
+        return type(self)(
+            self.actions[chosen],
+            self.r0_m,
+            self.durations_s[chosen],
+            self.jerks_rad_s3[chosen],
+        )
+
+    def _piece_states(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return time, angular rate and acceleration where each piece begins, each (n, 14)."""
+        t, j = self.durations_s, self.jerks_rad_s3
+        change = j * t
+        acceleration = np.cumsum(change, axis=1) - change
+        change = (j / 2 * t + acceleration) * t
+        return np.cumsum(t, axis=1) - t, np.cumsum(change, axis=1) - change, acceleration
+
+    def angle_at(self, t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return θ [rad] and dθ/dt [rad/s] at times `t_s` (n, m), each (n, m)."""
+        angle, rate = np.zeros_like(t_s), np.zeros_like(t_s)
+        start, v, a = (state[..., None] for state in self._piece_states())
+        length, jerk = self.durations_s[..., None], self.jerks_rad_s3[..., None]
+        for k in range(2 * PIECES):
+            tau = np.clip(t_s - start[:, k], 0.0, length[:, k])
+            angle += ((jerk[:, k] / 6 * tau + a[:, k] / 2) * tau + v[:, k]) * tau
+            rate += (jerk[:, k] / 2 * tau + a[:, k]) * tau
+        return angle, rate
+
+    def radius_at(self, t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return r [m] and dr/dt [m/s] at times `t_s` (n, m), each (n, m).
+
+        A cubic spline through (0, r₀), (turn, r₁), (end, r₂) with zero slope at both ends.
+        """
+        r1, r2 = self.actions[:, 1], self.actions[:, 3]
+        turn, end = self.turn_s, self.end_s
+        first, second = turn, end - turn
+        slope = 1.5 * ((r1 - self.r0_m) / first**2 + (r2 - r1) / second**2)
+        slope /= 1 / first + 1 / second
+        before = t_s < turn[:, None]
+        length = np.where(before, first[:, None], second[:, None])
+        s = np.where(before, t_s, np.minimum(t_s, end[:, None]) - turn[:, None]) / length
+        low = np.where(before, self.r0_m, r1[:, None])
+        high = np.where(before, r1[:, None], r2[:, None])
+        slope_low = np.where(before, 0.0, slope[:, None]) * length
+        slope_high = np.where(before, slope[:, None], 0.0) * length
+        c2 = 3 * (high - low) - 2 * slope_low - slope_high
+        c3 = 2 * (low - high) + slope_low + slope_high
+        radius = ((c3 * s + c2) * s + slope_low) * s + low
+        rate = ((3 * c3 * s + 2 * c2) * s + slope_low) / length
+        return radius, np.where(t_s < end[:, None], rate, 0.0)
+
+    def pose_at(self, t_s: np.ndarray) -> np.ndarray:
+        """Return x [m], y [m] and yaw [rad] at times `t_s` (n, m) as (n, m, 3)."""
+        angle, _ = self.angle_at(t_s)
+        radius, _ = self.radius_at(t_s)
+        turn, end = self.turn_s[:, None], self.end_s[:, None]
+        yaw = angle + self.actions[:, 4, None] * smooth_step((t_s - turn) / (end - turn))
+        return np.stack([radius * np.cos(angle), radius * np.sin(angle), yaw], axis=-1)
+
+    def peak_speeds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the largest angular rate [rad/s] and tool speed [m/s] of both arcs, (n, 2)."""
+        start, v, a = (state[..., None] for state in self._piece_states())
+        tau = self.durations_s[..., None] * np.linspace(0.0, 1.0, SAMPLES_PER_PIECE)
+        rate = (self.jerks_rad_s3[..., None] / 2 * tau + a) * tau + v
+        n = len(rate)
+        radius, radius_rate = self.radius_at((start + tau).reshape(n, -1))
+        speed = np.hypot(radius * rate.reshape(n, -1), radius_rate)
+        return np.abs(rate).reshape(n, 2, -1).max(axis=2), speed.reshape(n, 2, -1).max(axis=2)
+
+
+def smooth_step(s: np.ndarray) -> np.ndarray:
+    """Return the quintic from 0 to 1 with zero first and second derivatives at both ends."""
+    s = np.clip(s, 0.0, 1.0)
+    return s**3 * (10 + s * (6 * s - 15))
+
+
+def plan_curves(actions: np.ndarray, r0_m: float, limits: PlanLimits) -> CastCurves:
+    """Plan casts so that the tool's speed peaks at v_max in each arc, or below.
+
+    The limit of the angular velocity of an arc starts at v_max over its radius and is
+    corrected until the speed, with the radial part, peaks at v_max; an arc too short to
+    reach it is limited by acceleration and jerk alone. Casts that differ in α only share
+    one solution. Actions are not validated here.
+
+    Parameters
+    ----------
+    actions : ndarray of shape (n, 6), columns `ACTION_COLUMNS`; r₁ NaN where it is to be the
+        spline's value at θ₁.
+    """
+    without_alpha = np.nan_to_num(actions, nan=-1.0)
+    without_alpha[:, 4] = 0.0
+    _, first, member = np.unique(without_alpha, axis=0, return_index=True, return_inverse=True)
+    solved = _solve(actions[first], r0_m, limits).rows(member)
+    planned = actions.copy()
+    planned[:, 1] = solved.actions[:, 1]
+    return CastCurves(planned, r0_m, solved.durations_s, solved.jerks_rad_s3)
+
+
+def _solve(actions: np.ndarray, r0_m: float, limits: PlanLimits) -> CastCurves:
+    free_r1 = np.isnan(actions[:, 1])
+    target = actions[:, 5] * (1 - SPEED_MARGIN)
+    sign = np.sign(actions[:, 0])
+    distances = np.abs(np.stack([actions[:, 0], actions[:, 0] - actions[:, 2]], axis=1))
+    radii = np.maximum(r0_m, np.fmax(actions[:, 1], actions[:, 3]))
+    limit = np.repeat((target / radii)[:, None], 2, axis=1)
+    actions = actions.copy()
+    durations, jerks = np.zeros((len(actions), 14)), np.zeros((len(actions), 14))
+    open_rows = np.arange(len(actions))
+    solver = RestToRest(limits.angular_acceleration_rad_s2, limits.angular_jerk_rad_s3)
+    for _ in range(ROUNDS):
+        for row in open_rows:
+            for arc, direction in ((0, 1.0), (1, -1.0)):
+                t, j = solver.solve(distances[row, arc], limit[row, arc])
+                piece = slice(arc * PIECES, (arc + 1) * PIECES)
+                durations[row, piece] = t
+                jerks[row, piece] = np.multiply(j, direction * sign[row])
+        curves = CastCurves(actions, r0_m, durations, jerks).rows(open_rows)
+        r1 = np.where(free_r1[open_rows], _spline_r1(curves), actions[open_rows, 1])
+        moved = np.nan_to_num(np.abs(r1 - actions[open_rows, 1]), nan=np.inf)
+        actions[open_rows, 1] = r1
+        curves = CastCurves(actions, r0_m, durations, jerks).rows(open_rows)
+        attained, peaks = curves.peak_speeds()
+        wanted = target[open_rows, None]
+        bound = attained > limit[open_rows] * (1 - 1e-9)
+        slow = bound & (peaks < wanted * (1 - SPEED_TOLERANCE))
+        fast = peaks > wanted * (1 + SPEED_TOLERANCE)
+        limit[open_rows] = np.where(slow | fast, attained * wanted / peaks, limit[open_rows])
+        open_rows = open_rows[(slow | fast).any(axis=1) | (moved > 1e-9)]
+        if not len(open_rows):
+            return CastCurves(actions, r0_m, durations, jerks)
+    raise ValueError(
+        f"the tool cannot be kept below {actions[open_rows[0], 5]} m/s on the cast "
+        f"{np.delete(actions[open_rows[0]], 4).tolist()} (theta1, r1, theta2, r2, vmax)"
+    )
+
+
+def _spline_r1(curves: CastCurves) -> np.ndarray:
+    s = curves.turn_s / curves.end_s
+    return curves.r0_m + (curves.actions[:, 3] - curves.r0_m) * s * s * (3 - 2 * s)
