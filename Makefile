@@ -1,0 +1,41 @@
+# `make repro` runs the pipeline, `make test` the checks; both set up .venv first.
+PYTHON ?= python3.11
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+
+.DEFAULT_GOAL := help
+.PHONY: help install repro test quick format
+
+help:
+	@echo "make repro    set up, then run the pipeline (what changed since the last run)"
+	@echo "make test     set up, then ruff, pyright and every test"
+	@echo "make quick    ruff, pyright and the fast tests"
+	@echo "make format   format the code"
+	@echo "make install  set up only"
+
+install: $(INSTALLED)
+
+$(INSTALLED): requirements.lock pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet -r requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	touch $@
+
+repro: $(INSTALLED)
+	$(BIN)/dvc repro
+
+test: $(INSTALLED)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/pyright
+	$(BIN)/pytest -n 2
+
+quick: $(INSTALLED)
+	$(BIN)/ruff check
+	$(BIN)/pyright
+	$(BIN)/pytest -n 2 -m "not slow"
+
+format: $(INSTALLED)
+	$(BIN)/ruff format
+	$(BIN)/ruff check --fix
