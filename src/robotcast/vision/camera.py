@@ -105,16 +105,28 @@ class Camera:
         """Return the distances (…) of points (…, 3) along the viewing axis [m]."""
         return np.asarray(points_m) @ self.rotation_matrix[2] + self.translation_m[2]
 
+    def ball_outline(self, centre_m: np.ndarray, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return the ellipse a ball is seen as: its middle (2,) and half-axes as columns (2, 2)."""
+        sight = self.position_m - centre_m
+        distance = float(np.linalg.norm(sight))
+        sight = sight / distance
+        right = np.cross(sight, [1.0, 0.0, 0.0])
+        right /= np.linalg.norm(right)
+        nearer = centre_m + sight * radius_m**2 / distance
+        rim = radius_m * np.sqrt(1 - (radius_m / distance) ** 2)
+        outline = np.array([nearer, nearer + rim * right, nearer + rim * np.cross(sight, right)])
+        middle, *ends = self.project(outline)
+        return middle, np.stack([end - middle for end in ends], axis=1)
+
     def to_plane(self, pixels: np.ndarray, height_m: float = 0.0) -> np.ndarray:
         """Return where the rays of `pixels` (…, 2) meet the plane z = `height_m`, (…, 2) [m]."""
         shape = np.shape(pixels)
-        rays = cv2.undistortPoints(
+        rays = cv2.undistortPointsIter(
             np.ascontiguousarray(pixels, dtype=float).reshape(-1, 1, 2),
             self.matrix,
             np.array(self.distortion),
-            None,
-            None,
-            None,
+            np.eye(3),
+            np.eye(3),
             _UNDISTORT_UNTIL,
         ).reshape(-1, 2)
         directions = np.column_stack([rays, np.ones(len(rays))]) @ self.rotation_matrix

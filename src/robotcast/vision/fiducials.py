@@ -17,11 +17,11 @@ class FiducialBoard:
     Attributes
     ----------
     side_m : side of a marker's black square.
-    centres_m : marker number → (x, y) of its centre in the robot frame.
+    centres_m : (x, y) of each marker's centre in the robot frame, in the order of their numbers.
     """
 
     side_m: float
-    centres_m: dict[int, tuple[float, float]]
+    centres_m: tuple[tuple[float, float], ...]
 
     @classmethod
     def along_edges(
@@ -38,20 +38,17 @@ class FiducialBoard:
         places = [(x_far, y) for y in along_y]
         places += [(x, y) for y in (-y_edge, y_edge) for x in along_x[:-1]]
         places += [(x_near, y) for y in along_y[1:-1] if abs(y) > spacing_m / 2]
-        return cls(side_m, {i: (float(x), float(y)) for i, (x, y) in enumerate(places)})
+        return cls(side_m, tuple((float(x), float(y)) for x, y in places))
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "FiducialBoard":
         """Read what `as_dict` wrote."""
-        centres = {int(i): (float(x), float(y)) for i, (x, y) in values["centres_m"].items()}
+        centres = tuple((float(x), float(y)) for x, y in values["centres_m"])
         return cls(float(values["side_m"]), centres)
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain numbers for a YAML file."""
-        return {
-            "side_m": self.side_m,
-            "centres_m": {i: list(xy) for i, xy in self.centres_m.items()},
-        }
+        return {"side_m": self.side_m, "centres_m": [list(xy) for xy in self.centres_m]}
 
     def corners_m(self, number: int) -> np.ndarray:
         """Return the corners (4, 2) of a marker in OpenCV's order, clockwise from its top left."""
@@ -74,4 +71,4 @@ def find_markers(grey: np.ndarray, board: FiducialBoard) -> dict[int, np.ndarray
     if numbers is None:
         return {}
     found = zip(np.ravel(numbers), corners, strict=True)
-    return {int(i): c.reshape(4, 2) for i, c in found if int(i) in board.centres_m}
+    return {int(i): c.reshape(4, 2) for i, c in found if i < len(board.centres_m)}

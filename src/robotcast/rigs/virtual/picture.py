@@ -1,12 +1,24 @@
 """What an overhead webcam sees of a virtual cast, as a video file."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 
+from robotcast.files import atomic_file
+from robotcast.rigs.ur5 import link_points
+from robotcast.rigs.virtual.backdrop import backdrop
+from robotcast.rigs.virtual.brush import Box, draw_arm, draw_ball, draw_cable, surrounding_box
 from robotcast.vision.camera import Camera
 from robotcast.vision.fiducials import FiducialBoard
+
+CODEC = "mp4v"
+_BLUR_STEP_PX = 2.0
+_MOST_SUBFRAMES = 10
+_NOISE_SLACK_PX = 64
 
 
 @dataclass(frozen=True)
@@ -28,6 +40,15 @@ class SceneMotion:
     joints_rad: np.ndarray
     cable_radius_m: float
     endpoint_radius_m: float
+
+    def __post_init__(self) -> None:
+        n = len(self.t_s)
+        if n < 2 or np.any(np.diff(self.t_s) <= 0):
+            raise ValueError("scene: times must be two or more and increase")
+        if self.cable_m.shape[0] != n or self.cable_m.shape[2:] != (3,):
+            raise ValueError(f"scene: cable must be ({n}, nodes, 3), got {self.cable_m.shape}")
+        if self.joints_rad.shape != (n, 6):
+            raise ValueError(f"scene: joints must be ({n}, 6), got {self.joints_rad.shape}")
 
 
 @dataclass(frozen=True)
@@ -53,6 +74,15 @@ class PictureSettings:
     cable_bgr: tuple[float, float, float] = (205.0, 210.0, 215.0)
 
 
+@dataclass(frozen=True)
+class _Instants:
+    """What is before the camera at the sub-frame instants of one exposure."""
+
+    cable_px: np.ndarray
+    ball_m: np.ndarray
+    arm_m: np.ndarray
+
+
 def frame_starts(motion: SceneMotion, settings: PictureSettings) -> np.ndarray:
     """Return when each frame's exposure begins, (k,) [s]; the first is `video_t0_s`."""
     span = motion.t_s[-1] - motion.t_s[0] - settings.exposure_s
@@ -63,4 +93,103 @@ def render_cast(
     path: Path, motion: SceneMotion, camera: Camera, settings: PictureSettings, seed: int
 ) -> None:
     """Film `motion` with `camera` into the video file `path`; the same seed gives the same file."""
-    raise NotImplementedError
+    cv2.setNumThreads(1)
+    with atomic_file(path) as temporary:
+        fourcc = cv2.VideoWriter.fourcc(*CODEC)
+        size = (camera.width, camera.height)
+        writer = cv2.VideoWriter(str(temporary), cv2.CAP_FFMPEG, fourcc, settings.fps, size)
+        if not writer.isOpened():
+            raise OSError(f"{path}: OpenCV cannot write {CODEC} video of {size} px")
+        try:
+            for frame in frames(motion, camera, settings, seed):
+                writer.write(frame)
+        finally:
+            writer.release()
+
+
+def frames(
+    motion: SceneMotion, camera: Camera, settings: PictureSettings, seed: int
+) -> Iterator[np.ndarray]:
+    """Yield the frames of a cast, uint8 (height, width, 3); each is overwritten by the next."""
+    board_m = (settings.board_length_m, settings.board_width_m)
+    scene = backdrop(camera, settings.fiducials, settings.board_bgr, board_m)
+    light = _vignette(camera, settings.vignetting)
+    still = cv2.multiply(scene, light, dtype=cv2.CV_8U)
+    bank = _noise_bank(camera.width, camera.height, settings.noise_grey)
+    rng = np.random.default_rng(seed)
+    picture = np.empty_like(scene)
+    for instants in _exposures(motion, camera, settings):
+        rows, columns = rng.integers(0, _NOISE_SLACK_PX, 2)
+        noise = bank[rows : rows + camera.height, columns : columns + camera.width]
+        cv2.add(still, noise, picture, dtype=cv2.CV_8U)
+        box, moving = _expose(instants, scene, motion, camera, settings)
+        lit = cv2.multiply(moving, light[box], dtype=cv2.CV_8U)
+        picture[box] = cv2.add(lit, noise[box], dtype=cv2.CV_8U)
+        yield picture
+
+
+def _exposures(
+    motion: SceneMotion, camera: Camera, settings: PictureSettings
+) -> Iterator[_Instants]:
+    """Yield the instants of each frame: more of them the faster its image moves."""
+    arm_m = link_points(motion.joints_rad)
+    for start in frame_starts(motion, settings):
+        ends = start + np.array([0.0, settings.exposure_s])
+        tracked = [
+            camera.project(_at(ends, motion.t_s, points))
+            for points in (motion.cable_m, arm_m)
+        ]
+        travel_px = max(np.linalg.norm(b - a, axis=-1).max() for a, b in tracked)
+        count = int(np.clip(np.ceil(travel_px / _BLUR_STEP_PX), 1, _MOST_SUBFRAMES))
+        times = start + (np.arange(count) + 0.5) / count * settings.exposure_s
+        cable_m = _at(times, motion.t_s, motion.cable_m)
+        yield _Instants(camera.project(cable_m), cable_m[:, -1], _at(times, motion.t_s, arm_m))
+
+
+def _expose(
+    instants: _Instants,
+    scene: np.ndarray,
+    motion: SceneMotion,
+    camera: Camera,
+    settings: PictureSettings,
+) -> tuple[Box, np.ndarray]:
+    """Return the part of the image where something moves, and its mean over the exposure."""
+    box = surrounding_box(instants.cable_px, instants.arm_m, camera)
+    count = len(instants.ball_m)
+    total = np.zeros((*scene[box].shape[:2], 3), np.uint16)
+    for cable_px, ball_m, arm_m in zip(
+        instants.cable_px, instants.ball_m, instants.arm_m, strict=True
+    ):
+        canvas = scene[box].copy()
+        cable_width = 2 * motion.cable_radius_m * camera.focal_px / camera.depth(ball_m)
+        draw_cable(canvas, box, cable_px, cable_width, settings.cable_bgr)
+        draw_ball(canvas, box, ball_m, motion.endpoint_radius_m, camera, settings.endpoint_bgr)
+        draw_arm(canvas, box, arm_m, camera)
+        cv2.add(total, canvas, total, dtype=cv2.CV_16U)
+    return box, cv2.multiply(total, 1.0 / count, dtype=cv2.CV_8U)
+
+
+def _at(times: np.ndarray, t_s: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Interpolate `values` (n, …) linearly, held constant beyond the ends."""
+    after = np.clip(np.searchsorted(t_s, times), 1, len(t_s) - 1)
+    share = np.clip((times - t_s[after - 1]) / (t_s[after] - t_s[after - 1]), 0.0, 1.0)
+    share = share.reshape(-1, *[1] * (values.ndim - 1))
+    return (1 - share) * values[after - 1] + share * values[after]
+
+
+@lru_cache(maxsize=4)
+def _vignette(camera: Camera, depth: float) -> np.ndarray:
+    """Return the share of light that reaches each pixel, float32 (height, width, 3)."""
+    v, u = np.mgrid[: camera.height, : camera.width].astype(np.float32)
+    centre = camera.centre_px
+    far = np.hypot(camera.width, camera.height) / 2
+    share = 1 - depth * ((u - centre[0]) ** 2 + (v - centre[1]) ** 2) / far**2
+    return np.repeat(share[..., None], 3, axis=2).astype(np.float32)
+
+
+@lru_cache(maxsize=4)
+def _noise_bank(width: int, height: int, deviation: float) -> np.ndarray:
+    """Return sensor noise larger than a frame, int8, so that every frame crops its own."""
+    shape = (height + _NOISE_SLACK_PX, width + _NOISE_SLACK_PX, 3)
+    drawn = np.random.default_rng(0).standard_normal(shape, dtype=np.float32)
+    return np.rint(deviation * drawn).astype(np.int8)
