@@ -1,0 +1,58 @@
+"""Every configuration composes, and everything it names can be made."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hydra import compose, initialize_config_dir
+from hydra.errors import MissingConfigException
+from hydra.utils import get_object
+from omegaconf import DictConfig, OmegaConf
+
+CONF = Path(__file__).resolve().parents[1] / "conf"
+OPTIONS = sorted(
+    f"{path.parent.relative_to(CONF)}={path.stem}" for path in CONF.glob("*/**/*.yaml")
+)
+
+
+def composed(*overrides: str) -> DictConfig:
+    with initialize_config_dir(str(CONF), version_base=None):
+        return compose("config", overrides=list(overrides))
+
+
+def targets(node: Any) -> Iterator[str]:
+    children = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
+    if isinstance(node, dict) and "_target_" in node:
+        yield node["_target_"]
+    for child in children:
+        yield from targets(child)
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_every_option_composes_and_its_targets_exist(option: str) -> None:
+    config = OmegaConf.to_container(composed(option), resolve=True)
+    for target in targets(config):
+        assert callable(get_object(target))
+
+
+@pytest.mark.parametrize("group", sorted(p.name for p in CONF.iterdir() if p.is_dir()))
+def test_an_unknown_option_lists_the_known_ones(group: str) -> None:
+    with pytest.raises(MissingConfigException) as refusal:
+        composed(f"{group}=nonesuch")
+    for path in (CONF / group).glob("*.yaml"):
+        assert path.stem in str(refusal.value)
+
+
+def sizes(scale: str) -> dict[str, Any]:
+    return {
+        f"{stage}.{name}": size
+        for stage, entries in composed(f"scale={scale}").scale.items()
+        for name, size in entries.items()
+    }
+
+
+def test_scales_differ_in_sizes_only() -> None:
+    demo, paper = sizes("demo"), sizes("paper")
+    assert demo.keys() == paper.keys()
+    assert demo != paper

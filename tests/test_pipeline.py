@@ -1,0 +1,98 @@
+"""dvc.yaml says what every stage depends on: enough, so that nothing stale stays, and no more."""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+ORDER = ("collect", "track", "tune", "generate", "train", "evaluate", "report")
+
+# How a stage starts, shows its progress and puts a file in place changes no result.
+PLUMBING = ("stages/stage.py", "src/robotcast/files.py", "src/robotcast/progress.py")
+
+
+def stages() -> dict[str, dict[str, Any]]:
+    pipeline = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+    return {name: entry.get("do", entry) for name, entry in pipeline.items()}
+
+
+def module_file(module: str) -> Path | None:
+    base = (ROOT / "src").joinpath(*module.split("."))
+    if base.with_suffix(".py").is_file():
+        return base.with_suffix(".py")
+    return base / "__init__.py" if (base / "__init__.py").is_file() else None
+
+
+def imports(file: Path) -> Iterator[Path]:
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        names: list[str] = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        for name in names:
+            found = module_file(name) if name.split(".")[0] == "robotcast" else None
+            if found is not None and found.name != "__init__.py":
+                yield found
+
+
+def configured(stage: dict[str, Any]) -> Iterator[Path]:
+    """Yield the files of the classes that the stage's own config files name."""
+    for entry in stage.get("params", []):
+        pattern = re.sub(r"\$\{[^}]*\}", "*", next(iter(entry)))
+        for path in ROOT.glob(pattern):
+            for target in re.findall(r"_target_:\s*(robotcast\.[\w.]+)\.\w+", path.read_text()):
+                found = module_file(target)
+                assert found is not None, f"{path}: {target} does not exist"
+                yield found
+
+
+def reached(stage: dict[str, Any], script: Path) -> set[str]:
+    waiting, seen = [script, *configured(stage)], set[Path]()
+    while waiting:
+        file = waiting.pop()
+        if file not in seen:
+            seen.add(file)
+            waiting.extend(imports(file))
+    return {file.relative_to(ROOT).as_posix() for file in seen} - set(PLUMBING)
+
+
+def covers(deps: list[str], file: str) -> bool:
+    return any(file == dep or file.startswith(f"{dep}/") for dep in deps)
+
+
+def test_the_pipeline_is_the_papers() -> None:
+    assert tuple(stages()) == ORDER
+
+
+@pytest.mark.parametrize("name", ORDER)
+def test_a_stage_depends_on_all_the_code_it_runs(name: str) -> None:
+    stage = stages()[name]
+    files = reached(stage, ROOT / "stages" / f"{name}.py")
+    assert not sorted(file for file in files if not covers(stage["deps"], file))
+
+
+@pytest.mark.parametrize("name", ORDER)
+def test_a_stage_depends_on_no_code_that_it_does_not_run(name: str) -> None:
+    stage = stages()[name]
+    files = reached(stage, ROOT / "stages" / f"{name}.py")
+    code = [dep for dep in stage["deps"] if dep.startswith(("src/", "stages/"))]
+    assert not [dep for dep in code if not any(covers([dep], file) for file in files)]
+
+
+def test_recorded_casts_outlive_a_rerun() -> None:
+    (out,) = stages()["collect"]["outs"]
+    (options,) = out.values()
+    assert options["persist"] is True
+
+
+def test_params_name_config_files_that_exist() -> None:
+    for stage in stages().values():
+        for entry in stage.get("params", []):
+            pattern = re.sub(r"\$\{[^}]*\}", "*", next(iter(entry)))
+            assert list(ROOT.glob(pattern)), pattern
