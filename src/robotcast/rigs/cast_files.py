@@ -1,0 +1,67 @@
+"""The files of one recorded cast, the same for every rig."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import polars as pl
+import yaml
+
+from robotcast.casts.action import ACTION_COLUMNS, Action
+from robotcast.casts.tool_motion import ToolMotion
+from robotcast.files import atomic_file, write_text
+
+CAST_FILE, TOOL_FILE, VIDEO_FILE, TRUTH_FILE = "cast.yaml", "tool.csv", "video.mp4", "truth.csv"
+
+
+@dataclass(frozen=True)
+class CastRecord:
+    """cast.yaml: what was told, by which rig, and when the video runs.
+
+    Attributes
+    ----------
+    video_t0_s : when the exposure of the video's first frame begins; 0 is the cast's start.
+    turn_s, end_s : of the planned motion.
+    rest_s : when the rig saw the cable at rest.
+    """
+
+    number: int
+    action: Action
+    rig: str
+    cable: str
+    video_t0_s: float
+    fps: float
+    turn_s: float
+    end_s: float
+    rest_s: float
+    rest_only: bool
+
+
+def write_record(record: CastRecord, folder: Path) -> None:
+    """Write cast.yaml into `folder`."""
+    numbers = {
+        name: float(value)
+        for name, value in zip(ACTION_COLUMNS, record.action.as_array(), strict=True)
+    }
+    text = yaml.safe_dump({**vars(record), "action": numbers}, sort_keys=False)
+    write_text(folder / CAST_FILE, text)
+
+
+def read_record(folder: Path) -> CastRecord:
+    """Read cast.yaml of a finished cast."""
+    path = folder / CAST_FILE
+    if not path.is_file():
+        raise ValueError(f"{path}: missing; not the folder of a finished cast")
+    values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    numbers = values.pop("action")
+    action = Action(*(float(numbers[name]) for name in ACTION_COLUMNS))
+    return CastRecord(action=action, **values)
+
+
+def write_tool(tool: ToolMotion, path: Path) -> None:
+    """Write a tool log: t [s], x [m], y [m], yaw [rad]."""
+    x, y, yaw = tool.pose.T
+    with atomic_file(path) as temporary:
+        pl.DataFrame({"t": tool.t_s, "x": x, "y": y, "yaw": yaw}).write_csv(
+            temporary, float_precision=7
+        )
+

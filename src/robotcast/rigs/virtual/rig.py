@@ -1,0 +1,164 @@
+"""The virtual rig: it stands in for the robot, the cable, the board and the camera."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from robotcast.casts.plan import PlannedCast
+from robotcast.casts.tool_motion import ToolMotion
+from robotcast.files import atomic_file
+from robotcast.measurements.measurement_set import Cable
+from robotcast.rigs.cast_files import (
+    TOOL_FILE,
+    TRUTH_FILE,
+    VIDEO_FILE,
+    CastRecord,
+    write_record,
+    write_tool,
+)
+from robotcast.rigs.ur5 import Gripper, joint_path
+from robotcast.rigs.virtual.arm import ArmDynamics
+from robotcast.rigs.virtual.cable import TOOL_JOINTS, CableTruth, build_cable, compile_cable
+from robotcast.rigs.virtual.chance import CastNoise, draw, generator
+from robotcast.rigs.virtual.drive import CableRun, Motion
+from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, frame_starts, render_cast
+from robotcast.rigs.virtual.scatter import StartScatter
+from robotcast.vision.camera import Camera
+from robotcast.vision.facts import TrackerFacts
+
+LOG_S = 0.008
+BEFORE_S = 0.1  # filmed before the start
+AFTER_S = 0.1  # filmed after the end was seen at rest
+SLOWEST_S = 4.0  # cap on how long the cable moves on after the arm stopped
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What really happened in a cast.
+
+    Attributes
+    ----------
+    cable : the cable's motion from t = 0 until it rests.
+    tool : pose of the held end at the times of `cable`.
+    """
+
+    cable: Motion
+    tool: ToolMotion
+
+
+@dataclass(frozen=True)
+class VirtualRig:
+    """A `Rig` made of a 3-D cable in MuJoCo, an arm that lags, and a rendered camera.
+
+    Attributes
+    ----------
+    seed : every cast draws its chance from (seed, number of the cast).
+    """
+
+    cable: Cable
+    truth: CableTruth
+    r0_m: float
+    arm: ArmDynamics
+    noise: CastNoise
+    scatter: StartScatter
+    gripper: Gripper
+    camera: Camera
+    picture: PictureSettings
+    tracker: TrackerFacts
+    seed: int = 0
+    workers: int = 1
+    name: str = "virtual"
+
+    def facts(self) -> dict[str, Any]:
+        """Return what session.yaml tells the tracker."""
+        return {"vision": self.tracker.as_dict()}
+
+    def cast(
+        self, planned: PlannedCast, number: int, folder: Path, *, rest_only: bool = False
+    ) -> None:
+        """Simulate, log and film one cast into the empty `folder`."""
+        truth = self.simulate_truth(planned, number)
+        write_tool(self.log_tool(truth.tool, number), folder / TOOL_FILE)
+        scene = self._scene(truth, rest_only=rest_only)
+        frames = frame_starts(scene, self.picture)
+        render_cast(folder / VIDEO_FILE, scene, self.camera, self.picture, self._film_seed(number))
+        _write_truth(truth.cable, frames + self.picture.exposure_s / 2, folder / TRUTH_FILE)
+        record = CastRecord(
+            number=number,
+            action=planned.action,
+            rig=self.name,
+            cable=self.cable.name,
+            video_t0_s=float(frames[0]),
+            fps=float(self.picture.fps),
+            turn_s=planned.turn_s,
+            end_s=planned.end_s,
+            rest_s=float(truth.cable.t_s[-1]),
+            rest_only=rest_only,
+        )
+        write_record(record, folder)
+
+    def simulate_truth(
+        self,
+        planned: PlannedCast,
+        number: int,
+        *,
+        noise: CastNoise | None = None,
+        headings_rad: np.ndarray | None = None,
+    ) -> Truth:
+        """Simulate cast `number` and return what really happened.
+
+        Parameters
+        ----------
+        noise : in place of the rig's own.
+        headings_rad : ndarray of shape (segments,), how the cable lies at the start, in place
+            of a draw from the resets' scatter.
+        """
+        chance = draw(noise or self.noise, self.seed, number)
+        if headings_rad is None:
+            random = generator(self.seed, number, "start")
+            headings_rad = self.scatter.draw(self.truth.segments, random)
+        model = compile_cable(
+            build_cable(self.cable, self.truth.with_friction(chance.friction_factor))
+        )
+        arm = replace(self.arm, gain_error=self.arm.gain_error + chance.tool_gain)
+        until_s = planned.end_s + SLOWEST_S
+        steps = np.arange(round(until_s / self.truth.step_s) + 1) * self.truth.step_s
+        pose = arm.follow(planned.tool, steps, delay_s=chance.tool_delay_s)
+        path = np.zeros((len(steps), len(TOOL_JOINTS)))
+        path[:, [0, 1, 3]] = pose
+        run = CableRun(model, headings_rad, path[0])
+        run.settle()
+        cable = run.drive(path, moving_s=planned.end_s + 5 * arm.lag_s)
+        return Truth(cable, ToolMotion(cable.t_s, ToolMotion(steps, pose).at(cable.t_s)))
+
+    def log_tool(self, tool: ToolMotion, number: int) -> ToolMotion:
+        """Return the tool's motion as the controller logs it, at 125 Hz."""
+        t_s = np.arange(int(tool.t_s[-1] / LOG_S + 1e-9) + 1) * LOG_S
+        noise = self.noise
+        sizes = np.array([noise.tool_log_m, noise.tool_log_m, noise.tool_log_rad])
+        random = generator(self.seed, number, "log")
+        return ToolMotion(t_s, tool.at(t_s) + sizes * random.standard_normal((len(t_s), 3)))
+
+    def _scene(self, truth: Truth, *, rest_only: bool) -> SceneMotion:
+        t_s, cable, tool = truth.cable.t_s, truth.cable.nodes_m, truth.tool.pose
+        still = [t_s[-1], t_s[-1] + AFTER_S]
+        times = np.array(still) if rest_only else np.concatenate([[-BEFORE_S], t_s, still[1:]])
+        rows = np.searchsorted(t_s, np.clip(times, t_s[0], t_s[-1]))
+        joints = joint_path(ToolMotion(times, tool[rows]), self.gripper)
+        return SceneMotion(
+            times, cable[rows], joints, self.cable.radius_m, self.truth.endpoint_radius_m
+        )
+
+    def _film_seed(self, number: int) -> int:
+        return int(generator(self.seed, number, "film").integers(2**31))
+
+
+def _write_truth(cable: Motion, t_s: np.ndarray, path: Path) -> None:
+    end = ToolMotion(cable.t_s, cable.end_m).at(t_s)
+    with atomic_file(path) as temporary:
+        pl.DataFrame({"t": t_s, "x": end[:, 0], "y": end[:, 1]}).write_csv(
+            temporary, float_precision=7
+        )
