@@ -1,16 +1,15 @@
 """Drawing the cable, its bright end and the arm at one instant, in part of an image."""
 
-from itertools import pairwise
-
 import cv2
 import numpy as np
 
+from robotcast.rigs.envelope import LINK_RADII_M
 from robotcast.vision.camera import Camera
 
 Box = tuple[slice, slice]
 
-ARM_RADII_M = (0.065, 0.035)
-_LINK_BGR, _JOINT_BGR = (128.0, 127.0, 125.0), (88.0, 87.0, 86.0)
+ARM_RADII_M = tuple(LINK_RADII_M.values())
+_LINK_BGR, _RIM_BGR = (140.0, 139.0, 137.0), (96.0, 95.0, 94.0)
 _RIM_SHADE = 0.75
 _BALL_SHADE = 0.12
 _SHIFT = 4
@@ -70,20 +69,26 @@ def draw_ball(
 
 
 def draw_arm(canvas: np.ndarray, box: Box, points_m: np.ndarray, camera: Camera) -> None:
-    """Draw the arm's links through points (k, 3), from the tool up, as tapering capsules."""
+    """Draw the arm's links between points (k, 3) as capsules, the tool first, higher ones over."""
     middles = camera.project(points_m) - _corner(box)
-    radii = np.linspace(*ARM_RADII_M, len(points_m)) * camera.focal_px / camera.depth(points_m)
-    for b, a in pairwise(range(len(points_m) - 1, -1, -1)):
-        along = middles[b] - middles[a]
-        length = np.linalg.norm(along)
-        if length > 1e-6:
-            side = np.array([-along[1], along[0]]) / length
-            ends = (middles[[a, b, b, a]]) + np.outer(radii[[a, b, b, a]] * [1, 1, -1, -1], side)
-            cv2.fillConvexPoly(canvas, _fixed(ends), _LINK_BGR, cv2.LINE_AA, _SHIFT)
-        for i in (b, a):
-            where = tuple(int(c) for c in _fixed(middles[i]))
-            radius = round(float(radii[i]) * 2**_SHIFT)
-            cv2.circle(canvas, where, radius, _JOINT_BGR, -1, cv2.LINE_AA, _SHIFT)
+    scale = camera.focal_px / camera.depth(points_m)
+    for link in range(len(points_m) - 2, -1, -1):
+        ends, radii = middles[link : link + 2], ARM_RADII_M[link] * scale[link : link + 2]
+        _draw_capsule(canvas, ends, radii, _RIM_BGR)
+        _draw_capsule(canvas, ends, 0.7 * radii, _LINK_BGR)
+
+
+def _draw_capsule(
+    canvas: np.ndarray, ends: np.ndarray, radii: np.ndarray, colour: tuple[float, float, float]
+) -> None:
+    along = ends[1] - ends[0]
+    length = np.linalg.norm(along)
+    if length > 0.5:
+        side = np.array([-along[1], along[0]]) / length
+        outline = ends[[0, 1, 1, 0]] + np.outer(radii[[0, 1, 1, 0]] * [1, 1, -1, -1], side)
+        cv2.fillConvexPoly(canvas, _fixed(outline), colour, cv2.LINE_AA, _SHIFT)
+    for (u, v), radius in zip(_fixed(ends), _fixed(radii), strict=True):
+        cv2.circle(canvas, (int(u), int(v)), int(radius), colour, -1, cv2.LINE_AA, _SHIFT)
 
 
 def _corner(box: Box) -> np.ndarray:

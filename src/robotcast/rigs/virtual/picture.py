@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from robotcast.files import atomic_file
-from robotcast.rigs.ur5 import link_points
+from robotcast.rigs.ur5 import Gripper, link_points
 from robotcast.rigs.virtual.backdrop import backdrop
 from robotcast.rigs.virtual.brush import Box, draw_arm, draw_ball, draw_cable, surrounding_box
 from robotcast.vision.camera import Camera
@@ -32,12 +32,14 @@ class SceneMotion:
         both sides; 240 Hz or denser, for motion blur.
     cable_m : ndarray of shape (n, m, 3), nodes from the held end to the free end's centre.
     joints_rad : ndarray of shape (n, 6), the arm's joint angles.
+    gripper : what the arm holds the cable with.
     cable_radius_m, endpoint_radius_m : radii of the cable and of the ball at its free end.
     """
 
     t_s: np.ndarray
     cable_m: np.ndarray
     joints_rad: np.ndarray
+    gripper: Gripper
     cable_radius_m: float
     endpoint_radius_m: float
 
@@ -132,7 +134,7 @@ def _exposures(
     motion: SceneMotion, camera: Camera, settings: PictureSettings
 ) -> Iterator[_Instants]:
     """Yield the instants of each frame: more of them the faster its image moves."""
-    arm_m = link_points(motion.joints_rad)
+    arm_m = link_points(motion.joints_rad, motion.gripper)
     for start in frame_starts(motion, settings):
         ends = start + np.array([0.0, settings.exposure_s])
         tracked = [

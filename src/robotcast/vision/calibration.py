@@ -1,0 +1,67 @@
+"""The camera's pose and lens from the markers in the video's own frames."""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from robotcast.vision.camera import Camera
+from robotcast.vision.facts import TrackerFacts
+from robotcast.vision.fiducials import find_markers
+
+FEWEST_MARKERS = 4
+_FLAGS = (
+    cv2.CALIB_USE_INTRINSIC_GUESS
+    | cv2.CALIB_FIX_FOCAL_LENGTH
+    | cv2.CALIB_FIX_PRINCIPAL_POINT
+    | cv2.CALIB_FIX_K3
+)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A camera as its pictures show it.
+
+    Attributes
+    ----------
+    reprojection_px : root mean square distance between seen and reprojected marker corners.
+    markers : how many markers were seen.
+    """
+
+    camera: Camera
+    reprojection_px: float
+    markers: int
+
+
+def calibrate(picture: np.ndarray, facts: TrackerFacts, name: str) -> Calibration:
+    """Find the camera that sees the markers of `picture` (height, width, 3) where they are.
+
+    One view of a plane cannot tell focal length from height, so the focal length stays at its
+    nominal value and the principal point in the middle; pose and distortion take up the rest.
+
+    Parameters
+    ----------
+    picture : a frame, or the mean of several frames; noise averages out of the corners.
+    name : what to call the picture's source in an error.
+    """
+    height, width = picture.shape[:2]
+    found = find_markers(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), facts.fiducials)
+    if len(found) < FEWEST_MARKERS:
+        seen = f"only {len(found)}" if found else "no"
+        raise ValueError(f"{name}: {seen} fiducials found, at least {FEWEST_MARKERS} are needed")
+    corners_px = np.concatenate(list(found.values())).astype(np.float32)
+    corners_m = np.concatenate([facts.fiducials.corners_m(i) for i in found])
+    points_m = np.column_stack([corners_m, np.zeros(len(corners_m))]).astype(np.float32)
+    nominal = Camera.overhead(
+        width, height, focal_widths=facts.focal_widths, position_m=(0.0, 0.0, 1.0)
+    )
+    error_px, _, distortion, rotations, translations = cv2.calibrateCamera(
+        [points_m], [corners_px], (width, height), nominal.matrix, np.zeros(5), flags=_FLAGS
+    )
+    camera = replace(
+        nominal,
+        distortion=tuple(float(d) for d in distortion.ravel()),
+        rotation=tuple(float(r) for r in rotations[0].ravel()),
+        translation_m=tuple(float(t) for t in translations[0].ravel()),
+    )
+    return Calibration(camera, float(error_px), len(found))

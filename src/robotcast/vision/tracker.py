@@ -1,0 +1,172 @@
+"""The free end's waypoints from a cast's video alone (paper, "Self-Supervised Physical Data")."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from robotcast.rigs.cast_files import VIDEO_FILE, read_record
+from robotcast.vision.calibration import calibrate
+from robotcast.vision.detector import Detection, EndpointDetector
+from robotcast.vision.facts import TrackerFacts
+
+_CALIBRATION_FRAMES = 5
+_WHOLE = (0.92, 1.12)
+_BRIGHTNESS = (0.8, 1.2)
+_RELATIVE_TO_PERCENTILE = 75.0
+
+
+@dataclass(frozen=True)
+class TrackedCast:
+    """What a video shows of the free end.
+
+    Attributes
+    ----------
+    t_s, xy_m : ndarrays of shape (k,) and (k, 2), the waypoints that were seen.
+    frames, hidden : how many frames the video has, and in how many the endpoint was hidden.
+    reprojection_px : how well the fitted camera explains the markers.
+    noise_m : standard deviation of one coordinate of one frame, NaN when too few were seen.
+    """
+
+    t_s: np.ndarray
+    xy_m: np.ndarray
+    frames: int
+    hidden: int
+    reprojection_px: float
+    noise_m: float
+
+
+@dataclass(frozen=True)
+class _Track:
+    """The endpoint in every frame: mid-exposure times (k,), places (k, 2), NaN where hidden."""
+
+    t_s: np.ndarray
+    xy_m: np.ndarray
+    reprojection_px: float
+
+
+def track_cast(folder: Path, facts: TrackerFacts) -> TrackedCast:
+    """Track the free end through `folder`/video.mp4.
+
+    Raises ValueError when the video shows no fiducials, no endpoint, or not where it came to rest.
+    """
+    track = _track(folder, facts)
+    seen = np.isfinite(track.xy_m[:, 0])
+    _require_rest(seen, folder)
+    wanted = np.arange(int(track.t_s[-1] / facts.period_s + 1e-9) + 1) * facts.period_s
+    waypoints = waypoints_at(wanted, track.t_s, track.xy_m)
+    kept = np.isfinite(waypoints[:, 0])
+    return TrackedCast(
+        wanted[kept],
+        waypoints[kept],
+        len(seen),
+        int(np.sum(~seen)),
+        track.reprojection_px,
+        tracking_noise(track.xy_m),
+    )
+
+
+def track_rest(folder: Path, facts: TrackerFacts) -> np.ndarray:
+    """Return where the free end lies in a video taken after it came to rest, (2,) [m]."""
+    track = _track(folder, facts)
+    _require_rest(np.isfinite(track.xy_m[:, 0]), folder)
+    return np.nanmedian(track.xy_m, axis=0)
+
+
+def waypoints_at(wanted_s: np.ndarray, t_s: np.ndarray, xy_m: np.ndarray) -> np.ndarray:
+    """Interpolate frames `xy_m` (k, 2) at `wanted_s` (n,); NaN unless both neighbours were seen.
+
+    A cubic through four frames where all are seen (a whip's end turns fast), a line through the
+    two neighbours otherwise.
+    """
+    before = np.clip(np.searchsorted(t_s, wanted_s, side="right") - 1, 0, len(t_s) - 2)
+    share = ((wanted_s - t_s[before]) / (t_s[before + 1] - t_s[before]))[:, None]
+    padded = np.pad(xy_m, ((1, 1), (0, 0)), constant_values=np.nan)
+    p0, p1, p2, p3 = (padded[before + i] for i in range(4))
+    line = (1 - share) * p1 + share * p2
+    inside = (share >= -1e-9) & (share <= 1 + 1e-9)
+    bent = _cubic(share, p0, p1, p2, p3)
+    return np.where(inside, np.where(np.isfinite(bent), bent, line), np.nan)
+
+
+def tracking_noise(xy_m: np.ndarray) -> float:
+    """Return the standard deviation of a coordinate of `xy_m` (k, 2) about its neighbours' cubic.
+
+    Each frame is compared with the cubic through the two frames on either side; the median is
+    not moved by the few frames where the motion itself is rougher than a cubic.
+    """
+    if len(xy_m) < 5:
+        return float("nan")
+    around = (4 * (xy_m[1:-3] + xy_m[3:-1]) - xy_m[:-4] - xy_m[4:]) / 6
+    misses = np.abs(xy_m[2:-2] - around)
+    misses = misses[np.isfinite(misses)]
+    if len(misses) == 0:
+        return float("nan")
+    return float(np.median(misses) / 0.6745 / np.sqrt(1 + 34 / 36))
+
+
+def _cubic(
+    s: np.ndarray, p0: np.ndarray, p1: np.ndarray, p2: np.ndarray, p3: np.ndarray
+) -> np.ndarray:
+    """Lagrange's cubic through evenly spaced points at −1, 0, 1, 2, taken at `s`."""
+    return (
+        -s * (s - 1) * (s - 2) / 6 * p0
+        + (s + 1) * (s - 1) * (s - 2) / 2 * p1
+        - (s + 1) * s * (s - 2) / 2 * p2
+        + (s + 1) * s * (s - 1) / 6 * p3
+    )
+
+
+def _track(folder: Path, facts: TrackerFacts) -> _Track:
+    video = folder / VIDEO_FILE
+    frames = _frames(video)
+    first = [f for _, f in zip(range(_CALIBRATION_FRAMES), frames, strict=False)]
+    if not first:
+        raise ValueError(f"{video}: no frames can be read")
+    picture = np.rint(np.mean(first, axis=0)).astype(np.uint8)
+    calibration = calibrate(picture, facts, str(video))
+    detector = EndpointDetector(calibration.camera, facts, picture)
+    found = [detector.detect(frame) for frame in (*first, *frames)]
+    xy_m = _whole_only(found, video)
+    record = read_record(folder)
+    t_s = record.video_t0_s + facts.exposure_s / 2 + np.arange(len(found)) / record.fps
+    return _Track(t_s, xy_m, calibration.reprojection_px)
+
+
+def _frames(video: Path) -> Iterator[np.ndarray]:
+    if not video.is_file():
+        raise ValueError(f"{video}: no such video")
+    reader = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
+    try:
+        while True:
+            read, frame = reader.read()
+            if not read:
+                return
+            yield frame
+    finally:
+        reader.release()
+
+
+def _whole_only(found: list[Detection | None], video: Path) -> np.ndarray:
+    """Return places (k, 2), NaN where the blob is missing or is not the whole ball.
+
+    The endpoint's true brightness is that of its brightest frames, within what its nominal
+    colour allows: a ball partly behind the arm has less area, never more.
+    """
+    areas = np.array([np.nan if d is None else d.area for d in found])
+    if not np.any(np.isfinite(areas)):
+        raise ValueError(f"{video}: no endpoint found in any of {len(found)} frames")
+    whole = np.clip(np.nanpercentile(areas, _RELATIVE_TO_PERCENTILE), *_BRIGHTNESS)
+    seen = (areas > _WHOLE[0] * whole) & (areas < _WHOLE[1] * whole)
+    if not np.any(seen):
+        raise ValueError(f"{video}: the endpoint is partly hidden in every frame")
+    xy_m = np.full((len(found), 2), np.nan)
+    xy_m[seen] = [d.xy_m for d, s in zip(found, seen, strict=True) if s and d is not None]
+    return xy_m
+
+
+def _require_rest(seen: np.ndarray, folder: Path) -> None:
+    if not np.any(seen[-_CALIBRATION_FRAMES:]):
+        raise ValueError(f"{folder / VIDEO_FILE}: the endpoint is hidden where it came to rest")
