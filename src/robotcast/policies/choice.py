@@ -1,0 +1,71 @@
+"""The policy: from a target to the action whose predicted endpoint is nearest to it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotcast.casts.action import ACTION_COLUMNS, Action
+from robotcast.policies.forward_model import ForwardModel
+
+_MIRRORED_COLUMNS = ("theta1", "theta2", "alpha")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What a policy does for one target.
+
+    Attributes
+    ----------
+    target_m, predicted_m : ndarray of shape (2,), the wanted and the predicted endpoint.
+    """
+
+    target_m: np.ndarray
+    action: Action
+    predicted_m: np.ndarray
+
+
+def choose_actions(
+    model: ForwardModel, candidates: np.ndarray, targets_m: np.ndarray
+) -> list[Choice]:
+    """Choose π(s) = argmin over the candidates of |f_forw(a) − s| for every target.
+
+    Candidates sweep to one side of the board, the side of their θ₂. A target on the other side
+    gets the mirror image of the cast chosen for its mirror image (paper, "Parameterized
+    Actions"); so the candidates are predicted once, whatever the number of targets.
+
+    Parameters
+    ----------
+    candidates : ndarray of shape (n, 6), feasible actions in the order of `ACTION_COLUMNS`.
+    targets_m : ndarray of shape (k, 2).
+    """
+    if len(candidates) == 0:
+        raise ValueError("no candidate action is feasible: widen the ranges of the action grid")
+    predicted = model.predict(candidates)
+    side = sweep_side(candidates)
+    return [_nearest(candidates, predicted, target, side) for target in targets_m]
+
+
+def sweep_side(actions: np.ndarray) -> float:
+    """Return +1 when the second arcs of `actions` (n, 6) end on the left, −1 on the right."""
+    return 1.0 if np.median(actions[:, ACTION_COLUMNS.index("theta2")]) > 0 else -1.0
+
+
+def mirror_actions(actions: np.ndarray) -> np.ndarray:
+    """Return actions (n, 6) mirrored about the board's axis of symmetry."""
+    signs = np.array([-1.0 if c in _MIRRORED_COLUMNS else 1.0 for c in ACTION_COLUMNS])
+    return actions * signs
+
+
+def _nearest(
+    candidates: np.ndarray, predicted_m: np.ndarray, target_m: np.ndarray, side: float
+) -> Choice:
+    flip = np.array([1.0, -1.0 if target_m[1] * side < 0 else 1.0])
+    row = int(np.argmin(np.linalg.norm(predicted_m - target_m * flip, axis=1)))
+    action = Action.from_array(candidates[row])
+    return Choice(target_m, action.mirrored() if flip[1] < 0 else action, predicted_m[row] * flip)
+
+
+def choices_by_target(choices: Sequence[Choice], repeats: int) -> list[tuple[int, int, Choice]]:
+    """List (target number, repeat number, choice) in the order in which a rig executes them."""
+    return [(t, r, choice) for t, choice in enumerate(choices) for r in range(repeats)]

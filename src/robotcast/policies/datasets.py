@@ -1,0 +1,165 @@
+"""The three datasets a forward model learns from: real, simulated, mixed (paper, "Experiments").
+
+Every dataset keeps a validation part. Repeats of a real action never stand on both sides, and
+duplicates are drawn after the split, so validation never sees a cast that was trained on.
+"""
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from robotcast.casts.action import ACTION_COLUMNS
+from robotcast.measurements.measurement_set import MeasurementSet
+
+
+@dataclass(frozen=True)
+class Examples:
+    """Pairs of an action and the endpoint it led to.
+
+    Attributes
+    ----------
+    actions : ndarray of shape (n, 6), in the order and units of `ACTION_COLUMNS`.
+    endpoints_m : ndarray of shape (n, 2).
+    weights : ndarray of shape (n,), each example's weight in the loss.
+    """
+
+    actions: np.ndarray
+    endpoints_m: np.ndarray
+    weights: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.actions)
+
+    def take(self, rows: np.ndarray) -> "Examples":
+        """Return the examples at `rows`, which may repeat."""
+        return Examples(self.actions[rows], self.endpoints_m[rows], self.weights[rows])
+
+    def weighted(self, factor: float) -> "Examples":
+        """Return the examples with every weight times `factor`."""
+        return Examples(self.actions, self.endpoints_m, self.weights * factor)
+
+    def joined(self, other: "Examples") -> "Examples":
+        """Return these examples followed by `other`."""
+        return Examples(
+            np.concatenate([self.actions, other.actions]),
+            np.concatenate([self.endpoints_m, other.endpoints_m]),
+            np.concatenate([self.weights, other.weights]),
+        )
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """What one forward model is fitted to.
+
+    Attributes
+    ----------
+    facts : counts and settings that tell how the dataset was made, for policy.yaml.
+    """
+
+    name: str
+    training: Examples
+    validation: Examples
+    facts: dict[str, int | float] = field(default_factory=dict)
+
+
+def real_dataset(
+    measurements: MeasurementSet,
+    leave_out: Collection[int],
+    *,
+    validation_fraction: float,
+    seed: int,
+) -> Dataset:
+    """Make D_real: every tracked cast of `measurements` but the trials in `leave_out`."""
+    trials = [
+        t for t in measurements.trials if t.trial not in set(leave_out) and len(t.waypoints_m) > 0
+    ]
+    if not trials:
+        raise ValueError("dataset real: no tracked cast is left once the test casts are taken out")
+    examples = Examples(
+        np.stack([t.action.as_array() for t in trials]),
+        np.stack([t.endpoint_m for t in trials]),
+        np.ones(len(trials)),
+    )
+    groups = np.array([t.action_id for t in trials])
+    training, validation = _split(examples, groups, validation_fraction, seed)
+    facts = {"real_casts": len(trials), "left_out_casts": len(measurements.trials) - len(trials)}
+    return Dataset("real", training, validation, facts)
+
+
+def simulated_dataset(path: Path, *, validation_fraction: float, seed: int) -> Dataset:
+    """Make D_sim from the casts.parquet that generate wrote."""
+    examples = read_simulated(path)
+    groups = np.arange(len(examples))
+    training, validation = _split(examples, groups, validation_fraction, seed)
+    return Dataset("simulated", training, validation, {"simulated_casts": len(examples)})
+
+
+def read_simulated(path: Path) -> Examples:
+    """Read the actions and endpoints of D_sim."""
+    if not path.exists():
+        raise FileNotFoundError(f"{path} is missing: run the generate stage first")
+    table = pl.read_parquet(path)
+    missing = [c for c in (*ACTION_COLUMNS, "x", "y") if c not in table.columns]
+    if missing:
+        raise ValueError(f"{path}: column {missing[0]} is missing")
+    actions = table.select(ACTION_COLUMNS).to_numpy().astype(float)
+    endpoints = table.select("x", "y").to_numpy().astype(float)
+    bad = ~(np.isfinite(actions).all(axis=1) & np.isfinite(endpoints).all(axis=1))
+    if bad.any():
+        raise ValueError(f"{path}: row {int(np.argmax(bad))} is not finite")
+    return Examples(actions, endpoints, np.ones(len(actions)))
+
+
+def mixed_dataset(
+    real: Dataset, simulated: Dataset, *, real_fraction: float, real_weight: float, seed: int
+) -> Dataset:
+    """Make D_real ∪ D_sim with D_real upsampled and weighted higher.
+
+    Real casts are duplicated at random until they make `real_fraction` of the training examples
+    (paper: 30 to 40 %); one that is already larger stays as it is. Each real example, duplicate
+    or not, weighs `real_weight` in the loss, a simulated one 1. In the validation part the real
+    casts carry by weight what the training part gives them by number and weight.
+    """
+    if not 0 < real_fraction < 1:
+        raise ValueError(f"dataset mixed: real_fraction must be in (0, 1), got {real_fraction}")
+    if real_weight <= 0:
+        raise ValueError(f"dataset mixed: real_weight must be positive, got {real_weight}")
+    n_real, n_simulated = len(real.training), len(simulated.training)
+    wanted = max(n_real, round(n_simulated * real_fraction / (1 - real_fraction)))
+    rng = np.random.default_rng(np.random.SeedSequence((seed, 1)))
+    duplicates = rng.integers(n_real, size=wanted - n_real)
+    rows = np.concatenate([np.arange(n_real), duplicates])
+    upsampled = real.training.take(rows).weighted(real_weight)
+    share = real_weight * (wanted / n_simulated) * len(simulated.validation) / len(real.validation)
+    return Dataset(
+        "mixed",
+        simulated.training.joined(upsampled),
+        simulated.validation.joined(real.validation.weighted(share)),
+        {
+            **simulated.facts,
+            **real.facts,
+            "real_examples_after_upsampling": wanted,
+            "real_fraction": round(wanted / (wanted + n_simulated), 4),
+            "real_weight": real_weight,
+        },
+    )
+
+
+def _split(
+    examples: Examples, groups: np.ndarray, fraction: float, seed: int
+) -> tuple[Examples, Examples]:
+    """Split into training and validation, keeping each group of `groups` (n,) on one side."""
+    if not 0 < fraction < 1:
+        raise ValueError(f"validation_fraction must be in (0, 1), got {fraction}")
+    names = np.unique(groups)
+    if len(names) < 2:
+        raise ValueError(
+            f"a dataset needs at least 2 different actions to hold some out, got {len(names)}"
+        )
+    rng = np.random.default_rng(np.random.SeedSequence((seed, 0)))
+    n_held = min(max(1, round(fraction * len(names))), len(names) - 1)
+    held = np.isin(groups, rng.permutation(names)[:n_held])
+    return examples.take(np.flatnonzero(~held)), examples.take(np.flatnonzero(held))

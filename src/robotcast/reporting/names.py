@@ -1,0 +1,53 @@
+"""What things are called in front of people."""
+
+_SIMULATORS = {"bullet": "PyBullet", "hybrid": "Hybrid", "segmented": "Segmented"}
+_OPTIMIZERS = {"de": "DE", "bo": "BO", "gauss_newton": "Gauss–Newton"}
+_DATASETS = {"real": "D_real", "simulated": "D_sim", "mixed": "D_real ∪ D_sim", "none": "N/A"}
+_POLICIES = {
+    ("cast_and_pull", "none"): "Cast and Pull",
+    ("gp", "real"): "Gaussian Proc.",
+    ("nn", "real"): "π_RD",
+    ("nn", "simulated"): "π_SD",
+    ("nn", "mixed"): "π_R2S2R",
+}
+
+
+def cable_name(cable: str) -> str:
+    """cable1 → Cable 1."""
+    number = cable.removeprefix("cable")
+    return f"Cable {number}" if number.isdigit() else cable
+
+
+def simulator_name(simulator: str) -> str:
+    """segmented → Segmented."""
+    return _SIMULATORS.get(simulator, simulator)
+
+
+def optimizer_name(optimizer: str) -> str:
+    """de → DE."""
+    return _OPTIMIZERS.get(optimizer, optimizer)
+
+
+def dataset_name(dataset: str) -> str:
+    """mixed → D_real ∪ D_sim."""
+    return _DATASETS.get(dataset, dataset)
+
+
+def policy_name(policy: str, dataset: str) -> str:
+    """(nn, mixed) → π_R2S2R."""
+    return _POLICIES.get((policy, dataset), policy)
+
+
+def rig_name(rig: str) -> str:
+    """virtual → virtual rig."""
+    return f"{rig} rig" if rig in ("virtual", "recorded") else rig
+
+
+def rig_names(rigs: tuple[str, ...]) -> str:
+    """Join the names of several rigs."""
+    return " and ".join(rig_name(r) for r in rigs) or "no rig"
+
+
+def thousands(number: float) -> str:
+    """21450 → 21 450, with a narrow space that does not break."""
+    return f"{number:,.0f}".replace(",", "\u202f")

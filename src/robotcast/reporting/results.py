@@ -1,0 +1,204 @@
+"""Everything a report shows, read from the folders that the stages wrote; what is there is taken.
+
+The expected layout under `data` is measurements/<cable>/, tuned/<cable>/<simulator>-<optimizer>/,
+simulated/<cable>/, policies/<cable>/<policy>-<dataset>/ and
+evaluation/<cable>/<policy>-<dataset>/.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import yaml
+
+from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.noise_floor import NoiseFloor, noise_floor
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.policies.datasets import Examples, read_simulated
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """One tuned simulator.
+
+    Attributes
+    ----------
+    trace : simulated casts against the best error so far; `predictions` : test casts measured
+        and simulated. None where the file is missing.
+    """
+
+    cable: str
+    simulator: str
+    optimizer: str
+    facts: dict
+    trace: pl.DataFrame | None
+    predictions: pl.DataFrame | None
+
+    def error(self, split: str, metric: str) -> float | None:
+        """Return an error in % of cable length, None when that split was not judged."""
+        return self.facts.get("errors", {}).get(split, {}).get(metric)
+
+    @property
+    def test_paths(self) -> pl.DataFrame | None:
+        """Measured and simulated waypoints of the held-out casts."""
+        if self.predictions is None:
+            return None
+        paths = self.predictions.filter(pl.col("split") == "test")
+        return None if paths.is_empty() else paths
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """One policy's casts at its targets.
+
+    Attributes
+    ----------
+    casts : one row a cast that was measured; `lost` : casts whose endpoint was not tracked.
+    kind : "executed" on a rig, or "predicted" against recorded casts.
+    """
+
+    rig: str
+    cable: str
+    policy: str
+    dataset: str
+    kind: str
+    casts: pl.DataFrame
+    lost: int
+
+    @property
+    def errors_percent(self) -> np.ndarray:
+        """Errors (n,) in % of cable length."""
+        return self.casts["error_percent"].to_numpy()
+
+    @property
+    def scatter_percent(self) -> float | None:
+        """Median distance of the repeats from their own mean, in % of cable length."""
+        away = [
+            np.linalg.norm(xy - xy.mean(axis=0), axis=1) * np.sqrt(len(xy) / (len(xy) - 1))
+            for _, xy in endpoints_by_target(self.casts)
+            if len(xy) > 1
+        ]
+        if not away or self.kind != "executed":
+            return None
+        per_metre = (self.casts["error_percent"] / self.casts["error_m"]).median()
+        return float(np.median(np.concatenate(away)) * float(per_metre))  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class CableData:
+    """What was measured and generated with one cable."""
+
+    name: str
+    measured: MeasurementSet | None
+    floor: NoiseFloor | None
+    tracking: dict
+    simulated: Examples | None
+    generation: dict
+
+
+@dataclass(frozen=True)
+class Results:
+    """Everything under one data folder, ordered by cable and name."""
+
+    cables: tuple[CableData, ...]
+    tunings: tuple[Tuning, ...]
+    evaluations: tuple[Evaluation, ...]
+    policies: dict[tuple[str, str], dict] = field(default_factory=dict)
+
+    @property
+    def rigs(self) -> tuple[str, ...]:
+        """The rigs that any of the results come from."""
+        measured = [c.measured.rig for c in self.cables if c.measured]
+        found = [*measured, *(t.facts.get("rig", "") for t in self.tunings)]
+        return tuple(sorted({r for r in [*found, *(e.rig for e in self.evaluations)] if r}))
+
+    def cable(self, name: str) -> CableData | None:
+        """Return the data of one cable."""
+        return next((c for c in self.cables if c.name == name), None)
+
+    def evaluation(self, cable: str, policy: str, dataset: str) -> Evaluation | None:
+        """Return one policy's evaluation."""
+        wanted = (cable, policy, dataset)
+        found = (e for e in self.evaluations if (e.cable, e.policy, e.dataset) == wanted)
+        return next(found, None)
+
+
+def read_results(data: Path) -> Results:
+    """Read every result under `data`."""
+    names = sorted({p.name for room in _ROOMS for p in (data / room).glob("*") if p.is_dir()})
+    if not names:
+        raise ValueError(f"{data} holds no results to report: run the other stages first")
+    return Results(
+        cables=tuple(_read_cable(data, name) for name in names),
+        tunings=tuple(_read_tuning(p) for p in sorted(data.glob("tuned/*/*/tuned.yaml"))),
+        evaluations=tuple(
+            _read_evaluation(p) for p in sorted(data.glob("evaluation/*/*/evaluation.csv"))
+        ),
+        policies={
+            (p.parent.parent.name, p.parent.name): _read_yaml(p)
+            for p in sorted(data.glob("policies/*/*/policy.yaml"))
+        },
+    )
+
+
+_ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
+
+
+def endpoints_by_target(casts: pl.DataFrame) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return (target (2,), endpoints (n, 2)) for every target, in the order of their numbers."""
+    return [
+        (
+            group.select("target_x", "target_y").to_numpy()[0],
+            group.select("x", "y").to_numpy(),
+        )
+        for _, group in casts.sort("target", "repeat").group_by("target", maintain_order=True)
+    ]
+
+
+def _read_cable(data: Path, name: str) -> CableData:
+    folder = data / "measurements" / name
+    measured = read_measurement_set(folder) if folder.is_dir() else None
+    casts = data / "simulated" / name / "casts.parquet"
+    return CableData(
+        name=name,
+        measured=measured,
+        floor=noise_floor(measured) if measured else None,
+        tracking=_read_yaml(folder / "tracking.yaml"),
+        simulated=read_simulated(casts) if casts.exists() else None,
+        generation=_read_yaml(casts.with_name("generation.yaml")),
+    )
+
+
+def _read_tuning(path: Path) -> Tuning:
+    facts = _read_yaml(path)
+    trace, predictions = path.with_name("trace.csv"), path.with_name("predictions.parquet")
+    return Tuning(
+        cable=facts["cable"],
+        simulator=facts["simulator"],
+        optimizer=facts["optimizer"],
+        facts=facts,
+        trace=pl.read_csv(trace) if trace.exists() else None,
+        predictions=pl.read_parquet(predictions) if predictions.exists() else None,
+    )
+
+
+def _read_evaluation(path: Path) -> Evaluation:
+    table = pl.read_csv(path, infer_schema_length=None)
+    if table.is_empty():
+        raise ValueError(f"{path} holds no casts: run the evaluate stage again")
+    first = table.row(0, named=True)
+    measured = table.drop_nulls("error_percent")
+    return Evaluation(
+        rig=first["rig"],
+        cable=first["cable"],
+        policy=first["policy"],
+        dataset=first["dataset"],
+        kind=first["kind"],
+        casts=measured,
+        lost=len(table) - len(measured),
+    )
+
+
+def _read_yaml(path: Path) -> dict:
+    return yaml.safe_load(path.read_text(encoding="utf-8")) or {} if path.exists() else {}

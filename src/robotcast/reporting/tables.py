@@ -1,0 +1,209 @@
+"""The paper's three tables, filled with this run's results (tab:tuning, tab:error, tab:results)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robotcast.reporting.names import (
+    cable_name,
+    dataset_name,
+    optimizer_name,
+    policy_name,
+    rig_names,
+    simulator_name,
+)
+from robotcast.reporting.paper import CABLES, PAPER_RIG, POLICIES, QUARTILES, TUNING
+from robotcast.reporting.results import Evaluation, Results
+from robotcast.reporting.table import Cell, Group, Row, Table
+
+_PAPER_NOTE = (
+    f"Columns “{PAPER_RIG}”: the paper’s own values, a UR5 and real cables, for reference."
+)
+_TUNING_METRICS = ("waypoint_percent", "final_percent")
+
+
+def all_tables(results: Results) -> tuple[Table, Table, Table]:
+    """Return the tables "tuning", "policies" and "cables"."""
+    return tuning_table(results), policies_table(results), cables_table(results)
+
+
+def tuning_table(results: Results) -> Table:
+    """Error of each tuned simulator on held-out casts, per cable, with the noise floor."""
+    cables = _cables(results)
+    pairs = [(s, "de") for s in TUNING]
+    pairs += sorted({(t.simulator, t.optimizer) for t in results.tunings} - set(pairs))
+    ours = [[_tuned(results, cable, *pair) for cable in cables] for pair in pairs]
+    paper = [
+        [TUNING.get(s, {}).get(c, (None, None)) if o == "de" else (None, None) for c in CABLES]
+        for s, o in pairs
+    ]
+    own, reference = _marked(_flat(ours), digits=1), _marked(_flat(paper), digits=0)
+    rows = [
+        Row((f"{simulator_name(s)}, {optimizer_name(o)}",), (*a, *b))
+        for (s, o), a, b in zip(pairs, own, reference, strict=True)
+    ]
+    floors = [results.cable(c) for c in cables]
+    floor_cells = [
+        Cell(getattr(c.floor, metric) if c and c.floor else None)
+        for c in floors
+        for metric in _TUNING_METRICS
+    ]
+    blanks = [Cell(None)] * (2 * len(CABLES))
+    rows.append(Row(("Noise floor (repeats)",), (*floor_cells, *blanks)))
+    n_test = sorted({t.facts["errors"]["test"]["n_casts"] for t in results.tunings if _tested(t)})
+    return Table(
+        name="tuning",
+        caption=(
+            f"Error of the tuned simulators on {_numbers(n_test)} held-out casts for each cable, "
+            f"in % of cable length, on the {rig_names(results.rigs)}: average waypoint error "
+            "(Wayp.) and median final distance (Last). The noise floor is how far repeats of one "
+            f"action lie from their mean: no model does better. {_PAPER_NOTE}"
+        ),
+        label_columns=("Sim. model",),
+        groups=(
+            *(
+                Group(f"{rig_names(results.rigs)}, {cable_name(c)}", ("Wayp.", "Last"))
+                for c in cables
+            ),
+            *(Group(f"{PAPER_RIG}, {cable_name(c)}", ("Wayp.", "Last")) for c in CABLES),
+        ),
+        rows=tuple(rows),
+        reference=len(cables),
+    )
+
+
+def policies_table(results: Results) -> Table:
+    """Errors of every policy on one cable; further cables where more than one policy was run."""
+    blocks = [c for c in _cables(results) if len(_of_cable(results, c)) > 1]
+    blocks = blocks or [e.cable for e in results.evaluations[:1]] or ["cable1"]
+    rows: list[Row] = []
+    for cable in blocks:
+        evaluations = _of_cable(results, cable)
+        pairs = list(POLICIES)
+        pairs += sorted({(e.policy, e.dataset) for e in evaluations} - set(pairs))
+        own = _marked([_quartiles(results.evaluation(cable, *p)) for p in pairs], digits=1)
+        paper = [POLICIES.get(p) if cable == "cable1" else None for p in pairs]
+        reference = _marked([p or (None,) * 5 for p in paper], digits=0)
+        rows += [
+            Row((cable_name(cable), policy_name(*pair), dataset_name(pair[1])), (*a, *b))
+            for pair, a, b in zip(pairs, own, reference, strict=True)
+        ]
+    shown = [e for c in blocks for e in _of_cable(results, c)]
+    return Table(
+        name="policies",
+        caption=(
+            f"Final distance to the target for each policy, {_setting(shown)}. "
+            f"All errors in % of cable length; best in bold. {_PAPER_NOTE}"
+        ),
+        label_columns=("Cable", "Model", "Dataset"),
+        groups=(
+            Group(_own_title(shown), QUARTILES),
+            Group(f"{PAPER_RIG}, Cable 1", QUARTILES),
+        ),
+        rows=tuple(rows),
+        reference=1,
+    )
+
+
+def cables_table(results: Results) -> Table:
+    """Errors of π_R2S2R, one row a cable."""
+    cables = _cables(results)
+    evaluations = [results.evaluation(c, "nn", "mixed") for c in cables]
+    own = _cells([_quartiles(e) for e in evaluations], digits=1)
+    reference = _cells([CABLES.get(c, (None,) * 5) for c in cables], digits=0)
+    return Table(
+        name="cables",
+        caption=(
+            "Final distance to the target of π_R2S2R, trained for each cable by itself, "
+            f"{_setting([e for e in evaluations if e])}. "
+            f"All errors in % of cable length. {_PAPER_NOTE}"
+        ),
+        label_columns=("Cable",),
+        groups=(
+            Group(_own_title([e for e in evaluations if e]), QUARTILES),
+            Group(PAPER_RIG, QUARTILES),
+        ),
+        rows=tuple(
+            Row((cable_name(c),), (*a, *b)) for c, a, b in zip(cables, own, reference, strict=True)
+        ),
+        reference=1,
+    )
+
+
+def _cables(results: Results) -> list[str]:
+    """The paper's cables, run or not, then any other."""
+    return [*CABLES, *(c.name for c in results.cables if c.name not in CABLES)]
+
+
+def _of_cable(results: Results, cable: str) -> list[Evaluation]:
+    return [e for e in results.evaluations if e.cable == cable]
+
+
+def _tested(tuning) -> bool:
+    return "test" in tuning.facts.get("errors", {})
+
+
+def _tuned(results: Results, cable: str, simulator: str, optimizer: str):
+    wanted = (cable, simulator, optimizer)
+    for tuning in results.tunings:
+        if (tuning.cable, tuning.simulator, tuning.optimizer) == wanted:
+            return tuple(tuning.error("test", metric) for metric in _TUNING_METRICS)
+    return None, None
+
+
+def _quartiles(evaluation: Evaluation | None) -> tuple[float | None, ...]:
+    if evaluation is None or len(evaluation.errors_percent) == 0:
+        return (None,) * 5
+    return tuple(np.percentile(evaluation.errors_percent, [50, 25, 75, 0, 100]).tolist())
+
+
+def _flat(rows: Sequence[Sequence[Sequence]]) -> list[list]:
+    return [[value for pair in row for value in pair] for row in rows]
+
+
+def _cells(rows: Sequence[Sequence[float | None]], digits: int) -> list[tuple[Cell, ...]]:
+    return [tuple(Cell(v, digits) for v in row) for row in rows]
+
+
+def _marked(rows: Sequence[Sequence[float | None]], digits: int) -> list[tuple[Cell, ...]]:
+    """Turn numbers into cells, the lowest of each column marked if there is more than one."""
+    best = []
+    for column in zip(*rows, strict=True):
+        shown = [round(v, digits) for v in column if v is not None]
+        best.append(min(shown) if len(shown) > 1 else None)
+    return [
+        tuple(
+            Cell(v, digits, v is not None and b is not None and round(v, digits) == b)
+            for v, b in zip(row, best, strict=True)
+        )
+        for row in rows
+    ]
+
+
+def _own_title(evaluations: Sequence[Evaluation]) -> str:
+    return rig_names(tuple(sorted({e.rig for e in evaluations})))
+
+
+def _setting(evaluations: Sequence[Evaluation]) -> str:
+    """Say on what and how often the policies were tested."""
+    if not evaluations:
+        return "not run yet"
+    where = f"on the {_own_title(evaluations)}"
+    if all(e.kind == "predicted" for e in evaluations):
+        casts = _numbers(sorted({len(e.casts) for e in evaluations}))
+        return (
+            f"{where}, where nothing can be executed: the distance of the predicted from the "
+            f"measured endpoint of {casts} held-out recorded casts"
+        )
+    targets = sorted({e.casts["target"].n_unique() for e in evaluations})
+    repeats = sorted({int(e.casts["repeat"].max()) + 1 for e in evaluations})  # type: ignore[arg-type]
+    lost = sum(e.lost for e in evaluations)
+    lost_note = f", {lost} lost in tracking" if lost else ""
+    return f"{where}, {_numbers(targets)} targets × {_numbers(repeats)} casts each{lost_note}"
+
+
+def _numbers(found: Sequence[int]) -> str:
+    """[30] → "30"; [20, 30] → "20 to 30"."""
+    if not found:
+        return "no"
+    return str(found[0]) if len(found) == 1 else f"{found[0]} to {found[-1]}"

@@ -1,0 +1,65 @@
+"""A smooth, made-up world: what a forward model has to learn."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+from robotcast.casts.action import ACTION_COLUMNS, Action
+from robotcast.casts.tool_motion import ToolMotion
+from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
+
+
+class World:
+    """Endpoints as a smooth function of actions, on the right half of the board."""
+
+    def actions(self, count: int, seed: int = 0) -> np.ndarray:
+        """Draw actions (count, 6)."""
+        rng = np.random.default_rng(seed)
+        r2 = rng.uniform(0.55, 0.75, count)
+        columns = (
+            rng.uniform(0.3, 1.0, count),
+            0.5 * (0.6 + r2),
+            rng.uniform(-0.9, -0.1, count),
+            r2,
+            rng.uniform(0.0, 1.5, count),
+            rng.choice([1.5, 2.5], count),
+        )
+        return np.stack(columns, axis=1)
+
+    def endpoints(self, actions: np.ndarray) -> np.ndarray:
+        """Return endpoints (n, 2)."""
+        theta1, _, theta2, r2, alpha, vmax = actions.T
+        angle = theta2 - 0.25 * theta1 * vmax / 2 - 0.12 * alpha
+        reach = r2 + 0.55 * np.cos(0.8 * alpha + 0.5 * theta1)
+        return np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=1)
+
+    def predict(self, actions: np.ndarray) -> np.ndarray:
+        """Answer as a forward model that is never wrong."""
+        return self.endpoints(actions)
+
+    def simulated(self, folder: Path, count: int = 600) -> Path:
+        """Write a D_sim of `count` casts."""
+        actions = self.actions(count)
+        x, y = self.endpoints(actions).T
+        columns = dict(zip(ACTION_COLUMNS, actions.T, strict=True))
+        pl.DataFrame({**columns, "x": x, "y": y}).write_parquet(folder / "casts.parquet")
+        return folder / "casts.parquet"
+
+    def measured(self, n_actions: int = 30, n_repeats: int = 6) -> MeasurementSet:
+        """Measure `n_actions` actions, the first `n_repeats` of them twice."""
+        actions = self.actions(n_actions, seed=1)
+        ids = np.concatenate([np.arange(n_actions), np.arange(n_repeats)])
+        tool = ToolMotion(np.array([0.0, 1.0]), np.zeros((2, 3)))
+        ends = self.endpoints(actions[ids])
+        trials = tuple(
+            Trial(n, int(i), Action.from_array(actions[i]), tool, np.array([1.0]), end[None])
+            for n, (i, end) in enumerate(zip(ids, ends, strict=True))
+        )
+        return MeasurementSet(Cable("made up", 0.6, 0.03, 0.01, 0.02), 0.6, 0.1, None, trials)
+
+
+@pytest.fixture(scope="session")
+def world() -> World:
+    return World()

@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+
+from robotcast.policies.choice import choose_actions, mirror_actions, sweep_side
+
+
+def test_the_choice_is_the_candidate_predicted_nearest_to_the_target(world) -> None:
+    candidates = world.actions(300)
+    predicted = world.predict(candidates)
+    targets = np.array([[0.8, -0.5], [1.0, -0.3]])
+    for target, choice in zip(targets, choose_actions(world, candidates, targets), strict=True):
+        nearest = np.linalg.norm(predicted - target, axis=1).min()
+        assert np.linalg.norm(choice.predicted_m - target) == pytest.approx(nearest)
+        assert world.predict(choice.action.as_array()[None])[0] == pytest.approx(choice.predicted_m)
+
+
+def test_a_target_on_the_other_side_gets_the_mirror_cast(world) -> None:
+    candidates = world.actions(300)
+    right, left = choose_actions(world, candidates, np.array([[0.8, -0.5], [0.8, 0.5]]))
+    assert left.action == right.action.mirrored()
+    assert left.predicted_m == pytest.approx(right.predicted_m * [1, -1])
+
+
+def test_candidates_are_predicted_once_for_all_targets(world) -> None:
+    class Counting:
+        calls = 0
+
+        def predict(self, actions):
+            self.calls += 1
+            return world.predict(actions)
+
+    model = Counting()
+    choose_actions(model, world.actions(50), np.tile([0.8, -0.5], (16, 1)))
+    assert model.calls == 1
+
+
+def test_mirrored_twice_is_the_same_action_on_the_other_side(world) -> None:
+    actions = world.actions(20)
+    assert np.array_equal(mirror_actions(mirror_actions(actions)), actions)
+    assert sweep_side(mirror_actions(actions)) == -sweep_side(actions)
+
+
+def test_no_candidate_is_refused(world) -> None:
+    with pytest.raises(ValueError, match="no candidate action is feasible"):
+        choose_actions(world, np.empty((0, 6)), np.array([[0.8, -0.5]]))

@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+
+from robotcast.policies.datasets import (
+    Dataset,
+    mixed_dataset,
+    read_simulated,
+    real_dataset,
+    simulated_dataset,
+)
+
+
+def rows(examples) -> set[bytes]:
+    return {row.tobytes() for row in examples.actions}
+
+
+@pytest.fixture
+def real(world) -> Dataset:
+    return real_dataset(world.measured(), [], validation_fraction=0.2, seed=0)
+
+
+@pytest.fixture
+def simulated(world, tmp_path) -> Dataset:
+    return simulated_dataset(world.simulated(tmp_path), validation_fraction=0.1, seed=0)
+
+
+def test_repeats_of_an_action_never_stand_on_both_sides(real) -> None:
+    assert not rows(real.training) & rows(real.validation)
+    assert len(real.training) + len(real.validation) == 36
+
+
+def test_test_casts_are_left_out_of_d_real(world) -> None:
+    measured = world.measured()
+    dataset = real_dataset(measured, range(10), validation_fraction=0.2, seed=0)
+    left_out = {t.action.as_array().tobytes() for t in measured.trials[6:10]}
+    assert not left_out & (rows(dataset.training) | rows(dataset.validation))
+    assert dataset.facts == {"real_casts": 26, "left_out_casts": 10}
+
+
+def test_d_real_with_nothing_left_is_refused(world) -> None:
+    with pytest.raises(ValueError, match="no tracked cast is left"):
+        real_dataset(world.measured(), range(36), validation_fraction=0.2, seed=0)
+
+
+@pytest.mark.parametrize("fraction", [0.3, 0.4])
+def test_real_data_make_the_wanted_part_of_the_mixture(real, simulated, fraction) -> None:
+    mixed = mixed_dataset(real, simulated, real_fraction=fraction, real_weight=3.0, seed=0)
+    is_real = np.array([row.tobytes() in rows(real.training) for row in mixed.training.actions])
+    assert is_real.mean() == pytest.approx(fraction, abs=0.002)
+    assert set(mixed.training.weights[is_real]) == {3.0}
+    assert set(mixed.training.weights[~is_real]) == {1.0}
+
+
+def test_upsampling_keeps_every_real_cast_and_no_validation_cast(real, simulated) -> None:
+    mixed = mixed_dataset(real, simulated, real_fraction=0.35, real_weight=2.0, seed=0)
+    assert rows(real.training) <= rows(mixed.training)
+    assert not rows(mixed.training) & rows(mixed.validation)
+
+
+def test_validation_weighs_real_casts_as_training_does(real, simulated) -> None:
+    mixed = mixed_dataset(real, simulated, real_fraction=0.35, real_weight=2.0, seed=0)
+
+    def real_share(examples) -> float:
+        known = rows(real.training) | rows(real.validation)
+        is_real = np.array([row.tobytes() in known for row in examples.actions])
+        return examples.weights[is_real].sum() / examples.weights.sum()
+
+    assert real_share(mixed.validation) == pytest.approx(real_share(mixed.training), rel=1e-6)
+
+
+def test_a_real_part_already_larger_is_not_cut(real, simulated) -> None:
+    mixed = mixed_dataset(real, simulated, real_fraction=0.01, real_weight=1.0, seed=0)
+    assert len(mixed.training) == len(simulated.training) + len(real.training)
+
+
+def test_the_same_seed_gives_the_same_mixture(real, simulated) -> None:
+    first, second = (
+        mixed_dataset(real, simulated, real_fraction=0.35, real_weight=2.0, seed=5)
+        for _ in range(2)
+    )
+    assert first.training.actions.tobytes() == second.training.actions.tobytes()
+
+
+def test_missing_d_sim_says_which_stage_makes_it(tmp_path) -> None:
+    with pytest.raises(FileNotFoundError, match="run the generate stage"):
+        read_simulated(tmp_path / "casts.parquet")
+
+
+@pytest.mark.parametrize("settings", [(0.0, 1.0), (1.0, 1.0), (0.35, 0.0)])
+def test_a_mixture_that_cannot_be_is_refused(real, simulated, settings) -> None:
+    fraction, weight = settings
+    with pytest.raises(ValueError, match="dataset mixed: real_"):
+        mixed_dataset(real, simulated, real_fraction=fraction, real_weight=weight, seed=0)

@@ -1,0 +1,185 @@
+"""A small data folder of the shapes that the stages write, made up without any rig."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+import yaml
+
+from robotcast.casts.action import ACTION_COLUMNS, Action
+from robotcast.casts.tool_motion import ToolMotion
+from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
+from robotcast.measurements.writer import write_measurement_set
+
+LENGTHS_M = {"cable1": 0.63, "cable2": 0.65, "cable3": 0.65}
+
+
+def made_up_endpoints(actions: np.ndarray) -> np.ndarray:
+    """A smooth map from actions (n, 6) to endpoints (n, 2) on the right half of the board."""
+    theta1, _, theta2, r2, alpha, vmax = actions.T
+    angle = theta2 - 0.25 * theta1 * vmax / 2 - 0.12 * alpha
+    reach = r2 + 0.55 * np.cos(0.8 * alpha + 0.5 * theta1)
+    return np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=1)
+
+
+def made_up_actions(count: int, rng: np.random.Generator) -> np.ndarray:
+    """Actions (count, 6) in ranges like those of the real grid."""
+    r2 = rng.uniform(0.55, 0.75, count)
+    columns = (
+        rng.uniform(0.3, 1.0, count),
+        0.5 * (0.6 + r2),
+        rng.uniform(-0.9, -0.1, count),
+        r2,
+        rng.uniform(0.0, 1.5, count),
+        rng.choice([1.5, 2.5], count),
+    )
+    return np.stack(columns, axis=1)
+
+
+def write_data(folder: Path, *, rig: str = "virtual", repeats: int = 5) -> Path:
+    """Write measured, tuned, simulated, trained and evaluated results of three cables."""
+    for number, (cable, length_m) in enumerate(LENGTHS_M.items()):
+        rng = np.random.default_rng(number)
+        measured = _measured(cable, length_m, rig, rng)
+        write_measurement_set(measured, folder / "measurements" / cable)
+        (folder / "measurements" / cable / "tracking.yaml").write_text("lost_casts: 1\n")
+        _write_tuned(folder / "tuned" / cable / "segmented-de", measured, rng)
+        _write_simulated(folder / "simulated" / cable, rng)
+        for dataset in ("real", "simulated", "mixed") if cable == "cable1" else ("mixed",):
+            _write_policy(folder / "policies" / cable / f"nn-{dataset}", dataset)
+            _write_evaluation(folder, measured, dataset, repeats, rng)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_data(tmp_path_factory.mktemp("made_up") / "data")
+
+
+def _measured(cable: str, length_m: float, rig: str, rng) -> MeasurementSet:
+    actions = made_up_actions(50, rng)
+    action_ids = np.concatenate([np.arange(50), np.arange(10)])
+    t_s = np.arange(0, 2.01, 0.1)
+    trials = []
+    for trial, action_id in enumerate(action_ids.tolist()):
+        end = made_up_endpoints(actions[action_id : action_id + 1])[0] + rng.normal(0, 0.006, 2)
+        grown = np.clip(t_s / 1.6, 0, 1)[:, None]
+        start = np.array([0.6 + length_m, 0.0])
+        bulge = np.stack([0.15 * np.sin(2 * np.pi * grown[:, 0]), 0.5 * grown[:, 0] * 0], axis=1)
+        path = start + (end - start) * grown**2 + bulge + rng.normal(0, 0.001, (len(t_s), 2))
+        pose = np.stack([np.full(17, 0.6), np.zeros(17), np.zeros(17)], axis=1)
+        tool = ToolMotion(np.arange(17) / 8, pose)
+        trials.append(
+            Trial(trial, action_id, Action.from_array(actions[action_id]), tool, t_s, path)
+        )
+    details = Cable(cable, length_m, 0.03, 0.01, 0.02)
+    return MeasurementSet(details, 0.6, 0.1, 0.001, tuple(trials), rig)
+
+
+def _write_tuned(folder: Path, measured: MeasurementSet, rng) -> None:
+    folder.mkdir(parents=True)
+    rows = []
+    for trial in measured.trials[:30]:
+        away = rng.normal(0, 0.03, 2) * np.linspace(0, 1, len(trial.waypoints_s))[:, None]
+        simulated = trial.waypoints_m + away
+        rows += [
+            {
+                "split": "test",
+                "trial": trial.trial,
+                "t": t,
+                "x": x,
+                "y": y,
+                "x_predicted": xs,
+                "y_predicted": ys,
+            }
+            for t, (x, y), (xs, ys) in zip(
+                trial.waypoints_s, trial.waypoints_m, simulated, strict=True
+            )
+        ]
+    pl.DataFrame(rows).write_parquet(folder / "predictions.parquet")
+    casts = np.arange(1, 31) * 480
+    best = 2 + 14 * np.exp(-casts / 3000) + rng.uniform(0, 0.2)
+    pl.DataFrame({"simulated_casts": casts, "best_percent": best}).write_csv(folder / "trace.csv")
+    error = {"waypoint_percent": float(best[-1] + 0.7), "final_percent": 3.1, "n_casts": 30}
+    facts = {
+        "simulator": "segmented",
+        "optimizer": "de",
+        "seed": 0,
+        "rig": measured.rig,
+        "cable": measured.cable.name,
+        "simulated_casts": int(casts[-1]),
+        "errors": {"tune": error, "test": error},
+        "parameters": {
+            "planar_friction": {
+                "value": 0.5,
+                "unit": "-",
+                "lower": 0.05,
+                "upper": 0.5,
+                "at_bound": True,
+            }
+        },
+    }
+    (folder / "tuned.yaml").write_text(yaml.safe_dump(facts))
+
+
+def _write_simulated(folder: Path, rng) -> None:
+    folder.mkdir(parents=True)
+    actions = made_up_actions(2500, rng)
+    columns = dict(zip(ACTION_COLUMNS, actions.T, strict=True))
+    ends = made_up_endpoints(actions)
+    pl.DataFrame({**columns, "x": ends[:, 0], "y": ends[:, 1]}).write_parquet(
+        folder / "casts.parquet"
+    )
+    (folder / "generation.yaml").write_text("casts: 2500\ndiverged: 3\n")
+
+
+def _write_policy(folder: Path, dataset: str) -> None:
+    folder.mkdir(parents=True)
+    facts = {
+        "dataset": dataset,
+        "seed": 0,
+        "examples": {"real_casts": 30, "simulated_casts": 2500},
+        "epochs": 120,
+        "best_epoch": 100,
+        "validation_median_m": 0.012,
+    }
+    (folder / "policy.yaml").write_text(yaml.safe_dump(facts))
+
+
+def _write_evaluation(
+    data: Path, measured: MeasurementSet, dataset: str, repeats: int, rng
+) -> None:
+    cable = measured.cable
+    far = {"real": 0.08, "simulated": 0.06, "mixed": 0.03}[dataset]
+    targets = made_up_endpoints(made_up_actions(16, np.random.default_rng(7)))
+    rows = []
+    for number, target in enumerate(targets):
+        centre = target + rng.normal(0, far, 2)
+        for repeat in range(repeats):
+            end = centre + rng.normal(0, 0.015, 2) @ np.array([[1.0, 0.5], [0.0, 0.6]])
+            error_m = float(np.linalg.norm(end - target))
+            action = dict(zip(ACTION_COLUMNS, made_up_actions(1, rng)[0], strict=True))
+            rows.append(
+                {
+                    "kind": "executed",
+                    "rig": measured.rig,
+                    "cable": cable.name,
+                    "policy": "nn",
+                    "dataset": dataset,
+                    "target": number,
+                    "target_x": target[0],
+                    "target_y": target[1],
+                    "repeat": repeat,
+                    **action,
+                    "predicted_x": target[0],
+                    "predicted_y": target[1],
+                    "x": end[0],
+                    "y": end[1],
+                    "error_m": error_m,
+                    "error_percent": 100 * error_m / cable.length_m,
+                }
+            )
+    folder = data / "evaluation" / cable.name / f"nn-{dataset}"
+    folder.mkdir(parents=True)
+    pl.DataFrame(rows).write_csv(folder / "evaluation.csv")
