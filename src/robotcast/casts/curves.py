@@ -118,6 +118,17 @@ def smooth_step(s: np.ndarray) -> np.ndarray:
     return s**3 * (10 + s * (6 * s - 15))
 
 
+def distinct_arcs(actions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows of actions (n, 6) that differ in more than α, and each row's member.
+
+    α turns the wrist only: casts that share the rest share the path of the held end.
+    """
+    without_alpha = np.nan_to_num(actions, nan=-1.0)
+    without_alpha[:, 4] = 0.0
+    _, first, member = np.unique(without_alpha, axis=0, return_index=True, return_inverse=True)
+    return first, member
+
+
 def plan_curves(actions: np.ndarray, r0_m: float, limits: PlanLimits) -> CastCurves:
     """Plan casts so that the tool's speed peaks at v_max in each arc, or below.
 
@@ -131,9 +142,7 @@ def plan_curves(actions: np.ndarray, r0_m: float, limits: PlanLimits) -> CastCur
     actions : ndarray of shape (n, 6), columns `ACTION_COLUMNS`; r₁ NaN where it is to be the
         spline's value at θ₁.
     """
-    without_alpha = np.nan_to_num(actions, nan=-1.0)
-    without_alpha[:, 4] = 0.0
-    _, first, member = np.unique(without_alpha, axis=0, return_index=True, return_inverse=True)
+    first, member = distinct_arcs(actions)
     solved = _solve(actions[first], r0_m, limits).rows(member)
     planned = actions.copy()
     planned[:, 1] = solved.actions[:, 1]

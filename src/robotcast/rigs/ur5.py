@@ -48,9 +48,9 @@ class Gripper:
     held_height_m : height of the held end above the board during a cast.
     """
 
-    length_m: float
-    fingers_m: float
-    held_height_m: float
+    length_m: float = 0.17
+    fingers_m: float = 0.06
+    held_height_m: float = 0.02
 
     def __post_init__(self) -> None:
         if not 0 < self.fingers_m < self.length_m < 0.5:
@@ -64,7 +64,10 @@ class Gripper:
             )
 
 
-def joints_pointing_down(pose: np.ndarray, gripper: Gripper) -> np.ndarray:
+GRIPPER = Gripper()
+
+
+def joints_pointing_down(pose: np.ndarray, gripper: Gripper = GRIPPER) -> np.ndarray:
     """Return the joint angles that hold the cable's end at board height, (..., 6) [rad].
 
     Closed form for a tool pointing straight down: the base from the wrist's offset, shoulder
@@ -100,7 +103,7 @@ def joints_pointing_down(pose: np.ndarray, gripper: Gripper) -> np.ndarray:
     return joints
 
 
-def joint_path(tool: ToolMotion, gripper: Gripper) -> np.ndarray:
+def joint_path(tool: ToolMotion, gripper: Gripper = GRIPPER) -> np.ndarray:
     """Return the joint angles along a cast, continuous in time, (n, 6) [rad]."""
     if not np.isfinite(tool.pose).all():
         raise ValueError("joint path: the tool motion holds values that are not finite")
@@ -120,7 +123,7 @@ def joint_path(tool: ToolMotion, gripper: Gripper) -> np.ndarray:
 
 
 def tilted_joint_path(
-    position_m: np.ndarray, pitch_rad: np.ndarray, yaw_rad: np.ndarray, gripper: Gripper
+    position_m: np.ndarray, pitch_rad: np.ndarray, yaw_rad: np.ndarray, gripper: Gripper = GRIPPER
 ) -> np.ndarray:
     """Return the joint angles for a tool that pitches up, continuous in time, (n, 6) [rad].
 
@@ -158,7 +161,7 @@ def _flange_pose(position: np.ndarray, pitch: float, yaw: float, gripper: Grippe
     return pose
 
 
-def link_points(joints: np.ndarray, gripper: Gripper) -> np.ndarray:
+def link_points(joints: np.ndarray, gripper: Gripper = GRIPPER) -> np.ndarray:
     """Return the points between the arm's straight pieces, from the base to the held end.
 
     Parameters

@@ -1,0 +1,152 @@
+"""Grids of actions, and which of them the arm can do."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from robotcast.casts.curves import CastCurves, distinct_arcs, plan_curves
+from robotcast.casts.limits import PlanLimits
+from robotcast.casts.plan import check_actions
+from robotcast.progress import Progress, silent
+from robotcast.rigs.envelope import Envelope, Rule, broken_joint_rules, broken_place_rules
+from robotcast.rigs.ur5 import joints_pointing_down
+
+JOINT_SAMPLE_S = 0.004
+PLACE_SAMPLE_S = 0.008
+ROWS_AT_ONCE = 256
+MIRROR = np.array([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True)
+class GridCounts:
+    """How many values each coordinate of a grid takes."""
+
+    theta1: int
+    theta2: int
+    r2: int
+    alpha: int
+    vmax: int
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if getattr(self, field.name) < 1:
+                raise ValueError(
+                    f"grid: the count of {field.name} must be at least 1, "
+                    f"got {getattr(self, field.name)}"
+                )
+
+
+@dataclass(frozen=True)
+class ActionGrid:
+    """Evenly spaced values of θ₁, θ₂, r₂, α and v_max, each [first, last].
+
+    Only the half θ₁ > 0, θ₂ < 0, α ≥ 0 is sampled; mirror images are the other half (paper,
+    "Parameterized Actions").
+    """
+
+    theta1_rad: tuple[float, float]
+    theta2_rad: tuple[float, float]
+    r2_m: tuple[float, float]
+    alpha_rad: tuple[float, float]
+    vmax_m_s: tuple[float, float]
+    counts: GridCounts
+
+    def __post_init__(self) -> None:
+        for name, kept, rule in (
+            ("theta1_rad", min(self.theta1_rad) > 0, "positive"),
+            ("theta2_rad", max(self.theta2_rad) < 0, "negative"),
+            ("alpha_rad", min(self.alpha_rad) >= 0, "zero or positive"),
+        ):
+            if not kept:
+                raise ValueError(f"grid: {name} must be {rule}, got {list(getattr(self, name))}")
+
+    def candidates(self, r0_m: float, limits: PlanLimits) -> np.ndarray:
+        """Return every action of the grid with its r₁, (n, 6), the last coordinate fastest."""
+        return self._curves(r0_m, limits).actions
+
+    def _curves(self, r0_m: float, limits: PlanLimits) -> CastCurves:
+        axes = [
+            np.linspace(*ends, getattr(self.counts, name))
+            for name, ends in (
+                ("theta1", self.theta1_rad),
+                ("theta2", self.theta2_rad),
+                ("r2", self.r2_m),
+                ("alpha", self.alpha_rad),
+                ("vmax", self.vmax_m_s),
+            )
+        ]
+        axes.insert(1, np.array([np.nan]))
+        actions = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 6)
+        check_actions(actions, r0_m, limits, r1_given=False)
+        return plan_curves(actions, r0_m, limits)
+
+
+@dataclass(frozen=True)
+class FilterReport:
+    """What became of a grid.
+
+    Attributes
+    ----------
+    candidates, feasible : how many actions the grid holds, and how many the arm can do.
+    broken : how many candidates break each rule; one may break several.
+    """
+
+    candidates: int
+    feasible: int
+    broken: dict[Rule, int]
+
+
+def feasible_actions(
+    grid: ActionGrid,
+    r0_m: float,
+    limits: PlanLimits,
+    envelope: Envelope,
+    progress: Progress = silent,
+) -> tuple[np.ndarray, FilterReport]:
+    """Return the actions of the grid that the arm can do, (m, 6), and why others fell.
+
+    An action stays when the arm can do it and its mirror image: the arm itself is not
+    symmetric, and a policy uses both.
+    """
+    curves = grid._curves(r0_m, limits)
+    n = len(curves.actions)
+    first, member = distinct_arcs(curves.actions)
+    places = _broken_by(broken_place_rules, curves.rows(first), PLACE_SAMPLE_S, envelope, silent)
+    broken = {rule: outside[member] for rule, outside in places.items()}
+    broken |= _broken_by(broken_joint_rules, curves, JOINT_SAMPLE_S, envelope, progress)
+    kept = ~np.any(list(broken.values()), axis=0)
+    counts = {rule: int(outside.sum()) for rule, outside in broken.items()}
+    return curves.actions[kept], FilterReport(n, int(kept.sum()), counts)
+
+
+def _broken_by(
+    rules: Callable[[np.ndarray, np.ndarray, Envelope], dict[Rule, np.ndarray]],
+    curves: CastCurves,
+    sample_s: float,
+    envelope: Envelope,
+    progress: Progress,
+) -> dict[Rule, np.ndarray]:
+    n = len(curves.actions)
+    broken: dict[Rule, np.ndarray] = {}
+    done = 0
+    for rows, t_s, pose in _sampled(curves, sample_s):
+        for image in (pose, pose * MIRROR):
+            joints = joints_pointing_down(image, envelope.gripper)
+            for rule, outside in rules(t_s, joints, envelope).items():
+                broken.setdefault(rule, np.zeros(n, dtype=bool))[rows] |= outside
+        done += len(rows)
+        progress(done, n, "filtering")
+    return broken
+
+
+def _sampled(
+    curves: CastCurves, sample_s: float
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield rows of casts of like duration, their times (m,) and their poses (k, m, 3)."""
+    order = np.argsort(curves.end_s, kind="stable")
+    for start in range(0, len(order), ROWS_AT_ONCE):
+        rows = order[start : start + ROWS_AT_ONCE]
+        some = curves.rows(rows)
+        t_s = np.arange(0.0, some.end_s.max() + 2 * sample_s, sample_s)
+        yield rows, t_s, some.pose_at(np.broadcast_to(t_s, (len(rows), len(t_s))))

@@ -1,0 +1,273 @@
+"""The safety envelope: what the arm may do, checked along a whole motion before it moves.
+
+A motion is a sequence of joint angles, at rest before its first and after its last sample.
+Speeds and accelerations are finite differences of those samples, so a jump between two of
+them, or a motion that does not start and end at rest, breaks a limit.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+
+from robotcast.rigs.capsules import segment_distance
+from robotcast.rigs.ur5 import JOINTS, LINKS, Gripper, link_points
+
+Rule = Literal[
+    "reach",
+    "joint position",
+    "joint speed",
+    "joint acceleration",
+    "tool box",
+    "tool keep-out",
+    "tool speed",
+    "board collision",
+    "base collision",
+    "self collision",
+]
+
+LINK_RADII_M: dict[str, float] = {
+    "column": 0.075,
+    "shoulder": 0.06,
+    "upper arm": 0.06,
+    "elbow": 0.06,
+    "forearm": 0.05,
+    "wrist 1": 0.045,
+    "wrist 2": 0.045,
+    "wrist 3": 0.045,
+    "gripper": 0.05,
+    "fingers": 0.012,
+}
+"""Radii of capsules around the pieces of the arm, from the maker's drawings, rounded up."""
+
+HAND_LINKS = ("wrist 1", "wrist 2", "wrist 3", "gripper", "fingers")
+BASE_LINKS = ("forearm", *HAND_LINKS)
+BOARD_LINKS = ("upper arm", "elbow", *BASE_LINKS)
+SELF_PAIRS = (
+    ("shoulder", "forearm"),
+    *((arm, hand) for arm in ("shoulder", "upper arm", "elbow") for hand in HAND_LINKS),
+    *(("forearm", hand) for hand in HAND_LINKS[2:]),
+)
+"""Pieces that do not touch by construction."""
+
+
+@dataclass(frozen=True)
+class ToolBox:
+    """Where the held end may be, in the board's frame.
+
+    Attributes
+    ----------
+    x_m, y_m, z_m : lowest and highest coordinate.
+    r_min_m : radius about the base's axis that the held end keeps out of.
+    """
+
+    x_m: tuple[float, float]
+    y_m: tuple[float, float]
+    z_m: tuple[float, float]
+    r_min_m: float
+
+    def __post_init__(self) -> None:
+        for name in ("x_m", "y_m", "z_m"):
+            low, high = getattr(self, name)
+            if not low < high:
+                raise ValueError(f"tool box: {name} must be [low, high], got [{low}, {high}]")
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """Limits of the arm and of the held end.
+
+    Attributes
+    ----------
+    joint_min_rad, joint_max_rad, joint_speed_rad_s, joint_acceleration_rad_s2 : six values
+        each, base to wrist 3.
+    tool_speed_m_s : of the held end.
+    clearance_m : left between the arm's capsules, and between them and the board and the base.
+    """
+
+    joint_min_rad: tuple[float, ...]
+    joint_max_rad: tuple[float, ...]
+    joint_speed_rad_s: tuple[float, ...]
+    joint_acceleration_rad_s2: tuple[float, ...]
+    tool_speed_m_s: float
+    clearance_m: float
+    box: ToolBox
+    gripper: Gripper
+
+    def __post_init__(self) -> None:
+        for field in fields(self)[:4]:
+            values = getattr(self, field.name)
+            if len(values) != 6 or not np.isfinite(values).all():
+                raise ValueError(f"envelope: {field.name} must be six finite numbers, got {values}")
+        if not np.less(self.joint_min_rad, self.joint_max_rad).all():
+            raise ValueError("envelope: joint_min_rad must be below joint_max_rad for every joint")
+
+
+@dataclass(frozen=True)
+class BrokenRule:
+    """One rule broken by a motion, where it is broken worst.
+
+    Attributes
+    ----------
+    part : the joint, link, pair of links or coordinate concerned.
+    value, limit : in the rule's SI unit; a distance must stay above its limit.
+    """
+
+    rule: Rule
+    part: str
+    t_s: float
+    value: float
+    limit: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.rule} ({self.part}): {self.value:.4g} at t = {self.t_s:.3f} s, "
+            f"limit {self.limit:.4g}"
+        )
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """A quantity along many motions: `value` (n, m) at `t_s` (m,), kept within [low, high]."""
+
+    rule: Rule
+    part: str
+    t_s: np.ndarray
+    value: np.ndarray
+    low: float
+    high: float
+
+    def excess(self) -> np.ndarray:
+        """Return how far outside the limits, (n, m), positive where broken."""
+        return np.maximum(self.value - self.high, self.low - self.value)
+
+
+def broken_rules(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> list[BrokenRule]:
+    """Return every rule that a motion breaks, each at its worst; empty when it may be executed.
+
+    Parameters
+    ----------
+    t_s : ndarray of shape (n,) [s], increasing.
+    joints : ndarray of shape (n, 6) [rad].
+    """
+    t_s, joints = np.asarray(t_s, dtype=float), np.asarray(joints, dtype=float)
+    if joints.shape != (len(t_s), 6) or len(t_s) < 2:
+        raise ValueError(
+            f"envelope: expected joints (n, 6) for n ≥ 2 times, got {joints.shape} for {len(t_s)}"
+        )
+    for name, values in (("times", t_s), ("joint angles", joints)):
+        bad = ~np.isfinite(values.reshape(len(t_s), -1)).all(axis=1)
+        if bad.any():
+            raise ValueError(f"envelope: {name} are not finite at sample {int(np.argmax(bad))}")
+    if not (np.diff(t_s) > 0).all():
+        raise ValueError("envelope: times must increase")
+    broken = []
+    for measured in (
+        *_measure_joints(t_s, joints[None], envelope),
+        *_measure_places(t_s, joints[None], envelope),
+    ):
+        excess = measured.excess()[0]
+        worst = int(np.argmax(excess))
+        if excess[worst] > 0:
+            value = float(measured.value[0, worst])
+            limit = measured.low if value < measured.low else measured.high
+            when = float(measured.t_s[worst])
+            broken.append(BrokenRule(measured.rule, measured.part, when, value, limit))
+    return broken
+
+
+def broken_joint_rules(
+    t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
+) -> dict[Rule, np.ndarray]:
+    """Return which of many motions break the rules of single joints, each (n,) of bool.
+
+    Parameters
+    ----------
+    t_s : ndarray of shape (m,) [s], shared by all motions.
+    joints : ndarray of shape (n, m, 6) [rad]; NaN where the arm does not reach, which breaks
+        "reach" and no other rule.
+    """
+    broken: dict[Rule, np.ndarray] = {"reach": _out_of_reach(joints)}
+    return broken | _broken(_measure_joints(t_s, joints, envelope), broken["reach"])
+
+
+def broken_place_rules(
+    t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
+) -> dict[Rule, np.ndarray]:
+    """Return which of many motions break the rules of place, speed at the tool and collision.
+
+    Parameters and result are those of `broken_joint_rules`. The angle of wrist 3 does not
+    matter here: it turns the tool about its own axis.
+    """
+    return _broken(_measure_places(t_s, joints, envelope), _out_of_reach(joints))
+
+
+def _out_of_reach(joints: np.ndarray) -> np.ndarray:
+    return np.asarray(np.isnan(joints).any(axis=(1, 2)))
+
+
+def _broken(measures: Iterator[_Measured], lost: np.ndarray) -> dict[Rule, np.ndarray]:
+    broken: dict[Rule, np.ndarray] = {}
+    for measured in measures:
+        outside = (measured.excess() > 0).any(axis=1) & ~lost
+        broken[measured.rule] = broken.get(measured.rule, np.zeros_like(lost)) | outside
+    return broken
+
+
+def _measure_places(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> Iterator[_Measured]:
+    points = link_points(joints, envelope.gripper)
+    yield from _measure_tool(t_s, points[..., -1, :], envelope)
+    yield from _measure_clearances(t_s, points, envelope)
+
+
+def _measure_joints(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> Iterator[_Measured]:
+    first, last = t_s[1] - t_s[0], t_s[-1] - t_s[-2]
+    padded_s = np.concatenate([[t_s[0] - first], t_s, [t_s[-1] + last]])
+    step_s = np.diff(padded_s)
+    middle_s = (padded_s[1:] + padded_s[:-1]) / 2
+    for index, part in enumerate(JOINTS):
+        angle = joints[..., index]
+        low, high = envelope.joint_min_rad[index], envelope.joint_max_rad[index]
+        yield _Measured("joint position", part, t_s, angle, low, high)
+        rate = np.diff(angle, axis=1, prepend=angle[:, :1], append=angle[:, -1:]) / step_s
+        limit = envelope.joint_speed_rad_s[index]
+        yield _Measured("joint speed", part, middle_s, rate, -limit, limit)
+        acceleration = np.diff(rate, axis=1) / np.diff(middle_s)
+        limit = envelope.joint_acceleration_rad_s2[index]
+        yield _Measured("joint acceleration", part, t_s, acceleration, -limit, limit)
+
+
+def _measure_tool(t_s: np.ndarray, tool: np.ndarray, envelope: Envelope) -> Iterator[_Measured]:
+    box = envelope.box
+    for index, (part, (low, high)) in enumerate((("x", box.x_m), ("y", box.y_m), ("z", box.z_m))):
+        yield _Measured("tool box", part, t_s, tool[..., index], low, high)
+    radius = np.hypot(tool[..., 0], tool[..., 1])
+    yield _Measured("tool keep-out", "radius", t_s, radius, box.r_min_m, np.inf)
+    speed = np.linalg.norm(np.diff(tool, axis=1), axis=2) / np.diff(t_s)
+    middle_s = (t_s[1:] + t_s[:-1]) / 2
+    yield _Measured("tool speed", "held end", middle_s, speed, 0.0, envelope.tool_speed_m_s)
+
+
+def _measure_clearances(
+    t_s: np.ndarray, points: np.ndarray, envelope: Envelope
+) -> Iterator[_Measured]:
+    def link(name: str) -> tuple[np.ndarray, np.ndarray]:
+        index = LINKS.index(name)
+        return points[..., index, :], points[..., index + 1, :]
+
+    for name in BOARD_LINKS:
+        start, end = link(name)
+        height = np.minimum(start[..., 2], end[..., 2]) - LINK_RADII_M[name]
+        clearance = 0.0 if name == "fingers" else envelope.clearance_m
+        yield _Measured("board collision", name, t_s, height, clearance, np.inf)
+    column = link("column")
+    for name in BASE_LINKS:
+        gap = segment_distance(*link(name), *column)
+        gap -= LINK_RADII_M[name] + LINK_RADII_M["column"]
+        yield _Measured("base collision", name, t_s, gap, envelope.clearance_m, np.inf)
+    for one, other in SELF_PAIRS:
+        gap = segment_distance(*link(one), *link(other))
+        gap -= LINK_RADII_M[one] + LINK_RADII_M[other]
+        part = f"{one} and {other}"
+        yield _Measured("self collision", part, t_s, gap, envelope.clearance_m, np.inf)
