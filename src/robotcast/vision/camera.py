@@ -106,17 +106,22 @@ class Camera:
         return np.asarray(points_m) @ self.rotation_matrix[2] + self.translation_m[2]
 
     def ball_outline(self, centre_m: np.ndarray, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the ellipse a ball is seen as: its middle (2,) and half-axes as columns (2, 2)."""
+        """Return the ellipses that balls at (…, 3) are seen as.
+
+        Returns
+        -------
+        The middles (…, 2) and the half-axes as columns (…, 2, 2), both in pixels.
+        """
         sight = self.position_m - centre_m
-        distance = float(np.linalg.norm(sight))
+        distance = np.linalg.norm(sight, axis=-1, keepdims=True)
         sight = sight / distance
         right = np.cross(sight, [1.0, 0.0, 0.0])
-        right /= np.linalg.norm(right)
+        right /= np.linalg.norm(right, axis=-1, keepdims=True)
         nearer = centre_m + sight * radius_m**2 / distance
         rim = radius_m * np.sqrt(1 - (radius_m / distance) ** 2)
-        outline = np.array([nearer, nearer + rim * right, nearer + rim * np.cross(sight, right)])
-        middle, *ends = self.project(outline)
-        return middle, np.stack([end - middle for end in ends], axis=1)
+        outline = [nearer, nearer + rim * right, nearer + rim * np.cross(sight, right)]
+        middle, *ends = self.project(np.stack(outline))
+        return middle, np.stack([end - middle for end in ends], axis=-1)
 
     def to_plane(self, pixels: np.ndarray, height_m: float = 0.0) -> np.ndarray:
         """Return where the rays of `pixels` (…, 2) meet the plane z = `height_m`, (…, 2) [m]."""

@@ -61,7 +61,9 @@ class EndpointDetector:
         return 2 * self._seen[-1] - self._seen[0]
 
     def _search(self, frame: np.ndarray) -> np.ndarray | None:
-        coarse = cv2.resize(frame, None, fx=1 / _COARSE, fy=1 / _COARSE, interpolation=cv2.INTER_AREA)
+        coarse = cv2.resize(
+            frame, None, fx=1 / _COARSE, fy=1 / _COARSE, interpolation=cv2.INTER_AREA
+        )
         blob = _largest_blob(self._filter.cover(coarse))
         if blob is None:
             return None

@@ -89,9 +89,7 @@ def _mottling(shape: tuple[int, ...]) -> np.ndarray:
     return light
 
 
-def _stick_marker(
-    texture: np.ndarray, number: int, centre_m: np.ndarray, side_m: float
-) -> None:
+def _stick_marker(texture: np.ndarray, number: int, centre_m: np.ndarray, side_m: float) -> None:
     """Print a marker with its white margin into the texture, each texel by its covered area."""
     bits = cv2.aruco.generateImageMarker(dictionary(), number, MODULES, borderBits=BORDER_MODULES)
     grey = np.pad(np.where(bits > 0, _PAPER_GREY, _INK_GREY), 1, constant_values=_PAPER_GREY)

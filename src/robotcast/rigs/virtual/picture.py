@@ -11,14 +11,16 @@ import numpy as np
 from robotcast.files import atomic_file
 from robotcast.rigs.ur5 import Gripper, link_points
 from robotcast.rigs.virtual.backdrop import backdrop
-from robotcast.rigs.virtual.brush import Box, draw_arm, draw_ball, draw_cable, surrounding_box
+from robotcast.rigs.virtual.shot import Shot
 from robotcast.vision.camera import Camera
 from robotcast.vision.fiducials import FiducialBoard
 
 CODEC = "mp4v"
-_BLUR_STEP_PX = 2.0
-_MOST_SUBFRAMES = 10
+_BLUR_STEP_PX = 2.5
+_MOST_INSTANTS = 12
+_STILL_PX = 0.2
 _NOISE_SLACK_PX = 64
+_NOISE_GREY = 12  # added to the noise and taken off the scene, so that both are unsigned
 
 
 @dataclass(frozen=True)
@@ -76,15 +78,6 @@ class PictureSettings:
     cable_bgr: tuple[float, float, float] = (205.0, 210.0, 215.0)
 
 
-@dataclass(frozen=True)
-class _Instants:
-    """What is before the camera at the sub-frame instants of one exposure."""
-
-    cable_px: np.ndarray
-    ball_m: np.ndarray
-    arm_m: np.ndarray
-
-
 def frame_starts(motion: SceneMotion, settings: PictureSettings) -> np.ndarray:
     """Return when each frame's exposure begins, (k,) [s]; the first is `video_t0_s`."""
     span = motion.t_s[-1] - motion.t_s[0] - settings.exposure_s
@@ -116,59 +109,66 @@ def frames(
     board_m = (settings.board_length_m, settings.board_width_m)
     scene = backdrop(camera, settings.fiducials, settings.board_bgr, board_m)
     light = _vignette(camera, settings.vignetting)
-    still = cv2.multiply(scene, light, dtype=cv2.CV_8U)
+    scene = cv2.multiply(scene, cv2.merge([light] * 3), dtype=cv2.CV_8U)
+    darker = cv2.subtract(scene, (_NOISE_GREY,) * 4)
     bank = _noise_bank(camera.width, camera.height, settings.noise_grey)
     rng = np.random.default_rng(seed)
-    picture = np.empty_like(scene)
-    for instants in _exposures(motion, camera, settings):
-        rows, columns = rng.integers(0, _NOISE_SLACK_PX, 2)
-        noise = bank[rows : rows + camera.height, columns : columns + camera.width]
-        cv2.add(still, noise, picture, dtype=cv2.CV_8U)
-        box, moving = _expose(instants, scene, motion, camera, settings)
-        lit = cv2.multiply(moving, light[box], dtype=cv2.CV_8U)
-        picture[box] = cv2.add(lit, noise[box], dtype=cv2.CV_8U)
+    picture, canvas = np.empty_like(scene), np.empty_like(scene)
+    total = np.empty(scene.shape, np.float32)
+    for shot in _shots(motion, camera, settings, light):
+        row, column = rng.integers(0, _NOISE_SLACK_PX, 2)
+        noise = bank[row : row + camera.height, column : column + camera.width]
+        cv2.add(darker, noise, picture)
+        box = shot.box
+        moving = _expose(shot, scene[box], canvas[box], total[box])
+        picture[box] = cv2.add(cv2.subtract(moving, (_NOISE_GREY,) * 4), noise[box])
         yield picture
 
 
-def _exposures(
-    motion: SceneMotion, camera: Camera, settings: PictureSettings
-) -> Iterator[_Instants]:
-    """Yield the instants of each frame: more of them the faster its image moves."""
+def _shots(
+    motion: SceneMotion, camera: Camera, settings: PictureSettings, light: np.ndarray
+) -> Iterator[Shot]:
+    """Yield what moves during each frame: at more instants the faster its image moves."""
     arm_m = link_points(motion.joints_rad, motion.gripper)
-    for start in frame_starts(motion, settings):
-        ends = start + np.array([0.0, settings.exposure_s])
-        tracked = [
+    begins = frame_starts(motion, settings)
+    ends = begins + settings.exposure_s
+    cable_travel, arm_travel = (
+        np.linalg.norm(
             camera.project(_at(ends, motion.t_s, points))
-            for points in (motion.cable_m, arm_m)
-        ]
-        travel_px = max(np.linalg.norm(b - a, axis=-1).max() for a, b in tracked)
-        count = int(np.clip(np.ceil(travel_px / _BLUR_STEP_PX), 1, _MOST_SUBFRAMES))
-        times = start + (np.arange(count) + 0.5) / count * settings.exposure_s
-        cable_m = _at(times, motion.t_s, motion.cable_m)
-        yield _Instants(camera.project(cable_m), cable_m[:, -1], _at(times, motion.t_s, arm_m))
+            - camera.project(_at(begins, motion.t_s, points)),
+            axis=-1,
+        ).max(axis=-1)
+        for points in (motion.cable_m, arm_m)
+    )
+    fastest = np.maximum(cable_travel, arm_travel)
+    counts = np.clip(np.ceil(fastest / _BLUR_STEP_PX), 1, _MOST_INSTANTS).astype(int)
+    for begin, count, travel in zip(begins, counts, arm_travel, strict=True):
+        times = begin + (np.arange(count) + 0.5) / count * settings.exposure_s
+        yield Shot.of(
+            _at(times, motion.t_s, motion.cable_m),
+            _at(times, motion.t_s, arm_m),
+            (motion.cable_radius_m, motion.endpoint_radius_m),
+            (settings.cable_bgr, settings.endpoint_bgr),
+            camera,
+            light,
+            arm_moves=bool(travel > _STILL_PX),
+        )
 
 
-def _expose(
-    instants: _Instants,
-    scene: np.ndarray,
-    motion: SceneMotion,
-    camera: Camera,
-    settings: PictureSettings,
-) -> tuple[Box, np.ndarray]:
-    """Return the part of the image where something moves, and its mean over the exposure."""
-    box = surrounding_box(instants.cable_px, instants.arm_m, camera)
-    count = len(instants.ball_m)
-    total = np.zeros((*scene[box].shape[:2], 3), np.uint16)
-    for cable_px, ball_m, arm_m in zip(
-        instants.cable_px, instants.ball_m, instants.arm_m, strict=True
-    ):
-        canvas = scene[box].copy()
-        cable_width = 2 * motion.cable_radius_m * camera.focal_px / camera.depth(ball_m)
-        draw_cable(canvas, box, cable_px, cable_width, settings.cable_bgr)
-        draw_ball(canvas, box, ball_m, motion.endpoint_radius_m, camera, settings.endpoint_bgr)
-        draw_arm(canvas, box, arm_m, camera)
-        cv2.add(total, canvas, total, dtype=cv2.CV_16U)
-    return box, cv2.multiply(total, 1.0 / count, dtype=cv2.CV_8U)
+def _expose(shot: Shot, scene: np.ndarray, canvas: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """Return the mean over the shot's instants, uint8; `canvas` and `total` are overwritten."""
+    total[:] = 0
+    for instant in range(len(shot.cable_px)):
+        np.copyto(canvas, scene)
+        shot.draw_cable(canvas, instant)
+        shot.draw_ball(canvas, instant)
+        if shot.arm_moves:
+            shot.draw_arm(canvas, instant)
+        cv2.accumulate(canvas, total)
+    mean = cv2.convertScaleAbs(total, alpha=1.0 / len(shot.cable_px))
+    if not shot.arm_moves:
+        shot.draw_arm(mean, 0)
+    return mean
 
 
 def _at(times: np.ndarray, t_s: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -181,17 +181,17 @@ def _at(times: np.ndarray, t_s: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=4)
 def _vignette(camera: Camera, depth: float) -> np.ndarray:
-    """Return the share of light that reaches each pixel, float32 (height, width, 3)."""
+    """Return the share of light that reaches each pixel, float32 (height, width)."""
     v, u = np.mgrid[: camera.height, : camera.width].astype(np.float32)
     centre = camera.centre_px
     far = np.hypot(camera.width, camera.height) / 2
     share = 1 - depth * ((u - centre[0]) ** 2 + (v - centre[1]) ** 2) / far**2
-    return np.repeat(share[..., None], 3, axis=2).astype(np.float32)
+    return share.astype(np.float32)
 
 
 @lru_cache(maxsize=4)
 def _noise_bank(width: int, height: int, deviation: float) -> np.ndarray:
-    """Return sensor noise larger than a frame, int8, so that every frame crops its own."""
+    """Return sensor noise about `_NOISE_GREY`, larger than a frame: each frame crops its own."""
     shape = (height + _NOISE_SLACK_PX, width + _NOISE_SLACK_PX, 3)
     drawn = np.random.default_rng(0).standard_normal(shape, dtype=np.float32)
-    return np.rint(deviation * drawn).astype(np.int8)
+    return np.clip(np.rint(_NOISE_GREY + deviation * drawn), 0, 2 * _NOISE_GREY).astype(np.uint8)
