@@ -65,3 +65,10 @@ def write_tool(tool: ToolMotion, path: Path) -> None:
             temporary, float_precision=7
         )
 
+
+def read_tool(path: Path) -> ToolMotion:
+    """Read a tool log that `write_tool` wrote."""
+    if not path.is_file():
+        raise ValueError(f"{path}: missing; the tool was not logged")
+    table = pl.read_csv(path)
+    return ToolMotion(table["t"].to_numpy(), table.select("x", "y", "yaw").to_numpy())

@@ -10,6 +10,7 @@ from robotcast.vision.facts import TrackerFacts
 from robotcast.vision.fiducials import find_markers
 
 FEWEST_MARKERS = 4
+_FITTED = 10  # three of place, three of direction, four of distortion
 _FLAGS = (
     cv2.CALIB_USE_INTRINSIC_GUESS
     | cv2.CALIB_FIX_FOCAL_LENGTH
@@ -31,6 +32,13 @@ class Calibration:
     camera: Camera
     reprojection_px: float
     markers: int
+
+    @property
+    def uncertainty_m(self) -> float:
+        """What the corners' noise leaves unknown of one coordinate on the board, on average."""
+        known = 2 * 4 * self.markers
+        per_coordinate_px = self.reprojection_px / np.sqrt(2) * np.sqrt(_FITTED / known)
+        return float(per_coordinate_px * self.camera.position_m[2] / self.camera.focal_px)
 
 
 def calibrate(picture: np.ndarray, facts: TrackerFacts, name: str) -> Calibration:

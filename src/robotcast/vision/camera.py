@@ -27,8 +27,8 @@ class Camera:
     focal_px: float
     centre_px: tuple[float, float]
     distortion: tuple[float, ...]
-    rotation: tuple[float, float, float]
-    translation_m: tuple[float, float, float]
+    rotation: tuple[float, ...]
+    translation_m: tuple[float, ...]
 
     @classmethod
     def overhead(

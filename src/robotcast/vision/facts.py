@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 from typing import Any
 
+from robotcast.rigs.session import Session
 from robotcast.vision.fiducials import FiducialBoard
+
+BLOCK = "vision"
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,13 @@ class TrackerFacts:
     endpoint_bgr: tuple[float, float, float]
     board_bgr: tuple[float, float, float]
     fiducials: FiducialBoard
+
+    @classmethod
+    def of(cls, session: Session) -> "TrackerFacts":
+        """Read what a session tells its tracker."""
+        if BLOCK not in session.facts:
+            raise ValueError(f"{session.folder}: session.yaml has no `{BLOCK}` block")
+        return cls.from_dict(session.facts[BLOCK])
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "TrackerFacts":

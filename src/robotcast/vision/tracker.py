@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from robotcast.rigs.cast_files import VIDEO_FILE, read_record
-from robotcast.vision.calibration import calibrate
+from robotcast.rigs.session import Session
+from robotcast.vision.calibration import Calibration, calibrate
 from robotcast.vision.detector import Detection, EndpointDetector
 from robotcast.vision.facts import TrackerFacts
 
@@ -25,13 +26,16 @@ class TrackedCast:
     Attributes
     ----------
     t_s, xy_m : ndarrays of shape (k,) and (k, 2), the waypoints that were seen.
+    gaps : how many waypoints are missing.
     frames, hidden : how many frames the video has, and in how many the endpoint was hidden.
     reprojection_px : how well the fitted camera explains the markers.
-    noise_m : standard deviation of one coordinate of one frame, NaN when too few were seen.
+    noise_m : standard deviation of one tracked coordinate: of the frames about their neighbours,
+        and of the calibration; NaN when too few frames were seen.
     """
 
     t_s: np.ndarray
     xy_m: np.ndarray
+    gaps: int
     frames: int
     hidden: int
     reprojection_px: float
@@ -44,14 +48,15 @@ class _Track:
 
     t_s: np.ndarray
     xy_m: np.ndarray
-    reprojection_px: float
+    calibration: Calibration
 
 
-def track_cast(folder: Path, facts: TrackerFacts) -> TrackedCast:
+def track_cast(folder: Path, session: Session) -> TrackedCast:
     """Track the free end through `folder`/video.mp4.
 
     Raises ValueError when the video shows no fiducials, no endpoint, or not where it came to rest.
     """
+    facts = TrackerFacts.of(session)
     track = _track(folder, facts)
     seen = np.isfinite(track.xy_m[:, 0])
     _require_rest(seen, folder)
@@ -61,16 +66,17 @@ def track_cast(folder: Path, facts: TrackerFacts) -> TrackedCast:
     return TrackedCast(
         wanted[kept],
         waypoints[kept],
+        int(np.sum(~kept)),
         len(seen),
         int(np.sum(~seen)),
-        track.reprojection_px,
-        tracking_noise(track.xy_m),
+        track.calibration.reprojection_px,
+        float(np.hypot(frame_noise(track.xy_m), track.calibration.uncertainty_m)),
     )
 
 
-def track_rest(folder: Path, facts: TrackerFacts) -> np.ndarray:
+def track_rest(folder: Path, session: Session) -> np.ndarray:
     """Return where the free end lies in a video taken after it came to rest, (2,) [m]."""
-    track = _track(folder, facts)
+    track = _track(folder, TrackerFacts.of(session))
     _require_rest(np.isfinite(track.xy_m[:, 0]), folder)
     return np.nanmedian(track.xy_m, axis=0)
 
@@ -91,7 +97,7 @@ def waypoints_at(wanted_s: np.ndarray, t_s: np.ndarray, xy_m: np.ndarray) -> np.
     return np.where(inside, np.where(np.isfinite(bent), bent, line), np.nan)
 
 
-def tracking_noise(xy_m: np.ndarray) -> float:
+def frame_noise(xy_m: np.ndarray) -> float:
     """Return the standard deviation of a coordinate of `xy_m` (k, 2) about its neighbours' cubic.
 
     Each frame is compared with the cubic through the two frames on either side; the median is
@@ -132,7 +138,7 @@ def _track(folder: Path, facts: TrackerFacts) -> _Track:
     xy_m = _whole_only(found, video)
     record = read_record(folder)
     t_s = record.video_t0_s + facts.exposure_s / 2 + np.arange(len(found)) / record.fps
-    return _Track(t_s, xy_m, calibration.reprojection_px)
+    return _Track(t_s, xy_m, calibration)
 
 
 def _frames(video: Path) -> Iterator[np.ndarray]:

@@ -110,7 +110,8 @@ def frames(
     scene = backdrop(camera, settings.fiducials, settings.board_bgr, board_m)
     light = _vignette(camera, settings.vignetting)
     scene = cv2.multiply(scene, cv2.merge([light] * 3), dtype=cv2.CV_8U)
-    darker = cv2.subtract(scene, (_NOISE_GREY,) * 4)
+    offset = np.full_like(scene, _NOISE_GREY)
+    darker = cv2.subtract(scene, offset)
     bank = _noise_bank(camera.width, camera.height, settings.noise_grey)
     rng = np.random.default_rng(seed)
     picture, canvas = np.empty_like(scene), np.empty_like(scene)
@@ -121,7 +122,7 @@ def frames(
         cv2.add(darker, noise, picture)
         box = shot.box
         moving = _expose(shot, scene[box], canvas[box], total[box])
-        picture[box] = cv2.add(cv2.subtract(moving, (_NOISE_GREY,) * 4), noise[box])
+        picture[box] = cv2.add(cv2.subtract(moving, offset[box]), noise[box])
         yield picture
 
 

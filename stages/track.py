@@ -1,0 +1,47 @@
+"""Track the free end through every video of a session: a measurement set."""
+
+import json
+import os
+import shutil
+from pathlib import Path
+
+from omegaconf import DictConfig
+from stage import bar, console, output_folder, stage
+
+from robotcast.files import write_text
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.writer import write_measurement_set
+from robotcast.rigs.recorded import recorded_copy
+from robotcast.rigs.session import read_session
+from robotcast.vision.track_session import TrackedSession, track_session
+
+SUMMARY = "tracking.json"
+
+
+def track(config: DictConfig) -> None:
+    sessions = Path(config.paths.sessions)
+    folder = output_folder(config.paths.measurements)
+    copy = recorded_copy(sessions)
+    if copy is not None:
+        measured, summary = read_measurement_set(copy), {"recorded": True}
+        console.print(f"{sessions}: {len(measured.trials)} recorded casts passed on")
+    else:
+        with bar(f"track {config.cable.name}") as progress:
+            workers = len(os.sched_getaffinity(0))
+            tracked = track_session(read_session(sessions), workers=workers, progress=progress)
+        _report_lost(tracked)
+        measured, summary = tracked.measurement_set(), tracked.summary()
+    shutil.rmtree(folder, ignore_errors=True)  # derived from the session, written anew
+    write_measurement_set(measured, folder)
+    write_text(folder / SUMMARY, json.dumps(summary, indent=2) + "\n")
+
+
+def _report_lost(tracked: TrackedSession) -> None:
+    for reason in tracked.lost.values():
+        console.print(f"lost: {reason}", style="yellow", markup=False)
+    total = len(tracked.session.casts)
+    console.print(f"{len(tracked.tracked)} of {total} casts tracked, {len(tracked.lost)} lost")
+
+
+if __name__ == "__main__":
+    stage(track)()
