@@ -1,12 +1,11 @@
 """The policy: from a target to the action whose predicted endpoint is nearest to it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from robotcast.casts.action import ACTION_COLUMNS, Action
-from robotcast.policies.forward_model import ForwardModel
+from robotcast.policies.forward_model import Predictor
 
 _MIRRORED_COLUMNS = ("theta1", "theta2", "alpha")
 
@@ -25,9 +24,7 @@ class Choice:
     predicted_m: np.ndarray
 
 
-def choose_actions(
-    model: ForwardModel, candidates: np.ndarray, targets_m: np.ndarray
-) -> list[Choice]:
+def choose_actions(model: Predictor, candidates: np.ndarray, targets_m: np.ndarray) -> list[Choice]:
     """Choose π(s) = argmin over the candidates of |f_forw(a) − s| for every target.
 
     Candidates sweep to one side of the board, the side of their θ₂. A target on the other side
@@ -64,8 +61,3 @@ def _nearest(
     row = int(np.argmin(np.linalg.norm(predicted_m - target_m * flip, axis=1)))
     action = Action.from_array(candidates[row])
     return Choice(target_m, action.mirrored() if flip[1] < 0 else action, predicted_m[row] * flip)
-
-
-def choices_by_target(choices: Sequence[Choice], repeats: int) -> list[tuple[int, int, Choice]]:
-    """List (target number, repeat number, choice) in the order in which a rig executes them."""
-    return [(t, r, choice) for t, choice in enumerate(choices) for r in range(repeats)]

@@ -4,7 +4,7 @@ Every dataset keeps a validation part. Repeats of a real action never stand on b
 duplicates are drawn after the split, so validation never sees a cast that was trained on.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -62,7 +62,7 @@ class Dataset:
     name: str
     training: Examples
     validation: Examples
-    facts: dict[str, int | float] = field(default_factory=dict)
+    facts: Mapping[str, int | float] = field(default_factory=dict)
 
 
 def real_dataset(

@@ -9,7 +9,7 @@ from robotcast.policies.datasets import Dataset
 from robotcast.progress import Progress, silent
 
 
-class ForwardModel(Protocol):
+class Predictor(Protocol):
     """f_forw: where the free end comes to rest after an action."""
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
@@ -24,6 +24,10 @@ class ForwardModel(Protocol):
         ndarray of shape (n, 2): endpoints in the robot base's frame [m].
         """
         ...
+
+
+class ForwardModel(Predictor, Protocol):
+    """A predictor that can be kept."""
 
     def save(self, folder: Path) -> None:
         """Write the model into `folder`; `policy.yaml` is written last."""

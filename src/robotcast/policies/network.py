@@ -3,7 +3,7 @@
 import hashlib
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
@@ -49,7 +49,7 @@ class Network:
     actions: Normalisation
     endpoints: Normalisation
     dataset: str
-    facts: dict[str, int | float]
+    facts: Mapping[str, int | float]
     seed: int
     best_epoch: int
     history: tuple[Epoch, ...]
@@ -74,7 +74,7 @@ class Network:
             "dataset": self.dataset,
             "seed": self.seed,
             "hidden": list(self.hidden),
-            "examples": self.facts,
+            "examples": dict(self.facts),
             "epochs": len(self.history),
             "best_epoch": self.best_epoch,
             "validation_median_m": round(best.validation_median_m, 6),

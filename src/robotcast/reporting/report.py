@@ -279,7 +279,7 @@ _COMMANDS = (
     ("dvc repro -s evaluate", "Run one stage by itself; any stage of dvc.yaml can stand there."),
     (
         "python stages/tune.py -m optimizer.seed=1,2,3",
-        "Sweep a setting without touching the results.",
+        "Sweep a setting, outside the results.",
     ),
     (
         "python stages/train.py cable=cable2 dataset=real",

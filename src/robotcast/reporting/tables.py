@@ -16,9 +16,7 @@ from robotcast.reporting.paper import CABLES, PAPER_RIG, POLICIES, QUARTILES, TU
 from robotcast.reporting.results import Evaluation, Results
 from robotcast.reporting.table import Cell, Group, Row, Table
 
-_PAPER_NOTE = (
-    f"Columns “{PAPER_RIG}”: the paper’s own values, a UR5 and real cables, for reference."
-)
+_PAPER_NOTE = f"Columns “{PAPER_RIG}”: the paper’s values, a UR5 and real cables, for reference."
 _TUNING_METRICS = ("waypoint_percent", "final_percent")
 
 
@@ -42,6 +40,7 @@ def tuning_table(results: Results) -> Table:
         Row((f"{simulator_name(s)}, {optimizer_name(o)}",), (*a, *b))
         for (s, o), a, b in zip(pairs, own, reference, strict=True)
     ]
+    rig = rig_names(results.rigs)
     floors = [results.cable(c) for c in cables]
     floor_cells = [
         Cell(getattr(c.floor, metric) if c and c.floor else None)
@@ -55,16 +54,13 @@ def tuning_table(results: Results) -> Table:
         name="tuning",
         caption=(
             f"Error of the tuned simulators on {_numbers(n_test)} held-out casts for each cable, "
-            f"in % of cable length, on the {rig_names(results.rigs)}: average waypoint error "
+            f"in % of cable length, on the {rig}: average waypoint error "
             "(Wayp.) and median final distance (Last). The noise floor is how far repeats of one "
             f"action lie from their mean: no model does better. {_PAPER_NOTE}"
         ),
         label_columns=("Sim. model",),
         groups=(
-            *(
-                Group(f"{rig_names(results.rigs)}, {cable_name(c)}", ("Wayp.", "Last"))
-                for c in cables
-            ),
+            *(Group(f"{rig}, {cable_name(c)}", ("Wayp.", "Last")) for c in cables),
             *(Group(f"{PAPER_RIG}, {cable_name(c)}", ("Wayp.", "Last")) for c in CABLES),
         ),
         rows=tuple(rows),

@@ -3,6 +3,7 @@
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import matplotlib
 from matplotlib import rc_context
@@ -15,7 +16,7 @@ YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 GREY = "#6b7280"
 
-_SETTINGS = {
+_SETTINGS: dict[Any, Any] = {
     "svg.hashsalt": "robotcast",
     "svg.fonttype": "path",
     "font.family": "DejaVu Sans",
@@ -48,8 +49,10 @@ _MATH = {
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Draw with the report's settings, without a display."""
-    with rc_context({**matplotlib.rcParamsDefault, **_SETTINGS, "backend": "agg"}):
+    """Draw with the report's settings and no others."""
+    with rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_SETTINGS)
         yield
 
 

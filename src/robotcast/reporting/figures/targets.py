@@ -19,7 +19,7 @@ _CHI2_95 = 5.991  # 95 % quantile of χ² with two degrees of freedom
 
 def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData | None]) -> Figure:
     """Draw one panel an evaluation, each over its cable's reachable area."""
-    figure = Figure(figsize=(max(4.6, 3.7 * len(evaluations)), 5.1))
+    figure = Figure(figsize=(max(4.6, 3.7 * len(evaluations)), 4.7))
     panels = figure.subplots(1, len(evaluations), sharex=True, sharey=True, squeeze=False)[0]
     for panel, evaluation, cable in zip(panels, evaluations, cables, strict=True):
         if cable and cable.simulated:

@@ -15,6 +15,7 @@ from robotcast.reporting.names import (
 from robotcast.reporting.results import Tuning
 
 _DASHES = ("-", "--", ":", "-.")
+_DOTTED = (0, (1, 2))
 
 
 def trace_figure(tunings: Sequence[Tuning], floors: dict[str, float | None]) -> Figure:
@@ -48,11 +49,9 @@ def trace_figure(tunings: Sequence[Tuning], floors: dict[str, float | None]) -> 
     for cable in cables:
         floor = floors.get(cable)
         if floor is not None:
-            axes.axhline(
-                floor, color=CYCLE[cables.index(cable) % len(CYCLE)], lw=0.8, ls=(0, (1, 2))
-            )
+            axes.axhline(floor, color=CYCLE[cables.index(cable) % len(CYCLE)], lw=0.8, ls=_DOTTED)
     if any(f is not None for f in floors.values()):
-        axes.plot([], [], color=GREY, lw=0.8, ls=(0, (1, 2)), label="noise floor (same colour)")
+        axes.plot([], [], color=GREY, lw=0.8, ls=_DOTTED, label="noise floor (same colour)")
     axes.set_ylim(bottom=0)
     axes.set_xlim(left=0)
     axes.set_xlabel("simulated casts")

@@ -1,0 +1,198 @@
+"""How far casts end from their targets (paper, "Physical Experiments")."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from robotcast.casts.action import ACTION_COLUMNS
+from robotcast.casts.plan import PlanLimits, PlannedCast
+from robotcast.measurements.measurement_set import Cable, MeasurementSet
+from robotcast.policies.choice import Choice
+from robotcast.policies.forward_model import Predictor
+from robotcast.progress import Progress, silent
+from robotcast.rigs.collect import collect_casts
+from robotcast.rigs.rig import Rig
+from robotcast.rigs.session import CastRequest, number_requests, read_session
+from robotcast.vision.facts import TrackerFacts
+from robotcast.vision.tracker import track_rest
+
+# Evaluated casts are numbered apart from collected ones, so that a virtual rig draws them
+# another chance; every policy's casts at one target draw the same.
+_FIRST_TARGET_ID = 9_000
+
+
+@dataclass(frozen=True)
+class Tested:
+    """What was tested: the names that every row of evaluation.csv carries."""
+
+    rig: str
+    cable: Cable
+    policy: str
+    dataset: str
+
+
+@dataclass(frozen=True)
+class Executed:
+    """What a rig did with a policy's choices.
+
+    Attributes
+    ----------
+    ends_m : ndarray of shape (n_choices, repeats, 2); NaN where a cast failed or was not tracked.
+    lost : why, by the cast's place (target, repeat).
+    """
+
+    ends_m: np.ndarray
+    lost: Mapping[tuple[int, int], str]
+
+
+def execute_choices(
+    rig: Rig,
+    choices: Sequence[Choice],
+    repeats: int,
+    sessions: Path,
+    settings: str,
+    limits: PlanLimits,
+    progress: Progress = silent,
+) -> Executed:
+    """Execute every choice `repeats` times and track where the free end comes to rest.
+
+    The casts lie in a session of their own under `sessions`, named after the chosen actions and
+    `settings`: a killed evaluation goes on where it was, another policy or another rig starts
+    a new session, and no cast is ever replaced.
+
+    Parameters
+    ----------
+    settings : what else decides what the rig does, as text.
+    """
+    actions = [
+        (_FIRST_TARGET_ID + target, choice.action)
+        for _ in range(repeats)
+        for target, choice in enumerate(choices)
+    ]
+    requests = number_requests(actions)
+    folder = sessions / _fingerprint(requests, settings)
+    failed = collect_casts(_RestOnly(rig), actions, folder, limits, progress).failed
+    session = read_session(folder)
+    facts = TrackerFacts.from_dict(session.facts["vision"])
+    ends_m = np.full((len(choices), repeats, 2), np.nan)
+    lost = {}
+    for place, request in enumerate(requests):
+        repeat, target = divmod(place, len(choices))
+        try:
+            if request.number in failed:
+                raise ValueError(failed[request.number])
+            ends_m[target, repeat] = track_rest(session.cast_folder(request), facts)
+        except ValueError as error:
+            lost[target, repeat] = str(error)
+    return Executed(ends_m, lost)
+
+
+def executed_table(tested: Tested, choices: Sequence[Choice], executed: Executed) -> pl.DataFrame:
+    """Return evaluation.csv for executed casts; a lost cast has no endpoint and no error."""
+    rows = []
+    for target, (choice, ends) in enumerate(zip(choices, executed.ends_m, strict=True)):
+        for repeat, end in enumerate(ends):
+            action = choice.action.as_array()
+            rows.append(
+                _row(
+                    tested,
+                    ("executed", target, repeat),
+                    choice.target_m,
+                    action,
+                    choice.predicted_m,
+                    end,
+                    end - choice.target_m,
+                )
+            )
+    return pl.DataFrame(rows).with_columns(pl.col(pl.Float64).fill_nan(None))
+
+
+def predicted_table(tested: Tested, model: Predictor, held_out: MeasurementSet) -> pl.DataFrame:
+    """Return evaluation.csv for recorded casts, which cannot be executed again.
+
+    Each held-out cast stands for a target: where it ended. The error is how far the forward
+    model's endpoint for its action lies from there, so choosing an action is not tested.
+    """
+    actions = np.stack([t.action.as_array() for t in held_out.trials])
+    rows = []
+    for trial, action, predicted in zip(
+        held_out.trials, actions, model.predict(actions), strict=True
+    ):
+        end = trial.endpoint_m
+        place = ("predicted", trial.trial, 0)
+        rows.append(_row(tested, place, end, action, predicted, end, predicted - end))
+    return pl.DataFrame(rows)
+
+
+def _row(
+    tested: Tested,
+    place: tuple[str, int, int],
+    target: np.ndarray,
+    action: np.ndarray,
+    predicted: np.ndarray,
+    end: np.ndarray,
+    away: np.ndarray,
+) -> dict[str, Any]:
+    kind, number, repeat = place
+    error_m = float(np.linalg.norm(away))
+    return {
+        "kind": kind,
+        "rig": tested.rig,
+        "cable": tested.cable.name,
+        "policy": tested.policy,
+        "dataset": tested.dataset,
+        "target": number,
+        "target_x": float(target[0]),
+        "target_y": float(target[1]),
+        "repeat": repeat,
+        **dict(zip(ACTION_COLUMNS, action.tolist(), strict=True)),
+        "predicted_x": float(predicted[0]),
+        "predicted_y": float(predicted[1]),
+        "x": float(end[0]),
+        "y": float(end[1]),
+        "error_m": error_m,
+        "error_percent": 100 * error_m / tested.cable.length_m,
+    }
+
+
+def _fingerprint(requests: Sequence[CastRequest], settings: str) -> str:
+    """Name a session after its casts (without how often each is repeated) and `settings`."""
+    actions = {request.action_id: request.action.as_array().tobytes() for request in requests}
+    content = b"".join(actions[i] for i in sorted(actions)) + settings.encode()
+    return hashlib.sha256(content).hexdigest()[:12]
+
+
+@dataclass(frozen=True)
+class _RestOnly:
+    """A rig that films only where its casts come to rest."""
+
+    rig: Rig
+
+    @property
+    def name(self) -> str:
+        return self.rig.name
+
+    @property
+    def cable(self) -> Cable:
+        return self.rig.cable
+
+    @property
+    def r0_m(self) -> float:
+        return self.rig.r0_m
+
+    @property
+    def workers(self) -> int:
+        return self.rig.workers
+
+    def facts(self) -> dict[str, Any]:
+        return self.rig.facts()
+
+    def cast(
+        self, planned: PlannedCast, number: int, folder: Path, *, rest_only: bool = True
+    ) -> None:
+        self.rig.cast(planned, number, folder, rest_only=True)

@@ -1,0 +1,54 @@
+import re
+import shutil
+
+import pytest
+
+from robotcast.reporting.report import RunFacts, make_page, write_report
+from robotcast.reporting.results import read_results
+
+ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
+FACTS = RunFacts("demo", 0, (("Trained", "at most 200 epochs"),))
+
+
+@pytest.fixture(scope="module")
+def report(data_folder, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("reports")
+    write_report(read_results(data_folder), FACTS, folder)
+    return folder
+
+
+def test_tables_come_in_three_forms_and_figures_as_svg(report) -> None:
+    tables = {p.name for p in (report / "tables").iterdir()}
+    assert tables == {
+        f"{name}.{suffix}"
+        for name in ("tuning", "policies", "cables")
+        for suffix in ("md", "tex", "csv")
+    }
+    figures = {p.stem for p in (report / "figures").glob("*.svg")}
+    assert {"tuning_trace", "errors", "targets", "overlay_cable1_segmented-de"} <= figures
+
+
+def test_the_page_needs_nothing_else(report) -> None:
+    page = (report / "index.html").read_text()
+    outside = re.findall(r'(?:src|href)="(?!data:)[^"]*"|url\((?!data:)', page)
+    assert not outside
+    assert "<script" not in page
+
+
+def test_the_page_says_that_the_virtual_rig_is_not_a_robot(report) -> None:
+    assert "The virtual rig is not a robot" in (report / "index.html").read_text()
+
+
+def test_the_same_results_give_the_same_page(data_folder, tmp_path) -> None:
+    for room in ROOMS:
+        shutil.copytree(data_folder / room / "cable2", tmp_path / room / "cable2")
+    pages = [make_page(read_results(tmp_path), FACTS).html() for _ in range(2)]
+    assert pages[0] == pages[1]
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_report_is_written_from_whatever_is_there(data_folder, room, tmp_path) -> None:
+    shutil.copytree(data_folder / room / "cable1", tmp_path / "data" / room / "cable1")
+    write_report(read_results(tmp_path / "data"), FACTS, tmp_path / "reports")
+    page = (tmp_path / "reports" / "index.html").read_text()
+    assert "Cable 1" in page
