@@ -41,9 +41,7 @@ class CableRun:
     held : ndarray of shape (5,), x, y, height above the resting height [m], yaw, pitch [rad].
     """
 
-    def __init__(
-        self, model: mujoco.MjModel, headings_rad: np.ndarray, held: np.ndarray
-    ) -> None:
+    def __init__(self, model: mujoco.MjModel, headings_rad: np.ndarray, held: np.ndarray) -> None:
         self.model, self.data = model, mujoco.MjData(model)
         self._stride = max(1, round(RECORD_S / model.opt.timestep))
         count = len(TOOL_JOINTS)
@@ -51,11 +49,15 @@ class CableRun:
         self.data.qpos[count::2] = bend_angles(headings_rad - held[3])
         mujoco.mj_forward(model, self.data)
 
+    @property
+    def held(self) -> np.ndarray:
+        """Pose of the held end now, (5,) as in the constructor."""
+        return self.data.qpos[: len(TOOL_JOINTS)].copy()
+
     def settle(self) -> None:
         """Let the cable come to rest with the held end kept where it is."""
-        held = self.data.qpos[: len(TOOL_JOINTS)].copy()
         steps = round(SETTLE_CAP_S / self.model.opt.timestep)
-        self.drive(np.tile(held, (steps + 1, 1)), moving_s=0.0)
+        self.drive(np.tile(self.held, (steps + 1, 1)), moving_s=0.0)
 
     def drive(self, path: np.ndarray, *, moving_s: float) -> Motion:
         """Move the held end along `path` and stop when the cable rests.

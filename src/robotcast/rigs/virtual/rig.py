@@ -1,5 +1,6 @@
 """The virtual rig: it stands in for the robot, the cable, the board and the camera."""
 
+import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -74,7 +75,7 @@ class VirtualRig:
 
     def facts(self) -> dict[str, Any]:
         """Return what session.yaml tells the tracker."""
-        return {"vision": self.tracker.as_dict()}
+        return {"vision": self.tracker.as_dict(), "made": self._fingerprint()}
 
     def cast(
         self, planned: PlannedCast, number: int, folder: Path, *, rest_only: bool = False
@@ -101,38 +102,37 @@ class VirtualRig:
         write_record(record, folder)
 
     def simulate_truth(
-        self,
-        planned: PlannedCast,
-        number: int,
-        *,
-        noise: CastNoise | None = None,
-        headings_rad: np.ndarray | None = None,
+        self, planned: PlannedCast, number: int, *, headings_rad: np.ndarray | None = None
     ) -> Truth:
         """Simulate cast `number` and return what really happened.
 
         Parameters
         ----------
-        noise : in place of the rig's own.
         headings_rad : ndarray of shape (segments,), how the cable lies at the start, in place
             of a draw from the resets' scatter.
         """
-        chance = draw(noise or self.noise, self.seed, number)
+        run, path = self.begin(planned, number, headings_rad=headings_rad)
+        cable = run.drive(path, moving_s=planned.end_s + 5 * self.arm.lag_s)
+        steps = np.arange(len(path)) * self.truth.step_s
+        tool = ToolMotion(steps, path[:, [0, 1, 3]])
+        return Truth(cable, ToolMotion(cable.t_s, tool.at(cable.t_s)))
+
+    def begin(
+        self, planned: PlannedCast, number: int, *, headings_rad: np.ndarray | None = None
+    ) -> tuple[CableRun, np.ndarray]:
+        """Lay the cable down for cast `number`; return it and the held end's path (steps, 5)."""
+        chance = draw(self.noise, self.seed, number)
         if headings_rad is None:
             random = generator(self.seed, number, "start")
             headings_rad = self.scatter.draw(self.truth.segments, random)
-        model = compile_cable(
-            build_cable(self.cable, self.truth.with_friction(chance.friction_factor))
-        )
+        truth = self.truth.with_friction(chance.friction_factor)
         arm = replace(self.arm, gain_error=self.arm.gain_error + chance.tool_gain)
-        until_s = planned.end_s + SLOWEST_S
-        steps = np.arange(round(until_s / self.truth.step_s) + 1) * self.truth.step_s
-        pose = arm.follow(planned.tool, steps, delay_s=chance.tool_delay_s)
+        steps = np.arange(round((planned.end_s + SLOWEST_S) / truth.step_s) + 1) * truth.step_s
         path = np.zeros((len(steps), len(TOOL_JOINTS)))
-        path[:, [0, 1, 3]] = pose
-        run = CableRun(model, headings_rad, path[0])
+        path[:, [0, 1, 3]] = arm.follow(planned.tool, steps, delay_s=chance.tool_delay_s)
+        run = CableRun(compile_cable(build_cable(self.cable, truth)), headings_rad, path[0])
         run.settle()
-        cable = run.drive(path, moving_s=planned.end_s + 5 * arm.lag_s)
-        return Truth(cable, ToolMotion(cable.t_s, ToolMotion(steps, pose).at(cable.t_s)))
+        return run, path
 
     def log_tool(self, tool: ToolMotion, number: int) -> ToolMotion:
         """Return the tool's motion as the controller logs it, at 125 Hz."""
@@ -148,9 +148,13 @@ class VirtualRig:
         times = np.array(still) if rest_only else np.concatenate([[-BEFORE_S], t_s, still[1:]])
         rows = np.searchsorted(t_s, np.clip(times, t_s[0], t_s[-1]))
         joints = joint_path(ToolMotion(times, tool[rows]), self.gripper)
-        return SceneMotion(
-            times, cable[rows], joints, self.cable.radius_m, self.truth.endpoint_radius_m
-        )
+        radius, end_radius = self.cable.radius_m, self.truth.endpoint_radius_m
+        return SceneMotion(times, cable[rows], joints, self.gripper, radius, end_radius)
+
+    def _fingerprint(self) -> str:
+        """Return a digest of everything that shapes a cast, so that no session mixes two rigs."""
+        parts = (self.truth, self.arm, self.noise, self.scatter.digest(), self.seed)
+        return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
 
     def _film_seed(self, number: int) -> int:
         return int(generator(self.seed, number, "film").integers(2**31))

@@ -1,5 +1,6 @@
 """How the start of a cast scatters from reset to reset."""
 
+import hashlib
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -31,6 +32,10 @@ class StartScatter:
         spread = (self.headings_rad - mean) / np.sqrt(len(self.headings_rad) - 1)
         drawn = mean + random.standard_normal(len(spread)) @ spread
         return self._along(drawn, segments)
+
+    def digest(self) -> str:
+        """Return a digest of the measured headings."""
+        return hashlib.sha256(self.headings_rad.tobytes() + self.places.tobytes()).hexdigest()
 
     def _along(self, headings: np.ndarray, segments: int) -> np.ndarray:
         middles = (np.arange(segments) + 0.5) / segments

@@ -1,0 +1,131 @@
+"""Collecting casts into a session: only what is missing, side by side, whatever fails."""
+
+import multiprocessing
+import os
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing.connection import wait
+from pathlib import Path
+
+import yaml
+
+from robotcast.casts.action import Action
+from robotcast.casts.plan import PlanLimits, plan_action
+from robotcast.files import atomic_folder, write_text
+from robotcast.progress import Progress, silent
+from robotcast.rigs.rig import Rig
+from robotcast.rigs.session import (
+    CastRequest,
+    exclusive,
+    missing_requests,
+    number_requests,
+    open_session,
+    write_request,
+)
+
+
+@dataclass(frozen=True)
+class Collected:
+    """What a call of `collect_casts` did.
+
+    Attributes
+    ----------
+    stood : casts that were finished before.
+    added : casts that were executed now.
+    failed : why a cast failed, by its number.
+    """
+
+    stood: int
+    added: int
+    failed: dict[int, str]
+
+
+def collect_casts(
+    rig: Rig,
+    actions: Sequence[tuple[int, Action]],
+    folder: Path,
+    limits: PlanLimits,
+    progress: Progress = silent,
+) -> Collected:
+    """Execute the casts of `actions` that the session in `folder` does not hold yet.
+
+    Parameters
+    ----------
+    actions : (action_id, action); an action that is listed again is repeated.
+    """
+    requests = number_requests(actions)
+    with exclusive(folder):
+        missing = missing_requests(open_session(rig, folder), requests)
+        stood = len(requests) - len(missing)
+        failed: dict[int, str] = {}
+        progress(stood, len(requests))
+        for done, (request, reason) in enumerate(_outcomes(rig, missing, folder, limits), 1):
+            if reason:
+                failed[request.number] = reason
+            _note_failure(folder, request, reason)
+            progress(stood + done, len(requests), f"{len(failed)} failed" if failed else "")
+    return Collected(stood, len(missing) - len(failed), dict(sorted(failed.items())))
+
+
+def _outcomes(
+    rig: Rig, requests: list[CastRequest], folder: Path, limits: PlanLimits
+) -> Iterator[tuple[CastRequest, str]]:
+    """Execute the requests; yield each with "" or with why it failed, as they finish."""
+    workers = min(rig.workers, len(requests))
+    if workers <= 1:
+        yield from ((request, _execute(rig, request, folder, limits)) for request in requests)
+        return
+    with ProcessPoolExecutor(
+        workers,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_start_worker,
+        initargs=(rig, folder, limits),
+    ) as pool:
+        running = {pool.submit(_execute_in_worker, request): request for request in requests}
+        try:
+            yield from ((running[future], future.result()) for future in as_completed(running))
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _execute(rig: Rig, request: CastRequest, folder: Path, limits: PlanLimits) -> str:
+    try:
+        planned = plan_action(request.action, r0_m=rig.r0_m, limits=limits)
+        with atomic_folder(folder / request.folder_name) as unfinished:
+            write_request(request, unfinished)
+            rig.cast(planned, request.number, unfinished)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+def _note_failure(folder: Path, request: CastRequest, reason: str) -> None:
+    path = folder / f"failed_{request.number:05d}.yaml"
+    if reason:
+        write_text(path, yaml.safe_dump({"number": request.number, "reason": reason}))
+    else:
+        path.unlink(missing_ok=True)
+
+
+_in_worker: tuple[Rig, Path, PlanLimits]
+
+
+def _start_worker(rig: Rig, folder: Path, limits: PlanLimits) -> None:
+    global _in_worker
+    _in_worker = (rig, folder, limits)
+    threading.Thread(target=_die_with_parent, daemon=True).start()
+
+
+def _die_with_parent() -> None:
+    # A collector killed with -9 must not leave workers that write into the next one's session.
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+
+def _execute_in_worker(request: CastRequest) -> str:
+    rig, folder, limits = _in_worker
+    return _execute(rig, request, folder, limits)

@@ -1,0 +1,77 @@
+"""Making the configured rig, for the stages that cast with it."""
+
+from typing import Any
+
+from omegaconf import DictConfig, OmegaConf
+
+from robotcast.measurements.measurement_set import Cable
+from robotcast.rigs.rig import Rig
+from robotcast.rigs.ur5 import Gripper
+from robotcast.rigs.virtual.arm import ArmDynamics
+from robotcast.rigs.virtual.cable import CableTruth
+from robotcast.rigs.virtual.chance import CastNoise
+from robotcast.rigs.virtual.picture import PictureSettings
+from robotcast.rigs.virtual.rig import VirtualRig
+from robotcast.rigs.virtual.scatter import StartScatter, packaged_scatter, read_scatter
+from robotcast.vision.camera import Camera
+from robotcast.vision.facts import TrackerFacts
+from robotcast.vision.fiducials import FiducialBoard
+
+WEIGHED = ("name", "length_m", "mass_kg", "radius_m", "endpoint_mass_kg")
+
+
+def weighed_cable(config: DictConfig) -> Cable:
+    """Return the configured cable as its owner measured it."""
+    return Cable(**{name: config.cable[name] for name in WEIGHED})
+
+
+def build_rig(config: DictConfig) -> Rig:
+    """Return the rig that `rig=` names; it must be one that can cast."""
+    if config.rig.name != "virtual":
+        raise ValueError(f"rig={config.rig.name} cannot cast; the rigs that can: virtual")
+    return build_virtual_rig(config)
+
+
+def build_virtual_rig(config: DictConfig, scatter: StartScatter | None = None) -> VirtualRig:
+    """Return the virtual rig with the configured cable; `scatter` in place of the measured one."""
+    plain: Any = _tuples(OmegaConf.to_container(config, resolve=True))
+    cable, camera = weighed_cable(config), plain["camera"]
+    end_radius = float(plain["cable"]["endpoint_radius_m"])
+    board = camera["board"]
+    fiducials = FiducialBoard.along_edges(**board, **camera["fiducials"])
+    nominal = camera["nominal"] | {"endpoint_radius_m": end_radius}
+    tracker = TrackerFacts.from_dict(
+        {
+            **nominal,
+            "exposure_s": camera["picture"]["exposure_s"],
+            "endpoint_height_m": end_radius,
+            "fiducials": fiducials.as_dict(),
+        }
+    )
+    return VirtualRig(
+        cable=cable,
+        truth=CableTruth(**plain["cable"]["truth"], endpoint_radius_m=end_radius),
+        r0_m=plain["casts"]["r0_m"],
+        arm=ArmDynamics(**plain["rig"]["arm"]),
+        noise=CastNoise(**plain["rig"]["noise"]),
+        scatter=scatter or read_scatter(packaged_scatter(cable.name)),
+        gripper=Gripper(held_height_m=cable.radius_m),
+        camera=Camera.overhead(**camera["lens"]),
+        picture=PictureSettings(
+            fiducials=fiducials,
+            board_length_m=board["length_m"],
+            board_width_m=board["width_m"],
+            board_bgr=tracker.board_bgr,
+            endpoint_bgr=tracker.endpoint_bgr,
+            **camera["picture"],
+        ),
+        tracker=tracker,
+        seed=plain["seed"],
+        workers=plain["rig"]["workers"],
+    )
+
+
+def _tuples(node: Any) -> Any:
+    if isinstance(node, dict):
+        return {key: _tuples(value) for key, value in node.items()}
+    return tuple(map(_tuples, node)) if isinstance(node, list) else node
