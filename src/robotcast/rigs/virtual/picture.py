@@ -69,13 +69,13 @@ class PictureSettings:
     fiducials: FiducialBoard
     board_length_m: float
     board_width_m: float
-    fps: float = 60.0
-    exposure_s: float = 0.004
-    noise_grey: float = 2.5
-    vignetting: float = 0.12
-    board_bgr: tuple[float, float, float] = (150.0, 85.0, 35.0)
-    endpoint_bgr: tuple[float, float, float] = (150.0, 30.0, 240.0)
-    cable_bgr: tuple[float, float, float] = (205.0, 210.0, 215.0)
+    fps: float
+    exposure_s: float
+    noise_grey: float
+    vignetting: float
+    board_bgr: tuple[float, float, float]
+    endpoint_bgr: tuple[float, float, float]
+    cable_bgr: tuple[float, float, float]
 
 
 def frame_starts(motion: SceneMotion, settings: PictureSettings) -> np.ndarray:
