@@ -22,10 +22,12 @@ def stages() -> dict[str, dict[str, Any]]:
 
 
 def module_file(module: str) -> Path | None:
-    base = (ROOT / "src").joinpath(*module.split("."))
-    if base.with_suffix(".py").is_file():
-        return base.with_suffix(".py")
-    return base / "__init__.py" if (base / "__init__.py").is_file() else None
+    """Return the file of a module of this repository; stage scripts import their neighbours."""
+    for root in (ROOT / "src", ROOT / "stages"):
+        file = root.joinpath(*module.split(".")).with_suffix(".py")
+        if file.is_file():
+            return file
+    return None
 
 
 def imports(file: Path) -> Iterator[Path]:
@@ -36,8 +38,8 @@ def imports(file: Path) -> Iterator[Path]:
         elif isinstance(node, ast.ImportFrom) and node.module:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
         for name in names:
-            found = module_file(name) if name.split(".")[0] == "robotcast" else None
-            if found is not None and found.name != "__init__.py":
+            found = module_file(name)
+            if found is not None:
                 yield found
 
 
