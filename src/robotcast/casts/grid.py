@@ -113,10 +113,10 @@ def feasible_actions(
     n = len(curves.actions)
     first, member = distinct_arcs(curves.actions)
     places = _broken_by(broken_place_rules, curves.rows(first), PLACE_SAMPLE_S, envelope, silent)
-    broken = {rule: outside[member] for rule, outside in places.items()}
+    broken: dict[Rule, np.ndarray] = {rule: bad[member] for rule, bad in places.items()}
     broken |= _broken_by(broken_joint_rules, curves, JOINT_SAMPLE_S, envelope, progress)
     kept = ~np.any(list(broken.values()), axis=0)
-    counts = {rule: int(outside.sum()) for rule, outside in broken.items()}
+    counts: dict[Rule, int] = {rule: int(outside.sum()) for rule, outside in broken.items()}
     return curves.actions[kept], FilterReport(n, int(kept.sum()), counts)
 
 
