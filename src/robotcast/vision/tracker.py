@@ -144,7 +144,7 @@ def _track(folder: Path, facts: TrackerFacts) -> _Track:
 def _frames(video: Path) -> Iterator[np.ndarray]:
     if not video.is_file():
         raise ValueError(f"{video}: no such video")
-    reader = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG)
+    reader = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
     try:
         while True:
             read, frame = reader.read()

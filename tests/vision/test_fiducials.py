@@ -1,0 +1,31 @@
+import cv2
+import numpy as np
+
+from robotcast.rigs.virtual.backdrop import backdrop
+from robotcast.vision.facts import TrackerFacts
+from robotcast.vision.fiducials import FiducialBoard, find_markers
+
+
+def test_all_markers_are_found_where_the_camera_projects_them(lab):
+    board = lab.facts.fiducials
+    scene = backdrop(lab.camera, board, lab.picture.board_bgr, (1.55, 2.45))
+    found = find_markers(cv2.cvtColor(scene, cv2.COLOR_BGR2GRAY), board)
+    assert len(found) == len(board.centres_m) == 20
+    for number, corners_px in found.items():
+        corners_m = np.column_stack([board.corners_m(number), np.zeros(4)])
+        misses = np.linalg.norm(corners_px - lab.camera.project(corners_m), axis=1)
+        assert misses.max() < 1.0
+        centre_miss = corners_px.mean(axis=0) - lab.camera.project(corners_m).mean(axis=0)
+        assert np.abs(centre_miss).max() < 0.3
+
+
+def test_markers_lie_on_the_board_and_leave_the_base_free():
+    board = FiducialBoard.along_edges(1.55, 2.45, side_m=0.08, margin_m=0.07, spacing_m=0.35)
+    x, y = np.array(board.centres_m).T
+    assert x.min() > 0.04 and x.max() < 1.51 and np.abs(y).max() < 1.185
+    assert np.all((x > 0.2) | (np.abs(y) > 0.17))
+    assert len(set(board.centres_m)) == len(board.centres_m)
+
+
+def test_facts_survive_the_session_file(lab):
+    assert TrackerFacts.from_dict(lab.facts.as_dict()) == lab.facts
