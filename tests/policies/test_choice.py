@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robotcast.policies.choice import choose_actions, mirror_actions, sweep_side
+from robotcast.policies.choice import choose_actions
 
 
 def test_the_choice_is_the_candidate_predicted_nearest_to_the_target(world) -> None:
@@ -32,12 +32,6 @@ def test_candidates_are_predicted_once_for_all_targets(world) -> None:
     model = Counting()
     choose_actions(model, world.actions(50), np.tile([0.8, -0.5], (16, 1)))
     assert model.calls == 1
-
-
-def test_mirrored_twice_is_the_same_action_on_the_other_side(world) -> None:
-    actions = world.actions(20)
-    assert np.array_equal(mirror_actions(mirror_actions(actions)), actions)
-    assert sweep_side(mirror_actions(actions)) == -sweep_side(actions)
 
 
 def test_no_candidate_is_refused(world) -> None:

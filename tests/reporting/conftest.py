@@ -43,7 +43,9 @@ def write_data(folder: Path, *, rig: str = "virtual", repeats: int = 5) -> Path:
         rng = np.random.default_rng(number)
         measured = _measured(cable, length_m, rig, rng)
         write_measurement_set(measured, folder / "measurements" / cable)
-        (folder / "measurements" / cable / "tracking.yaml").write_text("lost_casts: 1\n")
+        (folder / "measurements" / cable / "tracking.json").write_text(
+            '{"casts": 61, "lost": [{"trial": 7, "reason": "hidden"}]}'
+        )
         _write_tuned(folder / "tuned" / cable / "segmented-de", measured, rng)
         _write_simulated(folder / "simulated" / cable, rng)
         for dataset in ("real", "simulated", "mixed") if cable == "cable1" else ("mixed",):

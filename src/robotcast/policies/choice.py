@@ -4,10 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.casts.action import ACTION_COLUMNS, Action
+from robotcast.casts.action import Action
 from robotcast.policies.forward_model import Predictor
-
-_MIRRORED_COLUMNS = ("theta1", "theta2", "alpha")
 
 
 @dataclass(frozen=True)
@@ -27,9 +25,9 @@ class Choice:
 def choose_actions(model: Predictor, candidates: np.ndarray, targets_m: np.ndarray) -> list[Choice]:
     """Choose π(s) = argmin over the candidates of |f_forw(a) − s| for every target.
 
-    Candidates sweep to one side of the board, the side of their θ₂. A target on the other side
-    gets the mirror image of the cast chosen for its mirror image (paper, "Parameterized
-    Actions"); so the candidates are predicted once, whatever the number of targets.
+    Candidates come to rest mostly on one half of the board. A target on the other half gets the
+    mirror image of the cast chosen for its mirror image (paper, "Parameterized Actions"); so the
+    candidates are predicted once, whatever the number of targets.
 
     Parameters
     ----------
@@ -39,19 +37,13 @@ def choose_actions(model: Predictor, candidates: np.ndarray, targets_m: np.ndarr
     if len(candidates) == 0:
         raise ValueError("no candidate action is feasible: widen the ranges of the action grid")
     predicted = model.predict(candidates)
-    side = sweep_side(candidates)
+    side = rest_side(predicted)
     return [_nearest(candidates, predicted, target, side) for target in targets_m]
 
 
-def sweep_side(actions: np.ndarray) -> float:
-    """Return +1 when the second arcs of `actions` (n, 6) end on the left, −1 on the right."""
-    return 1.0 if np.median(actions[:, ACTION_COLUMNS.index("theta2")]) > 0 else -1.0
-
-
-def mirror_actions(actions: np.ndarray) -> np.ndarray:
-    """Return actions (n, 6) mirrored about the board's axis of symmetry."""
-    signs = np.array([-1.0 if c in _MIRRORED_COLUMNS else 1.0 for c in ACTION_COLUMNS])
-    return actions * signs
+def rest_side(endpoints_m: np.ndarray) -> float:
+    """Return +1 when most of `endpoints_m` (n, 2) lie on the left half (y > 0), −1 otherwise."""
+    return 1.0 if np.median(endpoints_m[:, 1]) > 0 else -1.0
 
 
 def _nearest(

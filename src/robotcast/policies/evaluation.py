@@ -18,7 +18,6 @@ from robotcast.progress import Progress, silent
 from robotcast.rigs.collect import collect_casts
 from robotcast.rigs.rig import Rig
 from robotcast.rigs.session import CastRequest, number_requests, read_session
-from robotcast.vision.facts import TrackerFacts
 from robotcast.vision.tracker import track_rest
 
 # Evaluated casts are numbered apart from collected ones, so that a virtual rig draws them
@@ -78,7 +77,6 @@ def execute_choices(
     folder = sessions / _fingerprint(requests, settings)
     failed = collect_casts(_RestOnly(rig), actions, folder, limits, progress).failed
     session = read_session(folder)
-    facts = TrackerFacts.from_dict(session.facts["vision"])
     ends_m = np.full((len(choices), repeats, 2), np.nan)
     lost = {}
     for place, request in enumerate(requests):
@@ -86,7 +84,7 @@ def execute_choices(
         try:
             if request.number in failed:
                 raise ValueError(failed[request.number])
-            ends_m[target, repeat] = track_rest(session.cast_folder(request), facts)
+            ends_m[target, repeat] = track_rest(session.cast_folder(request), session)
         except ValueError as error:
             lost[target, repeat] = str(error)
     return Executed(ends_m, lost)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotcast.casts.action import ACTION_COLUMNS
-from robotcast.policies.choice import sweep_side
+from robotcast.policies.choice import rest_side
 
 _CELL_M = 0.05
 _OUTLINE_BINS = 72
@@ -20,8 +20,8 @@ class Sector:
     half_angle_rad: float
 
 
-def spread_targets(actions: np.ndarray, endpoints_m: np.ndarray, count: int) -> np.ndarray:
-    """Spread `count` targets evenly over the well-populated reachable area of one half.
+def spread_targets(endpoints_m: np.ndarray, count: int) -> np.ndarray:
+    """Spread `count` targets evenly over the well-populated reachable area of the usual half.
 
     The targets depend on D_sim alone, so every policy of a cable is tested on the same ones, and
     no random number enters: cells of 5 cm that hold enough endpoints are clustered by Lloyd's
@@ -29,14 +29,13 @@ def spread_targets(actions: np.ndarray, endpoints_m: np.ndarray, count: int) -> 
 
     Parameters
     ----------
-    actions : ndarray of shape (n, 6), the actions of D_sim; they tell the half swept.
-    endpoints_m : ndarray of shape (n, 2), where they ended.
+    endpoints_m : ndarray of shape (n, 2), where the casts of D_sim ended.
 
     Returns
     -------
     ndarray of shape (count, 2) [m], ordered by angle about the robot base.
     """
-    side = sweep_side(actions)
+    side = rest_side(endpoints_m)
     cells = _populated_cells(endpoints_m[endpoints_m[:, 1] * side > 0])
     if len(cells) < count:
         raise ValueError(

@@ -219,7 +219,7 @@ def _glance_row(results: Results, cable: CableData) -> tuple[str, ...]:
         cable_name(cable.name),
         f"{measured.cable.length_m:.2f} m" if measured else "–",
         str(len(measured.trials)) if measured else "–",
-        str(cable.tracking.get("lost_casts", "–")),
+        str(len(cable.tracking["lost"])) if "lost" in cable.tracking else "–",
         _pair(floor.waypoint_percent, floor.final_percent) if floor else "–",
         _pair(_test_error(best), best.error("test", "final_percent")) if best else "–",
         thousands(len(cable.simulated)) if cable.simulated else "–",

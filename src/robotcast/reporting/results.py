@@ -87,7 +87,12 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class CableData:
-    """What was measured and generated with one cable."""
+    """What was measured and generated with one cable.
+
+    Attributes
+    ----------
+    tracking, generation : the summaries that track and generate wrote, empty where unknown.
+    """
 
     name: str
     measured: MeasurementSet | None
@@ -164,7 +169,7 @@ def _read_cable(data: Path, name: str) -> CableData:
         name=name,
         measured=measured,
         floor=noise_floor(measured) if measured else None,
-        tracking=_read_yaml(folder / "tracking.yaml"),
+        tracking=_read_yaml(folder / "tracking.json"),
         simulated=read_simulated(casts) if casts.exists() else None,
         generation=_read_yaml(casts.with_name("generation.yaml")),
     )
