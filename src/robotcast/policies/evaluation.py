@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import polars as pl
+import yaml
 
 from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.plan import PlanLimits, PlannedCast
@@ -26,7 +27,7 @@ _FIRST_TARGET_ID = 9_000
 
 
 @dataclass(frozen=True)
-class Tested:
+class Subject:
     """What was tested: the names that every row of evaluation.csv carries."""
 
     rig: str
@@ -74,7 +75,8 @@ def execute_choices(
         for target, choice in enumerate(choices)
     ]
     requests = number_requests(actions)
-    folder = sessions / _fingerprint(requests, settings)
+    told = settings + yaml.safe_dump(rig.facts())
+    folder = sessions / _fingerprint(requests, told)
     failed = collect_casts(_RestOnly(rig), actions, folder, limits, progress).failed
     session = read_session(folder)
     ends_m = np.full((len(choices), repeats, 2), np.nan)
@@ -90,7 +92,7 @@ def execute_choices(
     return Executed(ends_m, lost)
 
 
-def executed_table(tested: Tested, choices: Sequence[Choice], executed: Executed) -> pl.DataFrame:
+def executed_table(subject: Subject, choices: Sequence[Choice], executed: Executed) -> pl.DataFrame:
     """Return evaluation.csv for executed casts; a lost cast has no endpoint and no error."""
     rows = []
     for target, (choice, ends) in enumerate(zip(choices, executed.ends_m, strict=True)):
@@ -98,7 +100,7 @@ def executed_table(tested: Tested, choices: Sequence[Choice], executed: Executed
             action = choice.action.as_array()
             rows.append(
                 _row(
-                    tested,
+                    subject,
                     ("executed", target, repeat),
                     choice.target_m,
                     action,
@@ -110,7 +112,7 @@ def executed_table(tested: Tested, choices: Sequence[Choice], executed: Executed
     return pl.DataFrame(rows).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
-def predicted_table(tested: Tested, model: Predictor, held_out: MeasurementSet) -> pl.DataFrame:
+def predicted_table(subject: Subject, model: Predictor, held_out: MeasurementSet) -> pl.DataFrame:
     """Return evaluation.csv for recorded casts, which cannot be executed again.
 
     Each held-out cast stands for a target: where it ended. The error is how far the forward
@@ -123,12 +125,12 @@ def predicted_table(tested: Tested, model: Predictor, held_out: MeasurementSet) 
     ):
         end = trial.endpoint_m
         place = ("predicted", trial.trial, 0)
-        rows.append(_row(tested, place, end, action, predicted, end, predicted - end))
+        rows.append(_row(subject, place, end, action, predicted, end, predicted - end))
     return pl.DataFrame(rows)
 
 
 def _row(
-    tested: Tested,
+    subject: Subject,
     place: tuple[str, int, int],
     target: np.ndarray,
     action: np.ndarray,
@@ -140,10 +142,10 @@ def _row(
     error_m = float(np.linalg.norm(away))
     return {
         "kind": kind,
-        "rig": tested.rig,
-        "cable": tested.cable.name,
-        "policy": tested.policy,
-        "dataset": tested.dataset,
+        "rig": subject.rig,
+        "cable": subject.cable.name,
+        "policy": subject.policy,
+        "dataset": subject.dataset,
         "target": number,
         "target_x": float(target[0]),
         "target_y": float(target[1]),
@@ -154,7 +156,7 @@ def _row(
         "x": float(end[0]),
         "y": float(end[1]),
         "error_m": error_m,
-        "error_percent": 100 * error_m / tested.cable.length_m,
+        "error_percent": 100 * error_m / subject.cable.length_m,
     }
 
 
