@@ -18,8 +18,8 @@ class PlanLimits:
     r_min_m, r_max_m : radii between which the tool may plan to move.
     """
 
-    angular_acceleration_rad_s2: float = 20.0
-    angular_jerk_rad_s3: float = 400.0
+    angular_acceleration_rad_s2: float = 15.0
+    angular_jerk_rad_s3: float = 250.0
     period_s: float = 0.008
     vmax_m_s: float = 2.5
     angle_rad: float = 1.5
