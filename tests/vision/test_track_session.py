@@ -27,10 +27,14 @@ def session(lab, tmp_path):
 
 def test_a_cast_that_cannot_be_tracked_is_lost_and_the_others_go_on(session):
     reported = []
-    tracked = track_session(session, progress=lambda *state: reported.append(state))
+
+    def progress(done: int, total: int, note: str = "") -> None:
+        reported.append((done, total, note))
+
+    tracked = track_session(session, progress=progress)
     assert sorted(tracked.tracked) == [0, 10000]
     assert "cast_00001" in tracked.lost[1] and "no fiducials" in tracked.lost[1]
-    assert reported[0] == (0, 3) and reported[-1] == (3, 3, "1 lost")
+    assert reported[0] == (0, 3, "") and reported[-1] == (3, 3, "1 lost")
     summary = tracked.summary()
     assert summary["casts"] == 3 and summary["tracked"] == 2
     assert summary["lost"][0]["trial"] == 1
