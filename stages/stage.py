@@ -24,6 +24,8 @@ from rich.text import Text
 
 console = Console(stderr=True)
 
+CONFIGURATION = str(Path(__file__).resolve().parents[1] / "conf")
+
 
 def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
     """Turn `body(config)` into a command: composed by Hydra, refusing bad input in one line."""
@@ -35,7 +37,7 @@ def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
             console.print(f"{Path(sys.argv[0]).stem}: {error}", style="bold red", markup=False)
             sys.exit(2)
 
-    return hydra.main(version_base=None, config_path="../conf", config_name="config")(run)
+    return hydra.main(version_base=None, config_path=CONFIGURATION, config_name="config")(run)
 
 
 def output_folder(default: str) -> Path:

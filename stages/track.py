@@ -31,9 +31,16 @@ def track(config: DictConfig) -> None:
             tracked = track_session(read_session(sessions), workers=workers, progress=progress)
         _report_lost(tracked)
         measured, summary = tracked.measurement_set(), tracked.summary()
-    shutil.rmtree(folder, ignore_errors=True)  # derived from the session, written anew
+    _clear(folder)
     write_measurement_set(measured, folder)
     write_text(folder / SUMMARY, json.dumps(summary, indent=2) + "\n")
+
+
+def _clear(folder: Path) -> None:
+    """Remove what an earlier run of this stage wrote; refuse to remove anything else."""
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / SUMMARY).is_file():
+        raise ValueError(f"{folder}: holds files that this stage did not write")
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _report_lost(tracked: TrackedSession) -> None:

@@ -64,7 +64,7 @@ def test_an_end_that_rests_behind_the_arm_is_lost(lab, tmp_path):
         return np.column_stack([np.full(len(t), 0.4), np.interp(t, [0, 0.3], [0.45, 0.06])])
 
     folder = lab.film(tmp_path, lab.scene(hide))
-    with pytest.raises(ValueError, match="hidden where it came to rest"):
+    with pytest.raises(ValueError, match="out of sight where it came to rest"):
         track_cast(folder, lab.session())
 
 
