@@ -1,10 +1,16 @@
-"""Making the configured rig, for the stages that cast with it."""
+"""Making the configured rig and its grids of actions, for the stages that cast."""
 
 from typing import Any
 
+import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
+from robotcast.casts.grid import ActionGrid, FilterReport, GridCounts, feasible_actions
+from robotcast.casts.plan import PlanLimits
+from robotcast.casts.reset import ResetSettings
 from robotcast.measurements.measurement_set import Cable
+from robotcast.progress import Progress, silent
+from robotcast.rigs.envelope import Envelope, ToolBox
 from robotcast.rigs.rig import Rig
 from robotcast.rigs.ur5 import Gripper
 from robotcast.rigs.virtual.arm import ArmDynamics
@@ -12,7 +18,7 @@ from robotcast.rigs.virtual.cable import CableTruth
 from robotcast.rigs.virtual.chance import CastNoise
 from robotcast.rigs.virtual.picture import PictureSettings
 from robotcast.rigs.virtual.rig import VirtualRig
-from robotcast.rigs.virtual.scatter import StartScatter, packaged_scatter, read_scatter
+from robotcast.rigs.virtual.scatter import StartScatter, packaged_scatter
 from robotcast.vision.camera import Camera
 from robotcast.vision.facts import TrackerFacts
 from robotcast.vision.fiducials import FiducialBoard
@@ -23,6 +29,42 @@ WEIGHED = ("name", "length_m", "mass_kg", "radius_m", "endpoint_mass_kg")
 def weighed_cable(config: DictConfig) -> Cable:
     """Return the configured cable as its owner measured it."""
     return Cable(**{name: config.cable[name] for name in WEIGHED})
+
+
+def build_limits(config: DictConfig) -> PlanLimits:
+    """Return the limits of the planned tool motion."""
+    return PlanLimits(**config.casts.limits)
+
+
+def build_reset(config: DictConfig) -> ResetSettings:
+    """Return the shape and timing of the reset."""
+    return ResetSettings(**config.casts.reset)
+
+
+def build_envelope(config: DictConfig) -> Envelope:
+    """Return what the arm may do during a cast."""
+    plain: Any = _tuples(OmegaConf.to_container(config.casts.envelope, resolve=True))
+    plain.pop("reset_box")
+    box, gripper = ToolBox(**plain.pop("box")), Gripper(**plain.pop("gripper"))
+    return Envelope(**plain, box=box, gripper=gripper)
+
+
+def feasible_grid(
+    config: DictConfig, progress: Progress = silent, *, grid: str = "generated"
+) -> np.ndarray:
+    """Return the actions (m, 6) of the grid `collected` or `generated` that the arm can do."""
+    return filtered_grid(config, progress, grid=grid)[0]
+
+
+def filtered_grid(
+    config: DictConfig, progress: Progress = silent, *, grid: str
+) -> tuple[np.ndarray, FilterReport]:
+    """Return a grid's feasible actions (m, 6) and what became of the others."""
+    plain: Any = _tuples(OmegaConf.to_container(config.casts.grids[grid], resolve=True))
+    actions = ActionGrid(**{**plain, "counts": GridCounts(**plain["counts"])})
+    return feasible_actions(
+        actions, config.casts.r0_m, build_limits(config), build_envelope(config), progress
+    )
 
 
 def build_rig(config: DictConfig) -> Rig:
@@ -54,7 +96,7 @@ def build_virtual_rig(config: DictConfig, scatter: StartScatter | None = None) -
         r0_m=plain["casts"]["r0_m"],
         arm=ArmDynamics(**plain["rig"]["arm"]),
         noise=CastNoise(**plain["rig"]["noise"]),
-        scatter=scatter or read_scatter(packaged_scatter(cable.name)),
+        scatter=scatter or packaged_scatter(cable.name),
         gripper=Gripper(held_height_m=cable.radius_m),
         camera=Camera.overhead(**camera["lens"]),
         picture=PictureSettings(

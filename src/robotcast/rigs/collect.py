@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import wait
 from pathlib import Path
 
+import numpy as np
 import yaml
 
 from robotcast.casts.action import Action
@@ -25,6 +26,8 @@ from robotcast.rigs.session import (
     write_request,
 )
 
+REPEATS_OF_ONE = 3
+
 
 @dataclass(frozen=True)
 class Collected:
@@ -40,6 +43,23 @@ class Collected:
     stood: int
     added: int
     failed: dict[int, str]
+
+
+def choose_casts(
+    actions: np.ndarray, casts: int, repeats: int, seed: int
+) -> list[tuple[int, Action]]:
+    """Choose what to collect of the feasible actions (m, 6): a random part, some of it again.
+
+    The choice for fewer casts is contained in the choice for more.
+
+    Parameters
+    ----------
+    casts : distinct actions, all of them when there are no more.
+    repeats : further casts; they repeat the first of the chosen actions, three times each.
+    """
+    order = np.random.default_rng(seed).permutation(len(actions))[:casts]
+    again = np.repeat(order, REPEATS_OF_ONE)[:repeats]
+    return [(int(row), Action.from_array(actions[row])) for row in (*order, *again)]
 
 
 def collect_casts(

@@ -61,14 +61,24 @@ def scatter_table(scatter: StartScatter) -> pl.DataFrame:
     return pl.DataFrame({"reset": np.arange(len(scatter.headings_rad)), **columns})
 
 
-def packaged_scatter(cable_name: str) -> Path:
-    """Return the committed table of a cable of the virtual rig."""
+def straight_start() -> StartScatter:
+    """Return a start without scatter, straight along +x."""
+    return StartScatter(np.array([0.0, 1.0]), np.zeros((3, 2)))
+
+
+def packaged_path(cable_name: str) -> Path:
+    """Return where the committed table of a cable belongs."""
     folder = Path(str(resources.files("robotcast.rigs.virtual"))) / "scatter"
-    path = folder / f"{cable_name}.csv"
+    return folder / f"{cable_name}.csv"
+
+
+def packaged_scatter(cable_name: str) -> StartScatter:
+    """Read the committed table of a cable of the virtual rig."""
+    path = packaged_path(cable_name)
     if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in folder.glob("*.csv")))
+        known = ", ".join(sorted(p.stem for p in path.parent.glob("*.csv")))
         raise ValueError(
-            f"virtual rig: no resets were measured for {cable_name}; known: {known}; "
-            "stages/measure_reset.py measures them"
+            f"virtual rig: no resets were measured for {cable_name} (known: {known}); "
+            f"stages/measure_reset.py cable={cable_name} measures them"
         )
-    return path
+    return read_scatter(path)
