@@ -261,8 +261,8 @@ def _run(results: Results, facts: RunFacts) -> tuple[tuple[str, str], ...]:
                 f"{thousands(casts)} simulated casts, seed {tuning.facts.get('seed', '–')}{stuck}",
             )
         )
-    for (cable, _), policy in results.policies.items():
-        name = policy_name(policy.get("policy", "nn"), policy["dataset"])
+    for (cable, folder), policy in results.policies.items():
+        name = policy_name(*folder.rsplit("-", 1))
         examples = ", ".join(f"{k.replace('_', ' ')} {v}" for k, v in policy["examples"].items())
         rows.append(
             (
