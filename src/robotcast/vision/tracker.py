@@ -175,4 +175,5 @@ def _whole_only(found: list[Detection | None], video: Path) -> np.ndarray:
 
 def _require_rest(seen: np.ndarray, folder: Path) -> None:
     if not np.any(seen[-_CALIBRATION_FRAMES:]):
-        raise ValueError(f"{folder / VIDEO_FILE}: the endpoint is out of sight where it came to rest")
+        video = folder / VIDEO_FILE
+        raise ValueError(f"{video}: the endpoint is out of sight where it came to rest")
