@@ -44,7 +44,8 @@ def test_the_tool_rests_at_start_turn_and_end():
 def test_speed_never_exceeds_vmax_and_reaches_it_on_a_long_slow_arc():
     curves = plan_curves(random_actions(400), R0_M, LIMITS)
     t_s = np.linspace(0, 1, 3001) * curves.end_s[:, None]
-    xy = curves.pose_at(t_s)[..., :2]
+    angle, radius = curves.angle_at(t_s)[0], curves.radius_at(t_s)[0]
+    xy = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
     speed = np.linalg.norm(np.diff(xy, axis=1), axis=2) / np.diff(t_s, axis=1)
     assert np.all(speed.max(axis=1) <= curves.actions[:, 5])
     slow = curves.actions[:, 5] < 0.8

@@ -10,9 +10,10 @@ from robotcast.rigs.capsules import segment_distance
 from robotcast.rigs.envelope import (
     Envelope,
     ToolBox,
+    broken_collision_rules,
     broken_joint_rules,
-    broken_place_rules,
     broken_rules,
+    broken_tool_rules,
 )
 from robotcast.rigs.ur5 import GRIPPER, joint_path, joints_pointing_down, tilted_joint_path
 
@@ -156,9 +157,10 @@ def test_many_motions_at_once_break_what_each_breaks_alone():
     actions[:, 1] = np.nan
     curves = plan_curves(actions, 0.6, PlanLimits())
     t_s = np.arange(0, curves.end_s.max() + 0.01, 0.004)
-    joints = joints_pointing_down(curves.pose_at(np.tile(t_s, (12, 1))))
+    joints = joints_pointing_down(curves.poses_at(t_s))
     together = broken_joint_rules(t_s, joints, ENVELOPE)
-    together |= broken_place_rules(t_s, joints, ENVELOPE)
+    together |= broken_tool_rules(t_s, joints, ENVELOPE)
+    together |= broken_collision_rules(t_s, joints, ENVELOPE)
     alone = [rules(t_s, motion) for motion in joints]
     assert any(alone) and not all(alone)
     for row, broken in enumerate(alone):

@@ -93,13 +93,19 @@ class CastCurves:
         rate = ((3 * c3 * s + 2 * c2) * s + slope_low) / length
         return radius, np.where(t_s < end[:, None], rate, 0.0)
 
-    def pose_at(self, t_s: np.ndarray) -> np.ndarray:
-        """Return x [m], y [m] and yaw [rad] at times `t_s` (n, m) as (n, m, 3)."""
-        angle, _ = self.angle_at(t_s)
-        radius, _ = self.radius_at(t_s)
-        turn, end = self.turn_s[:, None], self.end_s[:, None]
-        yaw = angle + self.actions[:, 4, None] * smooth_step((t_s - turn) / (end - turn))
-        return np.stack([radius * np.cos(angle), radius * np.sin(angle), yaw], axis=-1)
+    def poses_at(self, t_s: np.ndarray) -> np.ndarray:
+        """Return x [m], y [m] and yaw [rad] of all casts at times `t_s` (m,) as (n, m, 3)."""
+        first, member = distinct_arcs(self.actions)
+        arcs = self.rows(first)
+        times = np.broadcast_to(t_s, (len(first), len(t_s)))
+        angle, _ = arcs.angle_at(times)
+        radius, _ = arcs.radius_at(times)
+        turn, end = arcs.turn_s[:, None], arcs.end_s[:, None]
+        blend = smooth_step((times - turn) / (end - turn))
+        path = np.stack([radius * np.cos(angle), radius * np.sin(angle), angle], axis=-1)
+        poses = path[member]
+        poses[..., 2] += self.actions[:, 4, None] * blend[member]
+        return poses
 
     def peak_speeds(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the largest angular rate [rad/s] and tool speed [m/s] of both arcs, (n, 2)."""

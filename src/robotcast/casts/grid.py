@@ -9,13 +9,20 @@ from robotcast.casts.curves import CastCurves, distinct_arcs, plan_curves
 from robotcast.casts.limits import PlanLimits
 from robotcast.casts.plan import check_actions
 from robotcast.progress import Progress, silent
-from robotcast.rigs.envelope import Envelope, Rule, broken_joint_rules, broken_place_rules
+from robotcast.rigs.envelope import (
+    Envelope,
+    Rule,
+    broken_collision_rules,
+    broken_joint_rules,
+    broken_tool_rules,
+)
 from robotcast.rigs.ur5 import joints_pointing_down
 
 JOINT_SAMPLE_S = 0.004
 PLACE_SAMPLE_S = 0.008
 ROWS_AT_ONCE = 256
-MIRROR = np.array([1.0, -1.0, -1.0])
+UNMIRRORED = np.ones(3)
+MIRRORED = np.array([1.0, -1.0, -1.0])
 
 
 @dataclass(frozen=True)
@@ -110,14 +117,19 @@ def feasible_actions(
     symmetric, and a policy uses both.
     """
     curves = grid._curves(r0_m, limits)
-    n = len(curves.actions)
     first, member = distinct_arcs(curves.actions)
-    places = _broken_by(broken_place_rules, curves.rows(first), PLACE_SAMPLE_S, envelope, silent)
-    broken: dict[Rule, np.ndarray] = {rule: bad[member] for rule, bad in places.items()}
-    broken |= _broken_by(broken_joint_rules, curves, JOINT_SAMPLE_S, envelope, progress)
+    arcs = curves.rows(first)
+    tool = _broken_by(broken_tool_rules, arcs, PLACE_SAMPLE_S, envelope)
+    collisions = _broken_by(
+        broken_collision_rules, arcs, PLACE_SAMPLE_S, envelope, images=(UNMIRRORED,)
+    )
+    broken: dict[Rule, np.ndarray] = {
+        rule: bad[member] for rule, bad in (tool | collisions).items()
+    }
+    broken |= _broken_by(broken_joint_rules, curves, JOINT_SAMPLE_S, envelope, progress=progress)
     kept = ~np.any(list(broken.values()), axis=0)
-    counts: dict[Rule, int] = {rule: int(outside.sum()) for rule, outside in broken.items()}
-    return curves.actions[kept], FilterReport(n, int(kept.sum()), counts)
+    counts: dict[Rule, int] = {rule: int(bad.sum()) for rule, bad in broken.items()}
+    return curves.actions[kept], FilterReport(len(kept), int(kept.sum()), counts)
 
 
 def _broken_by(
@@ -125,14 +137,17 @@ def _broken_by(
     curves: CastCurves,
     sample_s: float,
     envelope: Envelope,
-    progress: Progress,
+    *,
+    images: tuple[np.ndarray, ...] = (UNMIRRORED, MIRRORED),
+    progress: Progress = silent,
 ) -> dict[Rule, np.ndarray]:
+    """Return which casts break which rule in any of their `images`, each (n,) of bool."""
     n = len(curves.actions)
     broken: dict[Rule, np.ndarray] = {}
     done = 0
     for rows, t_s, pose in _sampled(curves, sample_s):
-        for image in (pose, pose * MIRROR):
-            joints = joints_pointing_down(image, envelope.gripper)
+        for image in images:
+            joints = joints_pointing_down(pose * image, envelope.gripper)
             for rule, outside in rules(t_s, joints, envelope).items():
                 broken.setdefault(rule, np.zeros(n, dtype=bool))[rows] |= outside
         done += len(rows)
@@ -149,4 +164,4 @@ def _sampled(
         rows = order[start : start + ROWS_AT_ONCE]
         some = curves.rows(rows)
         t_s = np.arange(0.0, some.end_s.max() + 2 * sample_s, sample_s)
-        yield rows, t_s, some.pose_at(np.broadcast_to(t_s, (len(rows), len(t_s))))
+        yield rows, t_s, some.poses_at(t_s)

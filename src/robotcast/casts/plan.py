@@ -72,7 +72,7 @@ def _planned(curves: CastCurves, limits: PlanLimits) -> list[PlannedCast]:
     for start in range(0, len(counts), 1024):
         chunk = slice(start, start + 1024)
         t_s = np.arange(counts[chunk].max()) * limits.period_s
-        poses = curves.rows(chunk).pose_at(np.tile(t_s, (len(counts[chunk]), 1)))
+        poses = curves.rows(chunk).poses_at(t_s)
         for row, pose in enumerate(poses, start):
             motion = ToolMotion(t_s[: counts[row]].copy(), pose[: counts[row]].copy())
             action = Action.from_array(curves.actions[row])

@@ -162,10 +162,12 @@ def broken_rules(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> lis
             raise ValueError(f"envelope: {name} are not finite at sample {int(np.argmax(bad))}")
     if not (np.diff(t_s) > 0).all():
         raise ValueError("envelope: times must increase")
+    points = link_points(joints[None], envelope.gripper)
     broken = []
     for measured in (
         *_measure_joints(t_s, joints[None], envelope),
-        *_measure_places(t_s, joints[None], envelope),
+        *_measure_tool(t_s, points[..., -1, :], envelope),
+        *_measure_clearances(t_s, points, envelope),
     ):
         excess = measured.excess()[0]
         worst = int(np.argmax(excess))
@@ -192,15 +194,28 @@ def broken_joint_rules(
     return broken | _broken(_measure_joints(t_s, joints, envelope), broken["reach"])
 
 
-def broken_place_rules(
+def broken_tool_rules(
     t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
 ) -> dict[Rule, np.ndarray]:
-    """Return which of many motions break the rules of place, speed at the tool and collision.
+    """Return which of many motions break the rules of the held end's place and speed.
 
     Parameters and result are those of `broken_joint_rules`. The angle of wrist 3 does not
-    matter here: it turns the tool about its own axis.
+    matter: it turns the tool about its own axis.
     """
-    return _broken(_measure_places(t_s, joints, envelope), _out_of_reach(joints))
+    tool = link_points(joints, envelope.gripper)[..., -1, :]
+    return _broken(_measure_tool(t_s, tool, envelope), _out_of_reach(joints))
+
+
+def broken_collision_rules(
+    t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
+) -> dict[Rule, np.ndarray]:
+    """Return which of many motions come too near to the board, the base or the arm itself.
+
+    Parameters and result are those of `broken_joint_rules`. Neither the base's angle nor
+    that of wrist 3 matters: they change no distance.
+    """
+    points = link_points(joints, envelope.gripper)
+    return _broken(_measure_clearances(t_s, points, envelope), _out_of_reach(joints))
 
 
 def _out_of_reach(joints: np.ndarray) -> np.ndarray:
@@ -213,12 +228,6 @@ def _broken(measures: Iterator[_Measured], lost: np.ndarray) -> dict[Rule, np.nd
         outside = (measured.excess() > 0).any(axis=1) & ~lost
         broken[measured.rule] = broken.get(measured.rule, np.zeros_like(lost)) | outside
     return broken
-
-
-def _measure_places(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> Iterator[_Measured]:
-    points = link_points(joints, envelope.gripper)
-    yield from _measure_tool(t_s, points[..., -1, :], envelope)
-    yield from _measure_clearances(t_s, points, envelope)
 
 
 def _measure_joints(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> Iterator[_Measured]:
