@@ -9,6 +9,9 @@ from robotcast.casts.action import Action
 from robotcast.casts.tool_motion import ToolMotion
 
 
+STILL_M = 0.001  # a tool that has moved less than this has not dragged the free end yet
+
+
 @dataclass(frozen=True)
 class Cable:
     """A cable as its owner measured it."""
@@ -38,6 +41,18 @@ class Trial:
     tool: ToolMotion
     waypoints_s: np.ndarray
     waypoints_m: np.ndarray
+
+    @property
+    def start_m(self) -> np.ndarray | None:
+        """Where the free end was seen before the tool moved, (2,), None when it was not.
+
+        The reset leaves the cable some millimetres to one side; starting there takes that
+        scatter out of a prediction.
+        """
+        moved = np.linalg.norm(self.tool.pose[:, :2] - self.tool.pose[0, :2], axis=1) > STILL_M
+        still_until = self.tool.t_s[moved.argmax()] if moved.any() else np.inf
+        before = self.waypoints_s <= still_until
+        return self.waypoints_m[before].mean(axis=0) if before.any() else None
 
     @property
     def endpoint_m(self) -> np.ndarray:

@@ -12,13 +12,20 @@ from robotcast.simulators.parameter import Parameter
 
 
 class Cast(Protocol):
-    """What a simulator needs of a cast: how the tool moved, and when to look."""
+    """What a simulator needs of a cast: its start, how the tool moved, and when to look.
+
+    `start_m` (2,) is where the free end was seen before the tool moved, None when it was not:
+    then the cable starts along the tool's yaw.
+    """
 
     @property
     def tool(self) -> ToolMotion: ...
 
     @property
     def waypoints_s(self) -> np.ndarray: ...
+
+    @property
+    def start_m(self) -> np.ndarray | None: ...
 
 
 @dataclass(frozen=True)
@@ -27,6 +34,7 @@ class SimulatedCast:
 
     tool: ToolMotion
     waypoints_s: np.ndarray
+    start_m: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

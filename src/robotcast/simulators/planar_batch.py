@@ -1,0 +1,162 @@
+"""Runs casts × parameter vectors in batches, whatever the planar model that steps them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from robotcast.progress import Progress, silent
+from robotcast.simulators.chain import ChainState
+from robotcast.simulators.simulator import Cast, Prediction
+
+CHECK_EVERY = 25  # steps between looks for runs that rest or diverge
+REST_SPEED_M_S = 0.01  # slower than this everywhere, once the tool has stopped, is at rest
+DIVERGED_RATE = 1e4  # rad/s or m/s: no cable moves like that
+
+
+class PlanarRun(Protocol):
+    """One batch of simulations under way. `active` numbers the simulations still running."""
+
+    def state(self, active: np.ndarray) -> ChainState:
+        """Return the mass points of the active simulations."""
+        ...
+
+    def fastest_rate(self, active: np.ndarray) -> np.ndarray:
+        """Return the largest generalised speed of each active simulation, (n_active,)."""
+        ...
+
+    def step(self, active: np.ndarray, state: ChainState, next_pose: np.ndarray) -> None:
+        """Advance one step; the tool reaches `next_pose` (n_active, 3) at its end."""
+        ...
+
+
+class Start(Protocol):
+    """Makes a run: every cable straight and at rest."""
+
+    def __call__(self, pose: np.ndarray, lean_rad: np.ndarray, vectors: np.ndarray) -> PlanarRun:
+        """Start from the tool's poses (n_sim, 3), with parameters (n_sim, n_parameters).
+
+        `lean_rad` (n_sim,) is the angle from the tool's yaw to the cable.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Casts of like duration and the vector that each is run under."""
+
+    vector: np.ndarray  # (n_sim,) numbers of parameter vectors
+    cast: np.ndarray  # (n_sim,) numbers of casts
+
+
+def simulate_planar(
+    start: Start,
+    casts: Sequence[Cast],
+    vectors: np.ndarray,
+    *,
+    n_parameters: int,
+    step_s: float,
+    batch_size: int,
+    progress: Progress = silent,
+) -> Prediction:
+    """Answer a simulate call (see `Simulator.simulate`) in batches of `batch_size`."""
+    vectors = np.atleast_2d(np.asarray(vectors, dtype=float))
+    if vectors.shape[1] != n_parameters:
+        raise ValueError(f"expected {n_parameters} parameters a vector, got {vectors.shape[1]}")
+    k_max = max((len(c.waypoints_s) for c in casts), default=0)
+    waypoints = np.full((len(vectors), len(casts), k_max, 2), np.nan)
+    diverged = np.zeros((len(vectors), len(casts)), dtype=bool)
+    done = 0
+    for batch in _batches(casts, len(vectors), batch_size):
+        path, lost = _run_batch(start, casts, vectors, batch, step_s)
+        diverged[batch.vector, batch.cast] = lost
+        for i in np.flatnonzero(~lost):
+            times = casts[batch.cast[i]].waypoints_s
+            waypoints[batch.vector[i], batch.cast[i], : len(times)] = _at_times(
+                path[:, :, i], times, step_s
+            )
+        done += len(lost)
+        progress(done, diverged.size)
+    return Prediction(waypoints, diverged)
+
+
+def _batches(casts: Sequence[Cast], n_vectors: int, batch_size: int) -> Iterator[_Batch]:
+    """Yield batches, longest casts first, so that the casts of one batch end together."""
+    order = np.argsort([-c.waypoints_s[-1] for c in casts], kind="stable")
+    cast = np.repeat(order, n_vectors)
+    vector = np.tile(np.arange(n_vectors), len(casts))
+    for first in range(0, len(cast), batch_size):
+        part = slice(first, first + batch_size)
+        yield _Batch(vector[part], cast[part])
+
+
+def _run_batch(
+    start: Start,
+    casts: Sequence[Cast],
+    vectors: np.ndarray,
+    batch: _Batch,
+    step_s: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Step one batch to its end.
+
+    Returns
+    -------
+    path : ndarray of shape (n_steps + 1, 2, n_sim), the free end [m] at every step; constant
+        once at rest.
+    diverged : bool ndarray of shape (n_sim,).
+    """
+    chosen, which = np.unique(batch.cast, return_inverse=True)
+    last = np.array([int(np.ceil(casts[c].waypoints_s[-1] / step_s - 1e-9)) for c in chosen])[which]
+    tool_end = np.array([casts[c].tool.t_s[-1] / step_s for c in chosen])[which]
+    pose = np.stack([_tool_poses(casts[c], step_s, last.max() + 2) for c in chosen], axis=1)
+    lean_rad = np.array([_lean(casts[c]) for c in chosen])
+    run = start(pose[0, which], lean_rad[which], vectors[batch.vector])
+    path = np.empty((last.max() + 1, 2, len(which)), np.float32)
+    stopped = last.copy()
+    diverged = np.zeros(len(which), dtype=bool)
+    active = np.arange(len(which))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for step in range(len(path)):
+            state = run.state(active)
+            path[step][:, active] = state.end_m
+            if step % CHECK_EVERY == 0 or step == last.max():
+                lost = ~(run.fastest_rate(active) < DIVERGED_RATE)
+                speed = np.abs(state.velocity_m_s).max(axis=(0, 1))
+                resting = (step >= tool_end[active]) & (speed < REST_SPEED_M_S)
+                over = lost | resting | (step >= last[active])
+                diverged[active[lost]] = True
+                stopped[active[over]] = step
+                active = active[~over]
+                if not active.size:
+                    break
+                state = run.state(active)
+            run.step(active, state, pose[step + 1, which[active]])
+    for i, final in enumerate(stopped):
+        path[final + 1 :, :, i] = path[final, :, i]
+    return path, diverged
+
+
+def _lean(cast: Cast) -> float:
+    """Return the angle [rad] from the tool's first yaw to where the free end lies."""
+    if cast.start_m is None:
+        return 0.0
+    x, y, yaw = cast.tool.pose[0]
+    lean = np.arctan2(cast.start_m[1] - y, cast.start_m[0] - x) - yaw
+    return float(np.arctan2(np.sin(lean), np.cos(lean)))
+
+
+def _tool_poses(cast: Cast, step_s: float, n: int) -> np.ndarray:
+    """Return the tool's pose (n, 3) at every step, smooth between the logged samples."""
+    tool = cast.tool
+    times = np.clip(np.arange(n) * step_s, tool.t_s[0], tool.t_s[-1])
+    if len(tool.t_s) < 4:
+        return tool.at(times)
+    return CubicSpline(tool.t_s, tool.pose)(times)
+
+
+def _at_times(path: np.ndarray, times_s: np.ndarray, step_s: float) -> np.ndarray:
+    """Interpolate the end's path (n_steps + 1, 2) at `times_s`."""
+    steps_s = np.arange(len(path)) * step_s
+    return np.stack([np.interp(times_s, steps_s, axis) for axis in path.T], axis=-1)
