@@ -148,6 +148,12 @@ def test_an_envelope_with_a_hole_is_refused():
         replace(ENVELOPE, joint_acceleration_rad_s2=(np.nan,) * 6)
     with pytest.raises(ValueError, match="z_m must be"):
         ToolBox((0, 1), (0, 1), (1, 0), 0.5)
+    with pytest.raises(ValueError, match="r_min_m must be zero or positive, got nan"):
+        ToolBox((0, 1), (0, 1), (0, 1), np.nan)
+    with pytest.raises(ValueError, match="clearance_m must be positive and finite, got nan"):
+        replace(ENVELOPE, clearance_m=np.nan)
+    with pytest.raises(ValueError, match="joint_speed_rad_s must be positive and finite, got 0"):
+        replace(ENVELOPE, joint_speed_rad_s=(np.pi, np.pi, 0.0, np.pi, np.pi, np.pi))
 
 
 def test_many_motions_at_once_break_what_each_breaks_alone():

@@ -72,6 +72,8 @@ class ToolBox:
             low, high = getattr(self, name)
             if not low < high:
                 raise ValueError(f"tool box: {name} must be [low, high], got [{low}, {high}]")
+        if not self.r_min_m >= 0:
+            raise ValueError(f"tool box: r_min_m must be zero or positive, got {self.r_min_m}")
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,15 @@ class Envelope:
                 raise ValueError(f"envelope: {field.name} must be six finite numbers, got {values}")
         if not np.less(self.joint_min_rad, self.joint_max_rad).all():
             raise ValueError("envelope: joint_min_rad must be below joint_max_rad for every joint")
+        positive = {
+            "joint_speed_rad_s": min(self.joint_speed_rad_s),
+            "joint_acceleration_rad_s2": min(self.joint_acceleration_rad_s2),
+            "tool_speed_m_s": self.tool_speed_m_s,
+            "clearance_m": self.clearance_m,
+        }
+        for name, value in positive.items():
+            if not (np.isfinite(value) and value > 0):
+                raise ValueError(f"envelope: {name} must be positive and finite, got {value}")
 
 
 @dataclass(frozen=True)
@@ -219,13 +230,13 @@ def broken_collision_rules(
 
 
 def _out_of_reach(joints: np.ndarray) -> np.ndarray:
-    return np.asarray(np.isnan(joints).any(axis=(1, 2)))
+    return np.asarray(~np.isfinite(joints).all(axis=(1, 2)))
 
 
 def _broken(measures: Iterator[_Measured], lost: np.ndarray) -> dict[Rule, np.ndarray]:
     broken: dict[Rule, np.ndarray] = {}
     for measured in measures:
-        outside = (measured.excess() > 0).any(axis=1) & ~lost
+        outside = ~(measured.excess() <= 0).all(axis=1) & ~lost
         broken[measured.rule] = broken.get(measured.rule, np.zeros_like(lost)) | outside
     return broken
 
