@@ -8,7 +8,6 @@ import numpy as np
 from robotcast.casts.action import Action
 from robotcast.casts.tool_motion import ToolMotion
 
-
 STILL_M = 0.001  # a tool that has moved less than this has not dragged the free end yet
 
 

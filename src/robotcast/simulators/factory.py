@@ -1,0 +1,34 @@
+"""Simulators from their numbers: parameters with bounds, some relative to a weighed mass."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from robotcast.measurements.measurement_set import Cable
+from robotcast.simulators.parameter import Parameter
+from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
+from robotcast.simulators.simulator import Simulator
+
+
+def make_parameter(name: str, numbers: Mapping[str, Any], cable: Cable) -> Parameter:
+    """Make a parameter from its config.
+
+    Either `lower`, `upper` and `nominal`, or `weighed` and `spread`: the cable's attribute
+    that is its nominal value, searched from nominal / spread to nominal · spread.
+    """
+    numbers = dict(numbers)
+    if "weighed" in numbers:
+        nominal, spread = float(getattr(cable, numbers.pop("weighed"))), numbers.pop("spread")
+        if nominal <= 0:
+            raise ValueError(f"parameter {name}: the cable's own value must be > 0, got {nominal}")
+        numbers |= {"lower": nominal / spread, "upper": nominal * spread, "nominal": nominal}
+    return Parameter(name=name, **numbers)
+
+
+def segmented_simulator(
+    cable: Cable,
+    parameters: Mapping[str, Mapping[str, Any]],
+    settings: Mapping[str, Any],
+) -> Simulator:
+    """Make the segmented simulator of `cable` from config numbers."""
+    made = [make_parameter(name, numbers, cable) for name, numbers in parameters.items()]
+    return SegmentedSimulator(cable, made, SegmentedSettings(**settings))

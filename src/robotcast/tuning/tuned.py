@@ -1,0 +1,128 @@
+"""A tuned simulator on disk: its parameters, how well it does, and how it was found."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import yaml
+
+from robotcast.files import atomic_file, write_text
+from robotcast.measurements.errors import PredictionErrors
+from robotcast.measurements.measurement_set import Cable, Trial
+from robotcast.simulators.parameter import Parameter
+from robotcast.tuning.search import Batch
+
+AT_BOUND = 0.01  # of a parameter's range: closer to a bound than this is on it
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A simulator's parameters as tuning left them.
+
+    Attributes
+    ----------
+    values : parameter name → value, frozen ones included.
+    errors : "tune" and "test" → errors on these casts.
+    """
+
+    simulator: str
+    optimizer: str
+    seed: int
+    rig: str
+    cable: Cable
+    r0_m: float
+    period_s: float
+    parameters: tuple[Parameter, ...]
+    values: Mapping[str, float]
+    errors: Mapping[str, PredictionErrors]
+    simulated_casts: int
+    diverged_casts: int
+
+    def at_bound(self, parameter: Parameter) -> bool:
+        """Tell whether a free parameter ended on one of its bounds."""
+        unit = float(parameter.to_unit(np.asarray(self.values[parameter.name])))
+        return not parameter.frozen and not AT_BOUND < unit < 1 - AT_BOUND
+
+
+def write_tuned(folder: Path, tuned: Tuned) -> None:
+    """Write `tuned.yaml`."""
+    plain = {
+        "simulator": tuned.simulator,
+        "optimizer": tuned.optimizer,
+        "seed": tuned.seed,
+        "rig": tuned.rig,
+        "cable": asdict(tuned.cable),
+        "r0_m": tuned.r0_m,
+        "period_s": tuned.period_s,
+        "parameters": {
+            p.name: {
+                "value": float(tuned.values[p.name]),
+                "unit": p.unit,
+                "lower": p.lower,
+                "upper": p.upper,
+                "frozen": p.frozen,
+                "at_bound": tuned.at_bound(p),
+            }
+            for p in tuned.parameters
+        },
+        "errors": {split: asdict(errors) for split, errors in tuned.errors.items()},
+        "simulated_casts": tuned.simulated_casts,
+        "diverged_casts": tuned.diverged_casts,
+    }
+    write_text(folder / "tuned.yaml", yaml.safe_dump(plain, sort_keys=False, allow_unicode=True))
+
+
+def read_values(folder: Path) -> tuple[Cable, dict[str, float]]:
+    """Return the cable and the parameter values of a tuned simulator."""
+    path = folder / "tuned.yaml"
+    if not path.exists():
+        raise FileNotFoundError(f"{path} is missing: run the tune stage first")
+    plain = yaml.safe_load(path.read_text(encoding="utf-8"))
+    values = {name: numbers["value"] for name, numbers in plain["parameters"].items()}
+    return Cable(**plain["cable"]), values
+
+
+def vector_of(parameters: Sequence[Parameter], values: Mapping[str, float]) -> np.ndarray:
+    """Return values as a vector (n_parameters,) in the order of `parameters`."""
+    missing = [p.name for p in parameters if p.name not in values]
+    if missing:
+        raise ValueError(f"the tuned simulator has no value for {', '.join(missing)}")
+    return np.array([values[p.name] for p in parameters])
+
+
+def write_trace(folder: Path, trace: Sequence[Batch], casts_per_vector: int) -> None:
+    """Write `trace.csv`: one row a batch."""
+    vectors = np.cumsum([batch.vectors for batch in trace])
+    table = pl.DataFrame(
+        {
+            "batch": range(len(trace)),
+            "simulated_casts": vectors * casts_per_vector,
+            "best_percent": [batch.best_percent for batch in trace],
+            "median_percent": [batch.median_percent for batch in trace],
+            "diverged": [batch.diverged for batch in trace],
+        }
+    )
+    with atomic_file(folder / "trace.csv") as temporary:
+        table.write_csv(temporary)
+
+
+def write_predictions(
+    folder: Path, predicted: Mapping[str, tuple[Sequence[Trial], np.ndarray]]
+) -> None:
+    """Write `predictions.parquet`: measured and predicted waypoints, by split.
+
+    `predicted` maps a split's name to its trials and waypoints of shape (n_trials, k_max, 2).
+    """
+    rows = [
+        (split, trial.trial, t, *measured, *simulated)
+        for split, (trials, waypoints_m) in predicted.items()
+        for trial, path in zip(trials, waypoints_m, strict=True)
+        for t, measured, simulated in zip(
+            trial.waypoints_s.tolist(), trial.waypoints_m.tolist(), path.tolist(), strict=False
+        )
+    ]
+    columns = ["split", "trial", "t", "x", "y", "x_predicted", "y_predicted"]
+    with atomic_file(folder / "predictions.parquet") as temporary:
+        pl.DataFrame(rows, schema=columns, orient="row").write_parquet(temporary)

@@ -1,0 +1,97 @@
+"""Tune one simulator's parameters to one cable's casts with one optimizer."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+from hydra.utils import instantiate
+from omegaconf import DictConfig, OmegaConf
+from stage import bar, console, output_folder, stage
+
+from robotcast.measurements.errors import prediction_errors
+from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.split import split_by_action
+from robotcast.tuning.journal import Journal
+from robotcast.tuning.objective import WaypointError, full_vectors
+from robotcast.tuning.search import Found
+from robotcast.tuning.tuned import Tuned, write_predictions, write_trace, write_tuned
+
+
+def tune(config: DictConfig) -> None:
+    measured = read_measurement_set(Path(config.paths.measurements))
+    sizes = config.scale.tune
+    tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
+    simulator = instantiate(config.simulator.model, cable=measured.cable)
+    folder = output_folder(config.paths.tuned)
+
+    objective = WaypointError(simulator, tuning.trials, measured.cable.length_m)
+    journal = Journal(_journal_path(config, folder), _subject(config, tuning), objective)
+    start = np.array([p.to_unit(np.asarray(p.nominal)) for p in objective.free])
+    with bar(f"tune {config.simulator.name} with {config.optimizer.name}") as progress:
+        found: Found = instantiate(config.optimizer.search).run(journal, start, progress)
+
+    vector = full_vectors(simulator.parameters, found.unit_vector)
+    errors, predicted = {}, {}
+    for name, part in (("tune", tuning), ("test", test)):
+        waypoints_m = simulator.simulate(part.trials, vector).waypoints_m[0]
+        errors[name] = prediction_errors(waypoints_m, part.trials, measured.cable.length_m)
+        predicted[name] = (part.trials, waypoints_m)
+    tuned = Tuned(
+        simulator=config.simulator.name,
+        optimizer=config.optimizer.name,
+        seed=config.optimizer.seed,
+        rig=measured.rig,
+        cable=measured.cable,
+        r0_m=measured.r0_m,
+        period_s=measured.period_s,
+        parameters=simulator.parameters,
+        values=dict(zip((p.name for p in simulator.parameters), vector[0], strict=True)),
+        errors=errors,
+        simulated_casts=sum(batch.vectors for batch in found.trace) * len(tuning.trials),
+        diverged_casts=sum(batch.diverged for batch in found.trace),
+    )
+    write_trace(folder, found.trace, len(tuning.trials))
+    write_predictions(folder, predicted)
+    write_tuned(folder, tuned)
+    journal.close()
+    _say(tuned, folder)
+
+
+def _subject(config: DictConfig, tuning: MeasurementSet) -> str:
+    """Return a fingerprint of everything that the objective and the search depend on."""
+    text = OmegaConf.to_yaml(
+        OmegaConf.create(
+            {"simulator": config.simulator, "optimizer": config.optimizer}, parent=config
+        ),
+        resolve=True,
+    )
+    digest = hashlib.sha256(f"{text}{tuning.cable}".encode())
+    for trial in tuning.trials:
+        for array in (trial.tool.t_s, trial.tool.pose, trial.waypoints_s, trial.waypoints_m):
+            digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def _journal_path(config: DictConfig, folder: Path) -> Path:
+    """Keep the journal beside DVC's outputs, which a rerun would delete."""
+    return Path(config.paths.unfinished) / f"{'-'.join(folder.parts)}.jsonl"
+
+
+def _say(tuned: Tuned, folder: Path) -> None:
+    test = tuned.errors["test"]
+    console.print(
+        f"{folder}: test casts {test.waypoint_percent:.2f} % average waypoint, "
+        f"{test.final_percent:.2f} % median final error, of cable length"
+    )
+    for parameter in tuned.parameters:
+        if tuned.at_bound(parameter):
+            console.print(
+                f"{parameter.name} ended on a bound: {tuned.values[parameter.name]:.3g} "
+                f"in [{parameter.lower:.3g}, {parameter.upper:.3g}] {parameter.unit}",
+                style="yellow",
+            )
+
+
+if __name__ == "__main__":
+    stage(tune)()
