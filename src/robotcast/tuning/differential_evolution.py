@@ -39,7 +39,7 @@ class DifferentialEvolution:
         differential_evolution(
             lambda columns: recorder(np.ascontiguousarray(columns.T)),
             bounds=[(0.0, 1.0)] * len(start),
-            init=first,
+            init=first,  # pyright: ignore[reportArgumentType]
             maxiter=self.generations,
             mutation=tuple(self.mutation),
             recombination=self.recombination,

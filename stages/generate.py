@@ -1,0 +1,56 @@
+"""Generate D_sim for one cable with its tuned simulator."""
+
+from functools import partial
+from pathlib import Path
+
+import polars as pl
+import yaml
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+from rigs import build_limits, feasible_grid
+from stage import bar, console, output_folder, stage
+
+from robotcast.casts.action import ACTION_COLUMNS
+from robotcast.casts.plan import plan_actions
+from robotcast.files import atomic_file, write_text
+from robotcast.simulators.generation import Generated, generate_casts
+from robotcast.tuning.tuned import read_values, vector_of
+
+
+def generate(config: DictConfig) -> None:
+    cable, values = read_values(Path(config.paths.tuned))
+    simulator = instantiate(config.simulator.model, cable=cable)
+    with bar("grid of actions") as progress:
+        actions = feasible_grid(config, progress, grid="generated")
+    with bar(f"generate {config.cable.name}") as progress:
+        generated = generate_casts(
+            simulator,
+            vector_of(simulator.parameters, values),
+            actions,
+            partial(plan_actions, r0_m=config.casts.r0_m, limits=build_limits(config)),
+            settle_s=config.simulator.settle_s,
+            progress=progress,
+        )
+    folder = output_folder(config.paths.simulated)
+    _write(folder, generated, config)
+    lost = int(generated.diverged.sum())
+    console.print(f"{folder}: {len(actions) - lost} casts, {lost} diverged and were left out")
+
+
+def _write(folder: Path, generated: Generated, config: DictConfig) -> None:
+    kept = ~generated.diverged
+    columns = dict(zip(ACTION_COLUMNS, generated.actions[kept].T, strict=True))
+    x, y = generated.endpoints_m[kept].T
+    with atomic_file(folder / "casts.parquet") as temporary:
+        pl.DataFrame({**columns, "x": x, "y": y}).write_parquet(temporary)
+    facts = {
+        "simulator": config.simulator.name,
+        "optimizer": config.optimizer.name,
+        "casts": int(kept.sum()),
+        "diverged": int((~kept).sum()),
+    }
+    write_text(folder / "generation.yaml", yaml.safe_dump(facts, sort_keys=False))
+
+
+if __name__ == "__main__":
+    stage(generate)()
