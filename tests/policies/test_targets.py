@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from robotcast.policies.targets import reachable_outline, spread_targets, tool_sector
+from robotcast.policies.targets import Board, reachable_outline, spread_targets, tool_sector
 
+BOARD = Board(length_m=1.55, width_m=2.45)
 MIRROR = np.array([1.0, -1.0])
 
 
@@ -14,7 +15,7 @@ def casts(world) -> tuple[np.ndarray, np.ndarray]:
 
 def test_targets_are_reachable_and_apart(casts) -> None:
     _, ends = casts
-    targets = spread_targets(ends, 16)
+    targets = spread_targets(ends, 16, BOARD)
     assert targets.shape == (16, 2)
     assert np.linalg.norm(targets[:, None] - ends, axis=2).min(axis=1).max() < 0.05
     apart = np.linalg.norm(targets[:, None] - targets, axis=2) + np.eye(16)
@@ -23,30 +24,38 @@ def test_targets_are_reachable_and_apart(casts) -> None:
 
 def test_targets_lie_on_the_half_where_casts_usually_rest(casts) -> None:
     _, ends = casts
-    assert (spread_targets(ends, 16)[:, 1] < 0).all()
-    mirrored = spread_targets(ends * MIRROR, 16)
+    assert (spread_targets(ends, 16, BOARD)[:, 1] < 0).all()
+    mirrored = spread_targets(ends * MIRROR, 16, BOARD)
     assert (mirrored[:, 1] > 0).all()
 
 
 def test_the_order_of_casts_does_not_move_targets(casts) -> None:
     _, ends = casts
     order = np.random.default_rng(0).permutation(len(ends))
-    shuffled = spread_targets(ends[order], 16)
-    assert np.array_equal(shuffled, spread_targets(ends, 16))
+    shuffled = spread_targets(ends[order], 16, BOARD)
+    assert np.array_equal(shuffled, spread_targets(ends, 16, BOARD))
 
 
 def test_stray_endpoints_attract_no_target(casts) -> None:
     _, ends = casts
     strayed = ends.copy()
     strayed[0] = [0.1, -1.4]
-    targets = spread_targets(strayed, 16)
+    targets = spread_targets(strayed, 16, BOARD)
     assert np.linalg.norm(targets - strayed[0], axis=1).min() > 0.3
+
+
+def test_targets_lie_on_the_board(casts) -> None:
+    _, ends = casts
+    small = Board(length_m=0.9, width_m=1.2)
+    targets = spread_targets(ends, 12, small)
+    assert (np.abs(targets[:, 1]) < 0.6).all()
+    assert (targets[:, 0] < 0.9).all()
 
 
 def test_too_few_endpoints_are_refused(casts) -> None:
     _, ends = casts
     with pytest.raises(ValueError, match="too few for 16 targets"):
-        spread_targets(ends[:5], 16)
+        spread_targets(ends[:5], 16, BOARD)
 
 
 def test_the_outline_is_closed_and_symmetric(casts) -> None:

@@ -1,5 +1,6 @@
 """A small data folder of the shapes that the stages write, made up without any rig."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -109,7 +110,7 @@ def _write_tuned(folder: Path, measured: MeasurementSet, rng) -> None:
         "optimizer": "de",
         "seed": 0,
         "rig": measured.rig,
-        "cable": measured.cable.name,
+        "cable": asdict(measured.cable),
         "simulated_casts": int(casts[-1]),
         "errors": {"tune": error, "test": error},
         "parameters": {

@@ -8,7 +8,22 @@ from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.policies.choice import rest_side
 
 _CELL_M = 0.05
+_EDGE_M = 0.1
 _OUTLINE_BINS = 72
+
+
+@dataclass(frozen=True)
+class Board:
+    """The surface on which a target may lie: x from 0 to its length, y about 0."""
+
+    length_m: float
+    width_m: float
+
+    def holds(self, points_m: np.ndarray) -> np.ndarray:
+        """Tell which points (n, 2) lie on the board, 10 cm from its edges; (n,) of bool."""
+        x, y = points_m.T
+        along = (x > _EDGE_M) & (x < self.length_m - _EDGE_M)
+        return along & (np.abs(y) < self.width_m / 2 - _EDGE_M)
 
 
 @dataclass(frozen=True)
@@ -20,7 +35,7 @@ class Sector:
     half_angle_rad: float
 
 
-def spread_targets(endpoints_m: np.ndarray, count: int) -> np.ndarray:
+def spread_targets(endpoints_m: np.ndarray, count: int, board: Board) -> np.ndarray:
     """Spread `count` targets evenly over the well-populated reachable area of the usual half.
 
     The targets depend on D_sim alone, so every policy of a cable is tested on the same ones, and
@@ -36,7 +51,8 @@ def spread_targets(endpoints_m: np.ndarray, count: int) -> np.ndarray:
     ndarray of shape (count, 2) [m], ordered by angle about the robot base.
     """
     side = rest_side(endpoints_m)
-    cells = _populated_cells(endpoints_m[endpoints_m[:, 1] * side > 0])
+    usual = (endpoints_m[:, 1] * side > 0) & board.holds(endpoints_m)
+    cells = _populated_cells(endpoints_m[usual])
     if len(cells) < count:
         raise ValueError(
             f"the reachable area holds {len(cells)} cells of {100 * _CELL_M:.0f} cm with enough "

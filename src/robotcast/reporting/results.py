@@ -55,6 +55,7 @@ class Evaluation:
     Attributes
     ----------
     casts : one row a cast that was measured; `lost` : casts whose endpoint was not tracked.
+    targets, repeats : how many targets were cast at, and how often each.
     kind : "executed" on a rig, or "predicted" against recorded casts.
     """
 
@@ -65,6 +66,8 @@ class Evaluation:
     kind: str
     casts: pl.DataFrame
     lost: int
+    targets: int
+    repeats: int
 
     @property
     def errors_percent(self) -> np.ndarray:
@@ -179,7 +182,7 @@ def _read_tuning(path: Path) -> Tuning:
     facts = _read_yaml(path)
     trace, predictions = path.with_name("trace.csv"), path.with_name("predictions.parquet")
     return Tuning(
-        cable=facts["cable"],
+        cable=facts["cable"]["name"],
         simulator=facts["simulator"],
         optimizer=facts["optimizer"],
         facts=facts,
@@ -202,6 +205,8 @@ def _read_evaluation(path: Path) -> Evaluation:
         kind=first["kind"],
         casts=measured,
         lost=len(table) - len(measured),
+        targets=table["target"].n_unique(),
+        repeats=table["repeat"].n_unique(),
     )
 
 

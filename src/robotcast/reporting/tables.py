@@ -191,8 +191,8 @@ def _setting(evaluations: Sequence[Evaluation]) -> str:
             f"{where}, where nothing can be executed: the distance of the predicted from the "
             f"measured endpoint of {casts} held-out recorded casts"
         )
-    targets = sorted({e.casts["target"].n_unique() for e in evaluations})
-    repeats = sorted({int(e.casts["repeat"].max()) + 1 for e in evaluations})  # type: ignore[arg-type]
+    targets = sorted({e.targets for e in evaluations})
+    repeats = sorted({e.repeats for e in evaluations})
     lost = sum(e.lost for e in evaluations)
     lost_note = f", {lost} lost in tracking" if lost else ""
     return f"{where}, {_numbers(targets)} targets × {_numbers(repeats)} casts each{lost_note}"

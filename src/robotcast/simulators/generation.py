@@ -61,8 +61,8 @@ def generate_casts(
     return Generated(actions, endpoints_m, diverged)
 
 
-def _part_of(progress: Progress, first: int, total: int) -> Progress:
-    def report(done: int, _: int, note: str = "") -> None:
-        progress(first + done, total, note)
+def _part_of(progress: Progress, first: int, whole: int) -> Progress:
+    def report(done: int, total: int, note: str = "") -> None:
+        progress(first + done, whole, note)
 
     return report

@@ -59,12 +59,13 @@ def overlay_figure(tuning: Tuning, paths: pl.DataFrame, length_m: float) -> Figu
 
 
 def _errors(paths: pl.DataFrame, length_m: float) -> pl.DataFrame:
-    """Return each trial's average waypoint error in % of cable length, lowest first."""
+    """Return each trial's average waypoint error in % of cable length, lowest first; diverged runs left out."""
     distance = (
         (pl.col("x") - pl.col("x_predicted")).pow(2) + (pl.col("y") - pl.col("y_predicted")).pow(2)
     ).sqrt()
     return (
-        paths.group_by("trial")
+        paths.filter(pl.col("x_predicted").is_finite())
+        .group_by("trial")
         .agg((100 / length_m * distance.mean()).alias("error"))
         .sort("error", "trial")
     )
