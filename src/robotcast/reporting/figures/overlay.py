@@ -59,7 +59,10 @@ def overlay_figure(tuning: Tuning, paths: pl.DataFrame, length_m: float) -> Figu
 
 
 def _errors(paths: pl.DataFrame, length_m: float) -> pl.DataFrame:
-    """Return each trial's average waypoint error in % of cable length, lowest first; diverged runs left out."""
+    """Return each trial's average waypoint error in % of cable length, lowest first.
+
+    Runs that diverged are left out.
+    """
     distance = (
         (pl.col("x") - pl.col("x_predicted")).pow(2) + (pl.col("y") - pl.col("y_predicted")).pow(2)
     ).sqrt()
