@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+from grids import build_limits, filtered_grid
 from omegaconf import DictConfig
-from rigs import build_limits, build_rig, filtered_grid
+from rigs import build_rig
 from stage import bar, console, output_folder, stage
 
 from robotcast.rigs.collect import choose_casts, collect_casts

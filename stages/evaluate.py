@@ -4,9 +4,10 @@ from pathlib import Path
 
 import polars as pl
 import yaml
+from grids import build_limits, feasible_grid
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
-from rigs import build_limits, build_rig, feasible_grid
+from rigs import build_rig
 from stage import bar, console, output_folder, stage
 
 from robotcast.files import atomic_file

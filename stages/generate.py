@@ -5,9 +5,9 @@ from pathlib import Path
 
 import polars as pl
 import yaml
+from grids import build_limits, feasible_grid
 from hydra.utils import instantiate
 from omegaconf import DictConfig
-from rigs import build_limits, feasible_grid
 from stage import bar, console, output_folder, stage
 
 from robotcast.casts.action import ACTION_COLUMNS

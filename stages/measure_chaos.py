@@ -5,8 +5,9 @@ Not part of the pipeline; its tables stand in reports/chaos.
 
 import numpy as np
 import polars as pl
+from grids import build_limits, feasible_grid
 from omegaconf import DictConfig
-from rigs import build_limits, build_virtual_rig, feasible_grid
+from rigs import build_virtual_rig
 from stage import bar, console, output_folder, stage
 
 from robotcast.casts.action import ACTION_COLUMNS

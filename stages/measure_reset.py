@@ -3,8 +3,9 @@
 Not part of the pipeline; rerun it for a cable whose `truth` or reset has changed.
 """
 
+from grids import build_limits, build_reset, feasible_grid
 from omegaconf import DictConfig
-from rigs import build_limits, build_reset, build_virtual_rig, feasible_grid
+from rigs import build_virtual_rig
 from stage import bar, console, stage
 
 from robotcast.casts.plan import plan_action

@@ -1,16 +1,11 @@
-"""Making the configured rig and its grids of actions, for the stages that cast."""
+"""Making the configured rig, for the stages that cast."""
 
 from typing import Any
 
-import numpy as np
-from omegaconf import DictConfig, OmegaConf
+from grids import plain_config
+from omegaconf import DictConfig
 
-from robotcast.casts.grid import ActionGrid, FilterReport, GridCounts, feasible_actions
-from robotcast.casts.plan import PlanLimits
-from robotcast.casts.reset import ResetSettings
 from robotcast.measurements.measurement_set import Cable
-from robotcast.progress import Progress, silent
-from robotcast.rigs.envelope import Envelope, ToolBox
 from robotcast.rigs.rig import Rig
 from robotcast.rigs.ur5 import Gripper
 from robotcast.rigs.virtual.arm import ArmDynamics
@@ -31,42 +26,6 @@ def weighed_cable(config: DictConfig) -> Cable:
     return Cable(**{name: config.cable[name] for name in WEIGHED})
 
 
-def build_limits(config: DictConfig) -> PlanLimits:
-    """Return the limits of the planned tool motion."""
-    return PlanLimits(**config.casts.limits)
-
-
-def build_reset(config: DictConfig) -> ResetSettings:
-    """Return the shape and timing of the reset."""
-    return ResetSettings(**config.casts.reset)
-
-
-def build_envelope(config: DictConfig) -> Envelope:
-    """Return what the arm may do during a cast."""
-    plain: Any = _tuples(OmegaConf.to_container(config.casts.envelope, resolve=True))
-    plain.pop("reset_box")
-    box, gripper = ToolBox(**plain.pop("box")), Gripper(**plain.pop("gripper"))
-    return Envelope(**plain, box=box, gripper=gripper)
-
-
-def feasible_grid(
-    config: DictConfig, progress: Progress = silent, *, grid: str = "generated"
-) -> np.ndarray:
-    """Return the actions (m, 6) of the grid `collected` or `generated` that the arm can do."""
-    return filtered_grid(config, progress, grid=grid)[0]
-
-
-def filtered_grid(
-    config: DictConfig, progress: Progress = silent, *, grid: str
-) -> tuple[np.ndarray, FilterReport]:
-    """Return a grid's feasible actions (m, 6) and what became of the others."""
-    plain: Any = _tuples(OmegaConf.to_container(config.casts.grids[grid], resolve=True))
-    actions = ActionGrid(**{**plain, "counts": GridCounts(**plain["counts"])})
-    return feasible_actions(
-        actions, config.casts.r0_m, build_limits(config), build_envelope(config), progress
-    )
-
-
 def build_rig(config: DictConfig) -> Rig:
     """Return the rig that `rig=` names; it must be one that can cast."""
     if config.rig.name != "virtual":
@@ -76,7 +35,7 @@ def build_rig(config: DictConfig) -> Rig:
 
 def build_virtual_rig(config: DictConfig, scatter: StartScatter | None = None) -> VirtualRig:
     """Return the virtual rig with the configured cable; `scatter` in place of the measured one."""
-    plain: Any = _tuples(OmegaConf.to_container(config, resolve=True))
+    plain: Any = plain_config(config)
     cable, camera = weighed_cable(config), plain["camera"]
     end_radius = float(plain["cable"]["endpoint_radius_m"])
     board = camera["board"]
@@ -111,9 +70,3 @@ def build_virtual_rig(config: DictConfig, scatter: StartScatter | None = None) -
         seed=plain["seed"],
         workers=plain["rig"]["workers"],
     )
-
-
-def _tuples(node: Any) -> Any:
-    if isinstance(node, dict):
-        return {key: _tuples(value) for key, value in node.items()}
-    return tuple(map(_tuples, node)) if isinstance(node, list) else node
