@@ -47,7 +47,18 @@ def short_cast() -> PlannedCast:
 def rig() -> VirtualRig:
     """A virtual rig with a small picture."""
     fiducials = FiducialBoard.along_edges(1.55, 2.45, side_m=0.08, margin_m=0.07, spacing_m=0.35)
-    picture = PictureSettings(fiducials, 1.55, 2.45)
+    picture = PictureSettings(
+        fiducials=fiducials,
+        board_length_m=1.55,
+        board_width_m=2.45,
+        fps=60.0,
+        exposure_s=0.004,
+        noise_grey=2.5,
+        vignetting=0.12,
+        board_bgr=(150.0, 85.0, 35.0),
+        endpoint_bgr=(150.0, 30.0, 240.0),
+        cable_bgr=(205.0, 210.0, 215.0),
+    )
     tracker = TrackerFacts(
         period_s=0.1,
         exposure_s=picture.exposure_s,

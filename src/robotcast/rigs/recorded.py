@@ -23,12 +23,12 @@ def adopt_recorded_set(path: Path | None, folder: Path) -> MeasurementSet:
     if not path.is_dir():
         raise ValueError(f"rig.path={path}: no such folder; expected one with a measurement set")
     measured = read_measurement_set(path)
-    if (folder / SESSION_FILE).exists():
+    if (folder / SESSION_FILE).exists() or recorded_copy(folder):
         _require_same(path, folder)
-        return measured
-    with atomic_folder(folder / COPY) as copy:
-        for entry in _set_files(path):
-            shutil.copyfile(entry, copy / entry.name)
+    else:
+        with atomic_folder(folder / COPY) as copy:
+            for entry in _set_files(path):
+                shutil.copyfile(entry, copy / entry.name)
     values = {"rig": NAME, "cable": asdict(measured.cable), "r0_m": measured.r0_m}
     write_text(folder / SESSION_FILE, yaml.safe_dump(values, sort_keys=False))
     return measured

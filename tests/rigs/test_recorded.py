@@ -1,0 +1,76 @@
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotcast.casts.action import Action
+from robotcast.casts.tool_motion import ToolMotion
+from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.writer import write_measurement_set
+from robotcast.rigs.recorded import adopt_recorded_set, recorded_copy
+from robotcast.rigs.session import read_session
+
+SHARED_SET = Path(__file__).parents[3] / "shared/data/casting/a"
+
+
+@pytest.fixture
+def recorded(tmp_path) -> Path:
+    t_s = np.arange(11) * 0.1
+    tool = ToolMotion(t_s, np.stack([0.6 + 0 * t_s, 0.1 * t_s, 0.1 * t_s], axis=1))
+    waypoints = np.stack([1.2 - 0.1 * t_s, 0.2 * t_s], axis=1)
+    trial = Trial(0, 0, Action(0.5, 0.6, -0.5, 0.7, 0.2, 1.0), tool, t_s, waypoints)
+    cable = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
+    measured = MeasurementSet(cable, 0.6, 0.1, None, (trial,))
+    write_measurement_set(measured, tmp_path / "set")
+    return tmp_path / "set"
+
+
+def test_a_recorded_set_becomes_a_session_that_passes_it_on(recorded, tmp_path):
+    folder = tmp_path / "session"
+    adopt_recorded_set(recorded, folder)
+    session, copy = read_session(folder), recorded_copy(folder)
+    assert (session.rig, session.cable.name, session.casts) == ("recorded", "cable1", ())
+    assert copy is not None
+    assert {p.name: p.read_bytes() for p in copy.iterdir()} == {
+        p.name: p.read_bytes() for p in recorded.iterdir()
+    }
+    (folder / "session.yaml").unlink()  # as if killed before it was written
+    adopt_recorded_set(recorded, folder)
+    assert read_session(folder) == session
+
+
+def test_another_set_is_not_put_over_it(recorded, tmp_path):
+    adopt_recorded_set(recorded, tmp_path / "session")
+    other = tmp_path / "other"
+    shutil.copytree(recorded, other)
+    waypoints = other / "waypoints.csv"
+    waypoints.write_text(waypoints.read_text().replace("1.2", "1.21", 1))
+    with pytest.raises(ValueError, match=r"another recorded set .*waypoints.csv"):
+        adopt_recorded_set(other, tmp_path / "session")
+
+
+def test_a_missing_path_and_a_missing_folder_are_named(tmp_path):
+    with pytest.raises(ValueError, match=r"rig\.path=DIR"):
+        adopt_recorded_set(None, tmp_path / "session")
+    with pytest.raises(ValueError, match="nowhere: no such folder"):
+        adopt_recorded_set(tmp_path / "nowhere", tmp_path / "session")
+    assert not (tmp_path / "session").exists()
+
+
+def test_a_broken_set_is_refused_before_anything_is_written(recorded, tmp_path):
+    (recorded / "waypoints.csv").unlink()
+    with pytest.raises(ValueError, match="waypoints"):
+        adopt_recorded_set(recorded, tmp_path / "session")
+    assert not (tmp_path / "session").exists()
+
+
+@pytest.mark.skipif(
+    not SHARED_SET.is_dir(), reason="the reference sets are not beside the checkout"
+)
+def test_a_reference_set_is_passed_on_unchanged(tmp_path):
+    adopt_recorded_set(SHARED_SET, tmp_path)
+    copy = recorded_copy(tmp_path)
+    assert copy is not None
+    assert len(read_measurement_set(copy).trials) == len(read_measurement_set(SHARED_SET).trials)
