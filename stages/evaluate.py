@@ -1,15 +1,17 @@
 """Test one policy: its choice for every target, cast on the rig as often as the scale says."""
 
+from functools import partial
 from pathlib import Path
 
 import polars as pl
 import yaml
-from grids import build_limits, feasible_grid
+from grids import build_envelope, build_grid, build_limits
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from rigs import build_rig
 from stage import bar, console, output_folder, stage
 
+from robotcast.casts.grid import are_feasible
 from robotcast.files import atomic_file
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
@@ -43,9 +45,10 @@ def _executed(config: DictConfig, model: Predictor) -> pl.DataFrame:
     targets = spread_targets(
         simulated.endpoints_m, config.scale.evaluate.targets, Board(**config.camera.board)
     )
-    with bar("candidate actions") as progress:
-        candidates = feasible_grid(config, progress, grid="candidates")
-    choices = choose_actions(model, candidates, targets)
+    limits, envelope = build_limits(config), build_envelope(config)
+    feasible = partial(are_feasible, r0_m=rig.r0_m, limits=limits, envelope=envelope)
+    candidates = build_grid(config, "candidates").candidates(rig.r0_m, limits)
+    choices = choose_actions(model, candidates, targets, feasible)
     with bar(f"evaluate {config.policy.name}-{config.dataset.name}") as progress:
         executed = execute_choices(
             rig,
@@ -53,7 +56,7 @@ def _executed(config: DictConfig, model: Predictor) -> pl.DataFrame:
             config.scale.evaluate.repeats,
             Path(config.paths.evaluation_sessions),
             _rig_settings(config),
-            build_limits(config),
+            limits,
             progress,
         )
     for (target, repeat), reason in executed.lost.items():

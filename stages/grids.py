@@ -42,11 +42,14 @@ def filtered_grid(
     config: DictConfig, progress: Progress = silent, *, grid: str
 ) -> tuple[np.ndarray, FilterReport]:
     """Return a grid's feasible actions (m, 6) and what became of the others."""
+    actions, limits = build_grid(config, grid), build_limits(config)
+    return feasible_actions(actions, config.casts.r0_m, limits, build_envelope(config), progress)
+
+
+def build_grid(config: DictConfig, grid: str) -> ActionGrid:
+    """Return the grid `collected`, `generated` or `candidates`."""
     plain: Any = plain_config(config.casts.grids[grid])
-    actions = ActionGrid(**{**plain, "counts": GridCounts(**plain["counts"])})
-    return feasible_actions(
-        actions, config.casts.r0_m, build_limits(config), build_envelope(config), progress
-    )
+    return ActionGrid(**{**plain, "counts": GridCounts(**plain["counts"])})
 
 
 def plain_config(config: DictConfig) -> Any:

@@ -5,7 +5,13 @@ import pytest
 import yaml
 
 from robotcast.casts.action import Action
-from robotcast.casts.grid import ActionGrid, FilterReport, GridCounts, feasible_actions
+from robotcast.casts.grid import (
+    ActionGrid,
+    FilterReport,
+    GridCounts,
+    are_feasible,
+    feasible_actions,
+)
 from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.casts.reset import ResetSettings, plan_reset
 from robotcast.rigs.envelope import Envelope, ToolBox, broken_rules
@@ -64,6 +70,15 @@ def test_what_stays_breaks_no_rule_and_neither_does_its_mirror_image():
             cast = plan_action(action, r0_m=CONFIG["r0_m"], limits=LIMITS)
             joints = joint_path(cast.tool, envelope().gripper)
             assert broken_rules(cast.tool.t_s, joints, envelope()) == []
+
+
+def test_asking_for_some_actions_tells_the_same_as_filtering_the_grid():
+    some = grid("collected", GridCounts(3, 3, 3, 2, 2))
+    kept, _ = feasible(some)
+    candidates = some.candidates(CONFIG["r0_m"], LIMITS)
+    shuffled = candidates[np.random.default_rng(0).permutation(len(candidates))]
+    told = [are_feasible(a, CONFIG["r0_m"], LIMITS, envelope()) for a in np.split(shuffled, 4)]
+    assert {a.tobytes() for a in shuffled[np.concatenate(told)]} == {a.tobytes() for a in kept}
 
 
 def test_what_falls_is_counted_under_its_rules():

@@ -117,6 +117,24 @@ def feasible_actions(
     symmetric, and a policy uses both.
     """
     curves = grid._curves(r0_m, limits)
+    broken = _broken_rules(curves, envelope, progress)
+    kept = ~np.any(list(broken.values()), axis=0)
+    counts: dict[Rule, int] = {rule: int(bad.sum()) for rule, bad in broken.items()}
+    return curves.actions[kept], FilterReport(len(kept), int(kept.sum()), counts)
+
+
+def are_feasible(
+    actions: np.ndarray, r0_m: float, limits: PlanLimits, envelope: Envelope
+) -> np.ndarray:
+    """Tell which of `actions` (n, 6) the arm can do, mirrored or not, (n,) of bool."""
+    broken = _broken_rules(plan_curves(actions, r0_m, limits), envelope, silent)
+    return ~np.any(list(broken.values()), axis=0)
+
+
+def _broken_rules(
+    curves: CastCurves, envelope: Envelope, progress: Progress
+) -> dict[Rule, np.ndarray]:
+    """Return which casts break which rule, mirrored or not, each (n,) of bool."""
     first, member = distinct_arcs(curves.actions)
     arcs = curves.rows(first)
     tool = _broken_by(broken_tool_rules, arcs, PLACE_SAMPLE_S, envelope)
@@ -127,9 +145,7 @@ def feasible_actions(
         rule: bad[member] for rule, bad in (tool | collisions).items()
     }
     broken |= _broken_by(broken_joint_rules, curves, JOINT_SAMPLE_S, envelope, progress=progress)
-    kept = ~np.any(list(broken.values()), axis=0)
-    counts: dict[Rule, int] = {rule: int(bad.sum()) for rule, bad in broken.items()}
-    return curves.actions[kept], FilterReport(len(kept), int(kept.sum()), counts)
+    return broken
 
 
 def _broken_by(
