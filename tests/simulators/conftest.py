@@ -1,0 +1,65 @@
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robotcast.casts.plan import PlanLimits, plan_cast
+from robotcast.measurements.measurement_set import Cable
+from robotcast.simulators.parameter import Parameter
+from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
+from robotcast.simulators.simulator import SimulatedCast
+
+CABLE = Cable("cable", 0.63, 0.008, 0.0045, 0.02)
+PARAMETERS = (
+    Parameter("friction", "1", 0.0, 1.0, 0.28),
+    Parameter("cable_mass_kg", "kg", 1e-9, 1.0, 0.008),
+    Parameter("endpoint_mass_kg", "kg", 0.0, 1.0, 0.02),
+    Parameter("joint_friction_n_m", "N m", 0.0, 1.0, 1e-6),
+    Parameter("bending_stiffness_n_m2", "N m²", 0.0, 10.0, 3e-5),
+    Parameter("bending_damping_s", "s", 0.0, 10.0, 0.15),
+)
+
+MakeSimulator = Callable[..., SegmentedSimulator]
+
+
+@pytest.fixture
+def make_simulator() -> MakeSimulator:
+    """Make the simulator with some nominal values and settings replaced."""
+
+    def make(values: dict[str, float] | None = None, **settings: float) -> SegmentedSimulator:
+        parameters = [
+            p.at(values[p.name]) if values and p.name in values else p for p in PARAMETERS
+        ]
+        return SegmentedSimulator(CABLE, parameters, SegmentedSettings(**settings))  # type: ignore[arg-type]
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def casts() -> list[SimulatedCast]:
+    """Casts of several speeds and shapes, watched every 100 ms until they rest."""
+    random = np.random.default_rng(3)
+    made = []
+    for _ in range(6):
+        planned = plan_cast(
+            random.uniform(0.3, 1.0),
+            random.uniform(-1.1, -0.3),
+            random.uniform(0.55, 0.8),
+            random.uniform(0.0, 1.2),
+            random.uniform(0.7, 1.4),
+            r0_m=0.6,
+            limits=PlanLimits(),
+        )
+        made.append(SimulatedCast(planned.tool, np.arange(0.0, planned.end_s + 1.0, 0.1)))
+    return made
+
+
+def nominal(simulator: SegmentedSimulator, **changed: float) -> np.ndarray:
+    """Return the simulator's nominal vector with some values changed, (1, 6)."""
+    values = {p.name: p.nominal for p in simulator.parameters} | changed
+    return np.array([list(values.values())])
+
+
+def mirrored(cast: SimulatedCast) -> SimulatedCast:
+    return replace(cast, tool=cast.tool.mirrored())
