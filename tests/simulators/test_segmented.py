@@ -6,7 +6,6 @@ from scipy.optimize import brentq
 
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.simulators.simulator import SimulatedCast
-
 from tests.simulators.conftest import CABLE, MakeSimulator, mirrored, nominal
 
 STILL = ToolMotion(np.array([0.0, 10.0]), np.array([[0.6, 0.0, 0.0]] * 2))
@@ -28,8 +27,10 @@ def test_a_leaning_cable_starts_where_it_was_seen(make_simulator: MakeSimulator)
     simulator = make_simulator()
     prediction = simulator.simulate([resting(np.array([0.0]), 0.05)], nominal(simulator))
     stub = 0.25 * CABLE.length_m / 18
-    end = np.array([stub, 0]) + (CABLE.length_m - stub) * np.array([np.cos(0.05), np.sin(0.05)])
-    np.testing.assert_allclose(prediction.waypoints_m[0, 0, 0], [0.6, 0.0] + end, atol=1e-6)
+    end = np.array([0.6 + stub, 0]) + (CABLE.length_m - stub) * np.array(
+        [np.cos(0.05), np.sin(0.05)]
+    )
+    np.testing.assert_allclose(prediction.waypoints_m[0, 0, 0], end, atol=1e-6)
 
 
 def test_a_frictionless_cable_swings_at_the_frequency_of_a_clamped_beam(
@@ -56,7 +57,7 @@ def test_a_frictionless_cable_swings_at_the_frequency_of_a_clamped_beam(
     assert frequency == pytest.approx(expected, rel=0.01)
 
 
-@pytest.mark.parametrize("friction", [0.2, 0.3])
+@pytest.mark.parametrize("friction", [0.3, 0.35])
 def test_a_mass_dragged_round_keeps_the_circle_that_coulomb_and_centripetal_force_allow(
     make_simulator: MakeSimulator, friction: float
 ) -> None:
