@@ -1,6 +1,7 @@
 import re
 import shutil
 
+import polars as pl
 import pytest
 
 from robotcast.reporting.report import RunFacts, make_page, write_report
@@ -44,6 +45,16 @@ def test_the_same_results_give_the_same_page(data_folder, tmp_path) -> None:
         shutil.copytree(data_folder / room / "cable2", tmp_path / room / "cable2")
     pages = [make_page(read_results(tmp_path), FACTS).html() for _ in range(2)]
     assert pages[0] == pages[1]
+
+
+def test_a_policy_that_lost_every_cast_is_reported_without_numbers(data_folder, tmp_path) -> None:
+    table = pl.read_csv(data_folder / "evaluation" / "cable1" / "nn-mixed" / "evaluation.csv")
+    lost = table.with_columns(pl.lit(None).alias(c) for c in ("x", "y", "error_m", "error_percent"))
+    folder = tmp_path / "data" / "evaluation" / "cable1" / "nn-mixed"
+    folder.mkdir(parents=True)
+    lost.write_csv(folder / "evaluation.csv")
+    write_report(read_results(tmp_path / "data"), FACTS, tmp_path / "reports")
+    assert "80 lost in tracking" in (tmp_path / "reports" / "index.html").read_text()
 
 
 @pytest.mark.parametrize("room", ROOMS)

@@ -139,7 +139,8 @@ def _tuning_section(results: Results) -> Section:
 
 def _policies_section(results: Results) -> Section:
     ordered = sorted(
-        results.evaluations, key=lambda e: (e.cable, e.policy, _ORDER.get(e.dataset, 9))
+        (e for e in results.evaluations if len(e.casts)),
+        key=lambda e: (e.cable, e.policy, _ORDER.get(e.dataset, 9)),
     )
     figures = []
     if ordered:
@@ -168,7 +169,7 @@ def _policies_section(results: Results) -> Section:
 
 def _cables_section(results: Results) -> Section:
     mixed = [e for e in results.evaluations if (e.policy, e.dataset) == ("nn", "mixed")]
-    mixed = [e for e in mixed if e.kind == "executed"]
+    mixed = [e for e in mixed if e.kind == "executed" and len(e.casts)]
     figures = (_targets(results, mixed, "targets", "π_R2S2R on every cable"),) if mixed else ()
     return Section("Does it hold for every cable?", "", cables_table(results), figures)
 

@@ -41,10 +41,12 @@ class Tuning:
 
     @property
     def test_paths(self) -> pl.DataFrame | None:
-        """Measured and simulated waypoints of the held-out casts."""
+        """Measured and simulated waypoints of the held-out casts whose run did not diverge."""
         if self.predictions is None:
             return None
-        paths = self.predictions.filter(pl.col("split") == "test")
+        paths = self.predictions.filter(
+            (pl.col("split") == "test") & pl.col("x_predicted").is_finite()
+        )
         return None if paths.is_empty() else paths
 
 
@@ -79,7 +81,7 @@ class Evaluation:
         """Median distance of the repeats from their own mean, in % of cable length."""
         away = [
             np.linalg.norm(xy - xy.mean(axis=0), axis=1) * np.sqrt(len(xy) / (len(xy) - 1))
-            for _, xy in endpoints_by_target(self.casts)
+            for _, _, xy in endpoints_by_target(self.casts)
             if len(xy) > 1
         ]
         if not away or self.kind != "executed":
@@ -153,10 +155,11 @@ def read_results(data: Path) -> Results:
 _ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
 
 
-def endpoints_by_target(casts: pl.DataFrame) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return (target (2,), endpoints (n, 2)) for every target, in the order of their numbers."""
+def endpoints_by_target(casts: pl.DataFrame) -> list[tuple[int, np.ndarray, np.ndarray]]:
+    """Return (number, target (2,), endpoints (n, 2)) for every target, by number."""
     return [
         (
+            int(group["target"][0]),
             group.select("target_x", "target_y").to_numpy()[0],
             group.select("x", "y").to_numpy(),
         )

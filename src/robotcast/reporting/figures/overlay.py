@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 from matplotlib.figure import Figure
 
-from robotcast.reporting.figures.style import BLACK, GREY, VERMILION, board_axes
+from robotcast.reporting.figures.style import BLACK, GREY, VERMILION, board_axes, fit_height
 from robotcast.reporting.names import cable_name, optimizer_name, rig_name, simulator_name
 from robotcast.reporting.results import Tuning
 
@@ -22,7 +22,7 @@ def overlay_figure(tuning: Tuning, paths: pl.DataFrame, length_m: float) -> Figu
     picked = {
         label: casts.row(round(q * (len(casts) - 1)), named=True) for label, q in _QUANTILES.items()
     }
-    figure = Figure(figsize=(11, 4.0))
+    figure = Figure(figsize=(11, 4))
     axes = figure.subplots(1, len(picked), sharex=True, sharey=True)
     for panel, (label, cast) in zip(axes, picked.items(), strict=True):
         path = paths.filter(pl.col("trial") == cast["trial"]).sort("t")
@@ -55,20 +55,17 @@ def overlay_figure(tuning: Tuning, paths: pl.DataFrame, length_m: float) -> Figu
         f"{cable_name(tuning.cable)} · {tuned} · average waypoint error in % of cable length",
         fontsize=10,
     )
+    fit_height(figure, panel_in=1.8, around_in=1.6)
     return figure
 
 
 def _errors(paths: pl.DataFrame, length_m: float) -> pl.DataFrame:
-    """Return each trial's average waypoint error in % of cable length, lowest first.
-
-    Runs that diverged are left out.
-    """
+    """Return each trial's average waypoint error in % of cable length, lowest first."""
     distance = (
         (pl.col("x") - pl.col("x_predicted")).pow(2) + (pl.col("y") - pl.col("y_predicted")).pow(2)
     ).sqrt()
     return (
-        paths.filter(pl.col("x_predicted").is_finite())
-        .group_by("trial")
+        paths.group_by("trial")
         .agg((100 / length_m * distance.mean()).alias("error"))
         .sort("error", "trial")
     )

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -71,6 +72,20 @@ def board_axes(axes: Axes) -> None:
         axes.invert_xaxis()
     axes.set_xlabel("y [m], left of the robot")
     axes.set_ylabel("x [m], away from the robot")
+
+
+def fit_height(figure: Figure, panel_in: float, around_in: float) -> None:
+    """Make the figure as high as panels of equal aspect need, with no empty bands.
+
+    Parameters
+    ----------
+    panel_in : width of a panel's axes [inch].
+    around_in : height of titles, labels and legend [inch].
+    """
+    panel = figure.axes[0]
+    (left, right), (low, high) = panel.get_xlim(), panel.get_ylim()
+    height = panel_in * (high - low) / abs(right - left)
+    figure.set_figheight(float(np.clip(height, 1.2, 6.0)) + around_in)
 
 
 def math_text(text: str) -> str:

@@ -9,7 +9,7 @@ from matplotlib.patches import Ellipse, Polygon, Wedge
 
 from robotcast.policies.datasets import Examples
 from robotcast.policies.targets import reachable_outline, tool_sector
-from robotcast.reporting.figures.style import CYCLE, ORANGE, board_axes, math_text
+from robotcast.reporting.figures.style import CYCLE, ORANGE, board_axes, fit_height, math_text
 from robotcast.reporting.names import cable_name, dataset_name, policy_name, rig_name
 from robotcast.reporting.results import CableData, Evaluation, endpoints_by_target
 
@@ -19,12 +19,12 @@ _CHI2_95 = 5.991  # 95 % quantile of χ² with two degrees of freedom
 
 def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData | None]) -> Figure:
     """Draw one panel an evaluation, each over its cable's reachable area."""
-    figure = Figure(figsize=(max(4.6, 3.7 * len(evaluations)), 4.7))
+    figure = Figure(figsize=(max(6.8, 3.7 * len(evaluations)), 4))
     panels = figure.subplots(1, len(evaluations), sharex=True, sharey=True, squeeze=False)[0]
     for panel, evaluation, cable in zip(panels, evaluations, cables, strict=True):
         if cable and cable.simulated:
             _areas(panel, cable.simulated)
-        for number, (target, ends) in enumerate(endpoints_by_target(evaluation.casts)):
+        for number, target, ends in endpoints_by_target(evaluation.casts):
             _target(panel, target, ends, CYCLE[number % len(CYCLE)])
         panel.plot(0, 0, "k^", ms=7, clip_on=False, zorder=5)
         median = np.median(evaluation.errors_percent)
@@ -37,8 +37,11 @@ def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData
         board_axes(panel)
         panel.label_outer()
     _show_tested_half(panels[0], evaluations)
-    repeated = any(len(ends) > 2 for e in evaluations for _, ends in endpoints_by_target(e.casts))
+    repeated = any(
+        len(ends) > 2 for e in evaluations for _, _, ends in endpoints_by_target(e.casts)
+    )
     figure.legend(handles=_handles(repeated), loc="outside lower center", ncols=3)
+    fit_height(figure, panel_in=max(3.2, 6.2 / len(evaluations) - 0.5), around_in=1.7)
     return figure
 
 
