@@ -25,6 +25,7 @@ from robotcast.rigs.rig import Rig
 
 SESSION_FILE, REQUEST_FILE = "session.yaml", "request.yaml"
 MOST_ACTIONS = 10_000
+CHANGED = {"made": "make of the rig (its settings, its seed)", "vision": "camera"}
 
 
 @dataclass(frozen=True)
@@ -87,10 +88,12 @@ def open_session(rig: Rig, folder: Path) -> Session:
     if not path.is_file():
         write_text(path, yaml.safe_dump(values, sort_keys=False))
     elif (stands := _load(path)) != values:
-        changed = sorted(k for k in {*stands, *values} if stands.get(k) != values.get(k))
+        changed = sorted(
+            CHANGED.get(k, k) for k in {*stands, *values} if stands.get(k) != values.get(k)
+        )
         raise ValueError(
-            f"{folder}: this session was begun with another {', '.join(changed)}; "
-            "a session is never rewritten, so collect into another folder (paths.sessions=…)"
+            f"{folder}: this session was begun with another {' and another '.join(changed)}; "
+            "a session is never rewritten: move it away or collect elsewhere (paths.sessions=…)"
         )
     return read_session(folder)
 
@@ -138,7 +141,7 @@ def missing_requests(session: Session, requests: Sequence[CastRequest]) -> list[
             raise ValueError(
                 f"{session.cast_folder(cast)}: holds another action than the one asked for under "
                 f"this number ({_say(cast.action)} instead of {_say(request.action)}); "
-                "a finished cast is never replaced, so collect into another folder "
+                "a finished cast is never replaced: move the session away or collect elsewhere "
                 "(paths.sessions=…)"
             )
     return missing
