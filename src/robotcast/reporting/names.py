@@ -39,8 +39,8 @@ def policy_name(policy: str, dataset: str) -> str:
 
 
 def rig_name(rig: str) -> str:
-    """virtual → virtual rig."""
-    return f"{rig} rig" if rig in ("virtual", "recorded") else rig
+    """virtual → virtual rig, recorded → recorded set."""
+    return {"virtual": "virtual rig", "recorded": "recorded set"}.get(rig, rig)
 
 
 def rig_names(rigs: tuple[str, ...]) -> str:

@@ -139,14 +139,15 @@ def read_results(data: Path) -> Results:
     names = sorted({p.name for room in _ROOMS for p in (data / room).glob("*") if p.is_dir()})
     if not names:
         raise ValueError(f"{data} holds no results to report: run the other stages first")
+    cables = {folder: _read_cable(data, folder) for folder in names}
     return Results(
-        cables=tuple(_read_cable(data, name) for name in names),
+        cables=tuple(cables.values()),
         tunings=tuple(_read_tuning(p) for p in sorted(data.glob("tuned/*/*/tuned.yaml"))),
         evaluations=tuple(
             _read_evaluation(p) for p in sorted(data.glob("evaluation/*/*/evaluation.csv"))
         ),
         policies={
-            (p.parent.parent.name, p.parent.name): _read_yaml(p)
+            (cables[p.parent.parent.name].name, p.parent.name): _read_yaml(p)
             for p in sorted(data.glob("policies/*/*/policy.yaml"))
         },
     )
@@ -168,11 +169,12 @@ def endpoints_by_target(casts: pl.DataFrame) -> list[tuple[int, np.ndarray, np.n
 
 
 def _read_cable(data: Path, name: str) -> CableData:
+    """Read the folders called `name`; the cable is called what its measurements call it."""
     folder = data / "measurements" / name
     measured = read_measurement_set(folder) if folder.is_dir() else None
     casts = data / "simulated" / name / "casts.parquet"
     return CableData(
-        name=name,
+        name=measured.cable.name if measured else name,
         measured=measured,
         floor=noise_floor(measured) if measured else None,
         tracking=_read_yaml(folder / "tracking.json"),
