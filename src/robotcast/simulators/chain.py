@@ -52,124 +52,90 @@ class ChainGeometry:
 class ChainState:
     """Where the chain's mass points are and how they move, for a batch of simulations.
 
-    The n + 1 points are the segments' centres from hand to end, then the endpoint.
+    The n + 1 points are the segments' centres from hand to end, then the endpoint. Arrays are
+    float32 with the simulations last, which NumPy runs through fastest; single precision
+    rounds positions by 0.1 µm.
 
     Attributes
     ----------
-    heading : float32 ndarray of shape (2, n, n_sim), unit vector along each segment.
-    rate_rad_s : float32 ndarray of shape (n, n_sim), how fast each segment turns.
-    position_m : float32 ndarray of shape (2, n + 1, n_sim).
-    velocity_m_s : float32 ndarray of shape (2, n + 1, n_sim).
+    heading : ndarray of shape (n, 2, n_sim), unit vector along each segment.
+    position_m : ndarray of shape (n + 1, 2, n_sim).
+    velocity_m_s : ndarray of shape (n + 1, 2, n_sim).
+    centripetal_lag_m_s2 : ndarray of shape (n + 1, 2, n_sim), the centripetal acceleration of
+        the points at the rates of `velocity_m_s` less that at MuJoCo's own rates.
     """
 
     heading: np.ndarray
-    rate_rad_s: np.ndarray
     position_m: np.ndarray
     velocity_m_s: np.ndarray
+    centripetal_lag_m_s2: np.ndarray
 
     @property
     def end_m(self) -> np.ndarray:
         """Position of the free end, (2, n_sim)."""
-        return self.position_m[:, -1]
+        return self.position_m[-1]
 
 
-def chain_state(qpos: np.ndarray, qvel: np.ndarray, geometry: ChainGeometry) -> ChainState:
+def chain_state(
+    qpos: np.ndarray, qvel: np.ndarray, stepped_qvel: np.ndarray, geometry: ChainGeometry
+) -> ChainState:
     """Compute the mass points from generalised coordinates of shape (n_sim, 3 + n).
 
-    In single precision: it rounds positions by 0.1 µm, and is several times faster.
+    Parameters
+    ----------
+    qvel : velocities at the time of `qpos`.
+    stepped_qvel : the velocities that MuJoCo steps from, half a step behind.
     """
-    angle = np.ascontiguousarray(qpos.T[2:], dtype=np.float32)
-    rate = np.ascontiguousarray(qvel.T[2:], dtype=np.float32)
-    _accumulate(angle)
-    _accumulate(rate)
-    axes = np.empty((2, *angle.shape), np.float32)
-    np.cos(angle, out=axes[0])
-    np.sin(angle, out=axes[1])
-    heading = axes[:, 1:]
-    half = np.empty((4, *heading.shape[1:]), np.float32)  # half-segments and their rates of change
-    np.multiply(heading, geometry.half_m, out=half[:2])
-    np.multiply(half[1], -rate[1:], out=half[2])
-    np.multiply(half[0], rate[1:], out=half[3])
-    stub = axes[:, 0] * np.float32(geometry.stub_m)
-    points = np.empty((4, len(angle), angle.shape[1]), np.float32)
-    np.add(qpos.T[:2], stub, out=points[:2, 0])
-    np.add(qvel.T[0], -stub[1] * rate[0], out=points[2, 0])
-    np.add(qvel.T[1], stub[0] * rate[0], out=points[3, 0])
-    points[:, 0] += half[:, 0]
-    _sum_along_chain(half, points)
-    return ChainState(heading, rate[1:], points[:2], points[2:])
+    turned = np.empty((qpos.shape[1] - 2, 3, len(qpos)), np.float32)  # angle and both rates
+    for row, coordinates in enumerate((qpos, qvel, stepped_qvel)):
+        turned[:, row] = coordinates.T[2:]
+    for k in range(1, len(turned)):
+        turned[k] += turned[k - 1]
+    angle, rate, stepped_rate = turned[:, 0], turned[:, 1], turned[:, 2]
+    axes = np.empty((len(angle), 2, len(qpos)), np.float32)
+    np.cos(angle, out=axes[:, 0])
+    np.sin(angle, out=axes[:, 1])
+    heading, rate, stepped_rate = axes[1:], rate[1:], stepped_rate[1:]
+    half = np.empty((len(heading), 6, len(qpos)), np.float32)  # of a segment: vector, velocity, lag
+    np.multiply(heading, geometry.half_m[:, :, None], out=half[:, :2])
+    np.multiply(half[:, 1], -rate, out=half[:, 2])
+    np.multiply(half[:, 0], rate, out=half[:, 3])
+    np.multiply(half[:, :2], (stepped_rate**2 - rate**2)[:, None], out=half[:, 4:])
+    stub = axes[0] * np.float32(geometry.stub_m)
+    points = np.empty((len(angle), 6, len(qpos)), np.float32)
+    np.add(qpos.T[:2], stub, out=points[0, :2])
+    np.add(qvel.T[0], -stub[1] * turned[0, 1], out=points[0, 2])
+    np.add(qvel.T[1], stub[0] * turned[0, 1], out=points[0, 3])
+    points[0, 4:] = 0
+    # centre k = first hinge + Σ_{i<k} 2 half_i + half_k; endpoint = first hinge + Σ_i 2 half_i
+    points[0] += half[0]
+    np.add(half[:-1], half[1:], out=points[1:-1])
+    points[-1] = half[-1]
+    for k in range(1, len(points)):
+        points[k] += points[k - 1]
+    return ChainState(heading, points[:, :2], points[:, 2:4], points[:, 4:])
 
 
-def segment_rates(qvel: np.ndarray) -> np.ndarray:
-    """Return how fast each segment turns [rad/s], float32 (n, n_sim), from (n_sim, 3 + n)."""
-    rate = np.ascontiguousarray(qvel.T[2:], dtype=np.float32)
-    _accumulate(rate)
-    return rate[1:]
-
-
-def centripetal_acceleration(
-    heading: np.ndarray, squared_rate: np.ndarray, geometry: ChainGeometry
-) -> np.ndarray:
-    """Return the acceleration of the mass points that the segments' turning alone makes.
+def hinge_moments(force_n: np.ndarray, heading: np.ndarray, geometry: ChainGeometry) -> np.ndarray:
+    """Return the moments about every hinge of forces at the mass points, (n, n_sim) [N m].
 
     Parameters
     ----------
-    heading : ndarray of shape (2, n, n_sim).
-    squared_rate : ndarray of shape (n, n_sim) [rad²/s²].
-
-    Returns
-    -------
-    ndarray of shape (2, n + 1, n_sim) [m/s²], −Σ l ω² along the segments up to the point.
+    force_n : ndarray of shape (n + 1, 2, n_sim), forces on the points of `ChainState`.
+    heading : ndarray of shape (n, 2, n_sim).
     """
-    half = heading * (squared_rate * -geometry.half_m)
-    points = np.empty((2, half.shape[1] + 1, half.shape[2]), np.float32)
-    points[:, 0] = half[:, 0]
-    _sum_along_chain(half, points)
-    return points
-
-
-def _sum_along_chain(half: np.ndarray, points: np.ndarray) -> None:
-    """Add up half-segment vectors: centre k = held end + Σ_{i<k} 2 half_i + half_k.
-
-    `points[:, 0]` holds the first centre already; the last row is the endpoint.
-    """
-    np.add(half[:, :-1], half[:, 1:], out=points[:, 1:-1])
-    points[:, -1] = half[:, -1]
-    for k in range(1, points.shape[1]):
-        points[:, k] += points[:, k - 1]
-
-
-def _accumulate(rows: np.ndarray) -> None:
-    """Sum rows downwards in place (np.cumsum along axis 0 is ten times slower)."""
-    for k in range(1, len(rows)):
-        rows[k] += rows[k - 1]
-
-
-def hinge_moments(
-    force_n: np.ndarray, heading: np.ndarray, geometry: ChainGeometry, out: np.ndarray
-) -> np.ndarray:
-    """Return the moments about every hinge of forces at the mass points.
-
-    Parameters
-    ----------
-    force_n : ndarray of shape (2, n + 1, n_sim), forces on the points of `ChainState`.
-    heading : ndarray of shape (2, n, n_sim).
-    out : ndarray of shape (n, n_sim), overwritten with the moments [N m] and returned.
-    """
-    n = heading.shape[1]
-    # the force that acts past the centre of each segment, at lever l, and at it, at lever l/2
-    beyond = np.empty_like(heading)
-    beyond[:, -1] = force_n[:, -1]
-    for k in range(n - 2, -1, -1):
-        np.add(beyond[:, k + 1], force_n[:, k + 1], out=beyond[:, k])
-    lever = beyond
-    lever += np.float32(0.5) * force_n[:, :-1]
-    lever *= 2 * geometry.half_m
-    np.multiply(heading[0], lever[1], out=out)
-    out -= heading[1] * lever[0]
-    for k in range(n - 2, -1, -1):
-        out[k] += out[k + 1]
-    return out
+    # what acts past the centre of each segment has the lever l about its hinge, the centre l/2
+    lever = np.empty_like(heading)
+    lever[-1] = force_n[-1]
+    for k in range(len(lever) - 2, -1, -1):
+        np.add(lever[k + 1], force_n[k + 1], out=lever[k])
+    lever += np.float32(0.5) * force_n[:-1]
+    lever *= 2 * geometry.half_m[:, :, None]
+    moments = heading[:, 0] * lever[:, 1]
+    moments -= heading[:, 1] * lever[:, 0]
+    for k in range(len(moments) - 2, -1, -1):
+        moments[k] += moments[k + 1]
+    return moments
 
 
 def capsule_inertia(mass_kg: np.ndarray, length_m: np.ndarray, radius_m: float) -> np.ndarray:

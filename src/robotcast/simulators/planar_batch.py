@@ -1,11 +1,13 @@
 """Runs casts × parameter vectors in batches, whatever the planar model that steps them."""
 
-from collections.abc import Iterator, Sequence
+import math
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from robotcast.progress import Progress, silent
 from robotcast.simulators.chain import ChainState
@@ -59,37 +61,48 @@ def simulate_planar(
     n_parameters: int,
     step_s: float,
     batch_size: int,
+    threads: int,
     progress: Progress = silent,
 ) -> Prediction:
-    """Answer a simulate call (see `Simulator.simulate`) in batches of `batch_size`."""
+    """Answer a simulate call (see `Simulator.simulate`) in batches, one a thread at a time.
+
+    Each batch is stepped by one thread, so that what Python does between steps runs side by
+    side too. `batch_size` is the most simulations a batch holds; `threads` 0 means all cores.
+    """
     vectors = np.atleast_2d(np.asarray(vectors, dtype=float))
     if vectors.shape[1] != n_parameters:
         raise ValueError(f"expected {n_parameters} parameters a vector, got {vectors.shape[1]}")
     k_max = max((len(c.waypoints_s) for c in casts), default=0)
     waypoints = np.full((len(vectors), len(casts), k_max, 2), np.nan)
     diverged = np.zeros((len(vectors), len(casts)), dtype=bool)
+    threads = threads or len(os.sched_getaffinity(0))
+    batches = _batches(casts, len(vectors), batch_size, threads)
     done = 0
-    for batch in _batches(casts, len(vectors), batch_size):
-        path, lost = _run_batch(start, casts, vectors, batch, step_s)
-        diverged[batch.vector, batch.cast] = lost
-        for i in np.flatnonzero(~lost):
-            times = casts[batch.cast[i]].waypoints_s
-            waypoints[batch.vector[i], batch.cast[i], : len(times)] = _at_times(
-                path[:, :, i], times, step_s
-            )
-        done += len(lost)
-        progress(done, diverged.size)
+    with ThreadPoolExecutor(threads) as pool:
+        runs = pool.map(lambda batch: _run_batch(start, casts, vectors, batch, step_s), batches)
+        for batch, (path, lost) in zip(batches, runs, strict=True):
+            diverged[batch.vector, batch.cast] = lost
+            for i in np.flatnonzero(~lost):
+                times = casts[batch.cast[i]].waypoints_s
+                waypoints[batch.vector[i], batch.cast[i], : len(times)] = _at_times(
+                    path[:, :, i], times, step_s
+                )
+            done += len(lost)
+            progress(done, diverged.size)
     return Prediction(waypoints, diverged)
 
 
-def _batches(casts: Sequence[Cast], n_vectors: int, batch_size: int) -> Iterator[_Batch]:
-    """Yield batches, longest casts first, so that the casts of one batch end together."""
+def _batches(casts: Sequence[Cast], n_vectors: int, batch_size: int, threads: int) -> list[_Batch]:
+    """Return batches, longest casts first, so that the casts of one batch end together."""
     order = np.argsort([-c.waypoints_s[-1] for c in casts], kind="stable")
     cast = np.repeat(order, n_vectors)
     vector = np.tile(np.arange(n_vectors), len(casts))
-    for first in range(0, len(cast), batch_size):
-        part = slice(first, first + batch_size)
-        yield _Batch(vector[part], cast[part])
+    rounds = math.ceil(len(cast) / (batch_size * threads))
+    size = math.ceil(len(cast) / max(rounds * threads, 1)) or 1
+    return [
+        _Batch(vector[first : first + size], cast[first : first + size])
+        for first in range(0, len(cast), size)
+    ]
 
 
 def _run_batch(
@@ -151,9 +164,22 @@ def _tool_poses(cast: Cast, step_s: float, n: int) -> np.ndarray:
     """Return the tool's pose (n, 3) at every step, smooth between the logged samples."""
     tool = cast.tool
     times = np.clip(np.arange(n) * step_s, tool.t_s[0], tool.t_s[-1])
-    if len(tool.t_s) < 4:
-        return tool.at(times)
-    return CubicSpline(tool.t_s, tool.pose)(times)
+    return _hermite(tool.t_s, tool.pose, times)
+
+
+def _hermite(t_s: np.ndarray, values: np.ndarray, times_s: np.ndarray) -> np.ndarray:
+    """Interpolate `values` (n, d) at `times_s` by cubics whose slopes are central differences.
+
+    Local, unlike a spline: a cast's poses do not depend on the casts it is batched with.
+    """
+    slopes = np.gradient(values, t_s, axis=0)
+    i = np.clip(np.searchsorted(t_s, times_s, side="right") - 1, 0, len(t_s) - 2)
+    span = (t_s[i + 1] - t_s[i])[:, None]
+    u = (times_s - t_s[i])[:, None] / span
+    rise = values[i + 1] - values[i]
+    bend = slopes[i] * span - rise
+    other = rise - slopes[i + 1] * span
+    return values[i] + u * rise + u * (1 - u) * ((1 - u) * bend + u * other)
 
 
 def _at_times(path: np.ndarray, times_s: np.ndarray, step_s: float) -> np.ndarray:

@@ -18,11 +18,9 @@ from robotcast.simulators.chain import (
     ChainGeometry,
     ChainState,
     capsule_inertia,
-    centripetal_acceleration,
     chain_model,
     chain_state,
     hinge_moments,
-    segment_rates,
 )
 from robotcast.simulators.parameter import Parameter
 from robotcast.simulators.planar_batch import PlanarRun, simulate_planar
@@ -105,6 +103,7 @@ class SegmentedSimulator:
             n_parameters=len(self.parameters),
             step_s=self.settings.step_s,
             batch_size=self.settings.batch_size,
+            threads=self.settings.threads,
             progress=progress,
         )
 
@@ -130,7 +129,7 @@ class _SegmentedRun:
     ) -> None:
         self._settings = simulator.settings
         self._geometry = simulator._geometry
-        self._batch = Batch(simulator._model, len(pose), self._settings.threads)
+        self._batch = Batch(simulator._model, len(pose), nthread=1)
         self._qpos = self._batch.bind("qpos")
         self._qvel = self._batch.bind("qvel")
         self._applied = self._batch.bind("qfrc_applied")
@@ -159,14 +158,14 @@ class _SegmentedRun:
         self._batch.expand("body_inertia")[:, -n:] = inertia[:, :, None]
         stiffness = values["bending_stiffness_n_m2"][:, None] / geometry.bends_m
         self._batch.expand("jnt_stiffness")[:, -n:] = stiffness
-        self._batch.set_const()
         self._viscous = values["bending_damping_s"][:, None] * stiffness
         self._joint_friction = values["joint_friction_n_m"][:, None]
 
     def state(self, active: np.ndarray) -> ChainState:
         rows = self._rows(active)
-        velocity = 1.5 * self._qvel[rows] - 0.5 * self._earlier_qvel[rows]
-        return chain_state(self._qpos[rows], velocity, self._geometry)
+        stepped = self._qvel[rows]
+        velocity = 1.5 * stepped - 0.5 * self._earlier_qvel[rows]
+        return chain_state(self._qpos[rows], velocity, stepped, self._geometry)
 
     def fastest_rate(self, active: np.ndarray) -> np.ndarray:
         return np.abs(self._qvel[active]).max(axis=1)
@@ -176,9 +175,8 @@ class _SegmentedRun:
         self._drive_tool(rows, next_pose)
         self._rub_joints(rows)
         force = self._board_friction(rows, state)
-        force -= self._centripetal_correction(rows, state)
-        moments = np.empty(state.rate_rad_s.shape, np.float32)
-        hinge_moments(force, state.heading, self._geometry, out=moments)
+        force -= state.centripetal_lag_m_s2 * self._points_kg[:, None, rows]
+        moments = hinge_moments(force, state.heading, self._geometry)
         self._applied[rows, TOOL_DOFS:] = moments.T
         self._earlier_qvel[rows] = self._qvel[rows]
         self._batch.step(None if isinstance(rows, slice) else active)
@@ -186,13 +184,6 @@ class _SegmentedRun:
     def _rows(self, active: np.ndarray) -> slice | np.ndarray:
         """Return an index of the active rows; a slice, which copies nothing, when all are."""
         return slice(None) if len(active) == len(self._qpos) else active
-
-    def _centripetal_correction(self, rows: slice | np.ndarray, state: ChainState) -> np.ndarray:
-        """Return the inertial force that MuJoCo misses by taking it at v_n, (2, n + 1, n_sim)."""
-        squared = state.rate_rad_s**2 - segment_rates(self._qvel[rows]) ** 2
-        correction = centripetal_acceleration(state.heading, squared, self._geometry)
-        correction *= self._points_kg[:, rows]
-        return correction
 
     def _drive_tool(self, rows: slice | np.ndarray, next_pose: np.ndarray) -> None:
         """Push the tool so that it stands at `next_pose` after the step.
@@ -216,11 +207,11 @@ class _SegmentedRun:
         )
 
     def _board_friction(self, rows: slice | np.ndarray, state: ChainState) -> np.ndarray:
-        """Return −μ m g v/√(v² + ε²) on every mass point, (2, n + 1, n_sim)."""
+        """Return −μ m g v/√(v² + ε²) on every mass point, (n + 1, 2, n_sim)."""
         velocity = state.velocity_m_s
-        square = velocity[0] * velocity[0]
-        square += velocity[1] * velocity[1]
+        square = velocity[:, 0] * velocity[:, 0]
+        square += velocity[:, 1] * velocity[:, 1]
         square += np.float32(self._settings.sliding_speed_m_s**2)
         np.sqrt(square, out=square)
         np.divide(self._friction_n[:, rows], square, out=square)
-        return velocity * -square
+        return velocity * -square[:, None]
