@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
 
 import hydra
@@ -22,7 +23,13 @@ from rich.progress import (
 )
 from rich.text import Text
 
-console = Console(stderr=True)
+
+class _StageConsole(Console):
+    def __reduce__(self) -> str:
+        return "console"  # a parallel sweep hands stages to processes that have their own
+
+
+console = _StageConsole(stderr=True)
 
 CONFIGURATION = str(Path(__file__).resolve().parents[1] / "conf")
 
@@ -30,6 +37,7 @@ CONFIGURATION = str(Path(__file__).resolve().parents[1] / "conf")
 def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
     """Turn `body(config)` into a command: composed by Hydra, refusing bad input in one line."""
 
+    @wraps(body)  # Hydra names the job after the file that `body` stands in
     def run(config: DictConfig) -> None:
         try:
             body(config)

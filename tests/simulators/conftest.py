@@ -18,6 +18,7 @@ PARAMETERS = (
     Parameter("joint_friction_n_m", "N m", 0.0, 1.0, 1e-6),
     Parameter("bending_stiffness_n_m2", "N m²", 0.0, 10.0, 3e-5),
     Parameter("bending_damping_s", "s", 0.0, 10.0, 0.15),
+    Parameter("grip_stiffness", "1", 0.0, 10.0, 1.0),
 )
 
 MakeSimulator = Callable[..., SegmentedSimulator]
@@ -56,7 +57,7 @@ def casts() -> list[SimulatedCast]:
 
 
 def nominal(simulator: SegmentedSimulator, **changed: float) -> np.ndarray:
-    """Return the simulator's nominal vector with some values changed, (1, 6)."""
+    """Return the simulator's nominal vector with some values changed, (1, 7)."""
     values = {p.name: p.nominal for p in simulator.parameters} | changed
     return np.array([list(values.values())])
 

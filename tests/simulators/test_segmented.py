@@ -139,7 +139,7 @@ def test_every_parameter_moves_the_end(
 ) -> None:
     simulator = make_simulator()
     base = nominal(simulator, joint_friction_n_m=1e-4)
-    vectors = np.vstack([base, base * (1 + 0.5 * np.eye(6))])
+    vectors = np.vstack([base, base * (1 + 0.5 * np.eye(7))])
     waypoints = simulator.simulate(casts, vectors).waypoints_m
     moved = np.nanmax(np.abs(waypoints[1:] - waypoints[0]), axis=(1, 2, 3))
     assert (moved > 1e-4).all(), moved
@@ -173,5 +173,5 @@ def test_waypoints_of_casts_of_different_length_end_in_nan(
 def test_a_vector_of_the_wrong_length_is_refused(
     make_simulator: MakeSimulator, casts: list[SimulatedCast]
 ) -> None:
-    with pytest.raises(ValueError, match="expected 6 parameters a vector, got 2"):
+    with pytest.raises(ValueError, match="expected 7 parameters a vector, got 2"):
         make_simulator().simulate(casts, np.ones((1, 2)))

@@ -34,6 +34,7 @@ PARAMETERS = (
     "joint_friction_n_m",
     "bending_stiffness_n_m2",
     "bending_damping_s",
+    "grip_stiffness",
 )
 
 
@@ -65,10 +66,11 @@ class SegmentedSimulator:
     Parameters
     ----------
     cable : its length and radius are taken as measured; its masses are parameters.
-    parameters : the six parameters named in `PARAMETERS`, in that order: planar friction μ,
+    parameters : the parameters named in `PARAMETERS`, in that order: planar friction μ,
         the masses of cable and endpoint, the Coulomb moment in every joint, the bending
         stiffness EI, and the retardation time η of bending (Kelvin–Voigt: the bending moment
-        is EI (κ + η dκ/dt)). Below half a step η cannot keep a stiff joint stable.
+        is EI (κ + η dκ/dt)), and how much stiffer than elsewhere the cable bends where it
+        leaves the gripper. Below half a step η cannot keep a stiff joint stable.
     """
 
     name = "segmented"
@@ -157,6 +159,7 @@ class _SegmentedRun:
         self._batch.expand("body_ipos")[:, -n:, 0] = centre
         self._batch.expand("body_inertia")[:, -n:] = inertia[:, :, None]
         stiffness = values["bending_stiffness_n_m2"][:, None] / geometry.bends_m
+        stiffness[:, 0] *= values["grip_stiffness"]
         self._batch.expand("jnt_stiffness")[:, -n:] = stiffness
         self._viscous = values["bending_damping_s"][:, None] * stiffness
         self._joint_friction = values["joint_friction_n_m"][:, None]
