@@ -62,13 +62,16 @@ class ChainState:
     position_m : ndarray of shape (n + 1, 2, n_sim).
     velocity_m_s : ndarray of shape (n + 1, 2, n_sim).
     centripetal_lag_m_s2 : ndarray of shape (n + 1, 2, n_sim), the centripetal acceleration of
-        the points at the rates of `velocity_m_s` less that at MuJoCo's own rates.
+        the points at the rates of `velocity_m_s` less that at the stepped rates.
+    stepped : ndarray of shape (n + 3, n_sim), the velocities that MuJoCo steps from: the tool's
+        two, then how fast it and every segment turn.
     """
 
     heading: np.ndarray
     position_m: np.ndarray
     velocity_m_s: np.ndarray
     centripetal_lag_m_s2: np.ndarray
+    stepped: np.ndarray
 
     @property
     def end_m(self) -> np.ndarray:
@@ -77,35 +80,35 @@ class ChainState:
 
 
 def chain_state(
-    qpos: np.ndarray, qvel: np.ndarray, stepped_qvel: np.ndarray, geometry: ChainGeometry
+    qpos: np.ndarray, qvel: np.ndarray, earlier: np.ndarray | None, geometry: ChainGeometry
 ) -> ChainState:
     """Compute the mass points from generalised coordinates of shape (n_sim, 3 + n).
 
     Parameters
     ----------
-    qvel : velocities at the time of `qpos`.
-    stepped_qvel : the velocities that MuJoCo steps from, half a step behind.
+    qvel : the velocities that MuJoCo steps from, half a step behind `qpos`.
+    earlier : `ChainState.stepped` of the step before, None at the first; velocities are
+        extrapolated by half a step from the two.
     """
-    turned = np.empty((qpos.shape[1] - 2, 3, len(qpos)), np.float32)  # angle and both rates
-    for row, coordinates in enumerate((qpos, qvel, stepped_qvel)):
-        turned[:, row] = coordinates.T[2:]
-    for k in range(1, len(turned)):
-        turned[k] += turned[k - 1]
-    angle, rate, stepped_rate = turned[:, 0], turned[:, 1], turned[:, 2]
-    axes = np.empty((len(angle), 2, len(qpos)), np.float32)
-    np.cos(angle, out=axes[:, 0])
-    np.sin(angle, out=axes[:, 1])
-    heading, rate, stepped_rate = axes[1:], rate[1:], stepped_rate[1:]
+    place, stepped = qpos.T.astype(np.float32), qvel.T.astype(np.float32)
+    for k in range(3, len(place)):
+        place[k] += place[k - 1]
+        stepped[k] += stepped[k - 1]
+    velocity = stepped if earlier is None else np.float32(1.5) * stepped - np.float32(0.5) * earlier
+    axes = np.empty((len(place) - 2, 2, len(qpos)), np.float32)
+    np.cos(place[2:], out=axes[:, 0])
+    np.sin(place[2:], out=axes[:, 1])
+    heading, rate = axes[1:], velocity[3:]
     half = np.empty((len(heading), 6, len(qpos)), np.float32)  # of a segment: vector, velocity, lag
     np.multiply(heading, geometry.half_m[:, :, None], out=half[:, :2])
     np.multiply(half[:, 1], -rate, out=half[:, 2])
     np.multiply(half[:, 0], rate, out=half[:, 3])
-    np.multiply(half[:, :2], (stepped_rate**2 - rate**2)[:, None], out=half[:, 4:])
+    np.multiply(half[:, :2], (stepped[3:] ** 2 - rate**2)[:, None], out=half[:, 4:])
     stub = axes[0] * np.float32(geometry.stub_m)
-    points = np.empty((len(angle), 6, len(qpos)), np.float32)
-    np.add(qpos.T[:2], stub, out=points[0, :2])
-    np.add(qvel.T[0], -stub[1] * turned[0, 1], out=points[0, 2])
-    np.add(qvel.T[1], stub[0] * turned[0, 1], out=points[0, 3])
+    points = np.empty((len(axes), 6, len(qpos)), np.float32)
+    np.add(place[:2], stub, out=points[0, :2])
+    np.subtract(velocity[0], stub[1] * velocity[2], out=points[0, 2])
+    np.add(velocity[1], stub[0] * velocity[2], out=points[0, 3])
     points[0, 4:] = 0
     # centre k = first hinge + Σ_{i<k} 2 half_i + half_k; endpoint = first hinge + Σ_i 2 half_i
     points[0] += half[0]
@@ -113,7 +116,7 @@ def chain_state(
     points[-1] = half[-1]
     for k in range(1, len(points)):
         points[k] += points[k - 1]
-    return ChainState(heading, points[:, :2], points[:, 2:4], points[:, 4:])
+    return ChainState(heading, points[:, :2], points[:, 2:4], points[:, 4:], stepped)
 
 
 def hinge_moments(force_n: np.ndarray, heading: np.ndarray, geometry: ChainGeometry) -> np.ndarray:

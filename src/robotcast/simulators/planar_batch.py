@@ -12,25 +12,31 @@ import numpy as np
 from robotcast.progress import Progress, silent
 from robotcast.simulators.chain import ChainState
 from robotcast.simulators.simulator import Cast, Prediction
+from robotcast.simulators.tool_path import tool_poses
 
 CHECK_EVERY = 25  # steps between looks for runs that rest or diverge
+CROWDED = 0.95  # share under way below which the simulations that ended are taken out
 REST_SPEED_M_S = 0.01  # slower than this everywhere, once the tool has stopped, is at rest
 DIVERGED_RATE = 1e4  # rad/s or m/s: no cable moves like that
 
 
 class PlanarRun(Protocol):
-    """One batch of simulations under way. `active` numbers the simulations still running."""
+    """One batch of simulations under way."""
 
-    def state(self, active: np.ndarray) -> ChainState:
-        """Return the mass points of the active simulations."""
+    def state(self) -> ChainState:
+        """Return the mass points of the simulations."""
         ...
 
-    def fastest_rate(self, active: np.ndarray) -> np.ndarray:
-        """Return the largest generalised speed of each active simulation, (n_active,)."""
+    def fastest_rate(self) -> np.ndarray:
+        """Return the largest generalised speed of each simulation, (n_sim,)."""
         ...
 
-    def step(self, active: np.ndarray, state: ChainState, next_pose: np.ndarray) -> None:
-        """Advance one step; the tool reaches `next_pose` (n_active, 3) at its end."""
+    def step(self, state: ChainState, next_pose: np.ndarray) -> None:
+        """Advance one step; the tool reaches `next_pose` (n_sim, 3) at its end."""
+        ...
+
+    def keep(self, kept: np.ndarray) -> None:
+        """Go on with the simulations numbered `kept` only, in this order."""
         ...
 
 
@@ -123,30 +129,34 @@ def _run_batch(
     chosen, which = np.unique(batch.cast, return_inverse=True)
     last = np.array([int(np.ceil(casts[c].waypoints_s[-1] / step_s - 1e-9)) for c in chosen])[which]
     tool_end = np.array([casts[c].tool.t_s[-1] / step_s for c in chosen])[which]
-    pose = np.stack([_tool_poses(casts[c], step_s, last.max() + 2) for c in chosen], axis=1)
-    lean_rad = np.array([_lean(casts[c]) for c in chosen])
-    run = start(pose[0, which], lean_rad[which], vectors[batch.vector])
+    times_s = np.arange(last.max() + 2) * step_s
+    pose = tool_poses([casts[c].tool for c in chosen], times_s)
+    lean_rad = np.array([_lean(casts[c]) for c in chosen])[which]
+    run = start(pose[0, which], lean_rad, vectors[batch.vector])
     path = np.empty((last.max() + 1, 2, len(which)), np.float32)
-    stopped = last.copy()
+    ended = np.full(len(which), -1)  # the step at which each simulation ended, −1 under way
     diverged = np.zeros(len(which), dtype=bool)
-    active = np.arange(len(which))
+    running = np.arange(len(which))  # the simulations that are still stepped
     with np.errstate(over="ignore", invalid="ignore"):
         for step in range(len(path)):
-            state = run.state(active)
-            path[step][:, active] = state.end_m
-            if step % CHECK_EVERY == 0 or step == last.max():
-                lost = ~(run.fastest_rate(active) < DIVERGED_RATE)
+            state = run.state()
+            path[step][:, running] = state.end_m
+            if step % CHECK_EVERY == 0 or step == len(path) - 1:
+                lost = ~(run.fastest_rate() < DIVERGED_RATE)
                 speed = np.abs(state.velocity_m_s).max(axis=(0, 1))
-                resting = (step >= tool_end[active]) & (speed < REST_SPEED_M_S)
-                over = lost | resting | (step >= last[active])
-                diverged[active[lost]] = True
-                stopped[active[over]] = step
-                active = active[~over]
-                if not active.size:
+                resting = (step >= tool_end[running]) & (speed < REST_SPEED_M_S)
+                over = (lost | resting | (step >= last[running])) & (ended[running] < 0)
+                diverged[running[over & lost]] = True
+                ended[running[over]] = np.minimum(step, last[running[over]])
+                under_way = np.flatnonzero(ended[running] < 0)
+                if not under_way.size:
                     break
-                state = run.state(active)
-            run.step(active, state, pose[step + 1, which[active]])
-    for i, final in enumerate(stopped):
+                if under_way.size < CROWDED * len(running):
+                    run.keep(under_way)
+                    running = running[under_way]
+                    state = run.state()
+            run.step(state, pose[step + 1, which[running]])
+    for i, final in enumerate(ended):
         path[final + 1 :, :, i] = path[final, :, i]
     return path, diverged
 
@@ -158,28 +168,6 @@ def _lean(cast: Cast) -> float:
     x, y, yaw = cast.tool.pose[0]
     lean = np.arctan2(cast.start_m[1] - y, cast.start_m[0] - x) - yaw
     return float(np.arctan2(np.sin(lean), np.cos(lean)))
-
-
-def _tool_poses(cast: Cast, step_s: float, n: int) -> np.ndarray:
-    """Return the tool's pose (n, 3) at every step, smooth between the logged samples."""
-    tool = cast.tool
-    times = np.clip(np.arange(n) * step_s, tool.t_s[0], tool.t_s[-1])
-    return _hermite(tool.t_s, tool.pose, times)
-
-
-def _hermite(t_s: np.ndarray, values: np.ndarray, times_s: np.ndarray) -> np.ndarray:
-    """Interpolate `values` (n, d) at `times_s` by cubics whose slopes are central differences.
-
-    Local, unlike a spline: a cast's poses do not depend on the casts it is batched with.
-    """
-    slopes = np.gradient(values, t_s, axis=0)
-    i = np.clip(np.searchsorted(t_s, times_s, side="right") - 1, 0, len(t_s) - 2)
-    span = (t_s[i + 1] - t_s[i])[:, None]
-    u = (times_s - t_s[i])[:, None] / span
-    rise = values[i + 1] - values[i]
-    bend = slopes[i] * span - rise
-    other = rise - slopes[i + 1] * span
-    return values[i] + u * rise + u * (1 - u) * ((1 - u) * bend + u * other)
 
 
 def _at_times(path: np.ndarray, times_s: np.ndarray, step_s: float) -> np.ndarray:

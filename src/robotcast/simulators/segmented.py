@@ -129,21 +129,28 @@ class _SegmentedRun:
         lean_rad: np.ndarray,
         vectors: np.ndarray,
     ) -> None:
+        self._simulator = simulator
         self._settings = simulator.settings
         self._geometry = simulator._geometry
-        self._batch = Batch(simulator._model, len(pose), nthread=1)
-        self._qpos = self._batch.bind("qpos")
-        self._qvel = self._batch.bind("qvel")
+        qpos = np.zeros((len(pose), TOOL_DOFS + len(self._geometry.lengths_m)))
+        qpos[:, :TOOL_DOFS] = pose
+        qpos[:, TOOL_DOFS] = lean_rad
+        self._begin(vectors, qpos, np.zeros_like(qpos))
+        self._earlier: np.ndarray | None = None
+
+    def _begin(self, vectors: np.ndarray, qpos: np.ndarray, qvel: np.ndarray) -> None:
+        """Make the batch, at these generalised positions and velocities (n_sim, 3 + n)."""
+        self._vectors = vectors
+        self._batch = Batch(self._simulator._model, len(qpos), nthread=1)
+        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._applied = self._batch.bind("qfrc_applied")
         self._damping = self._batch.expand("dof_damping")
-        self._qpos[:, :TOOL_DOFS] = pose
-        self._qpos[:, TOOL_DOFS] = lean_rad
-        self._earlier_qvel = np.zeros_like(self._qvel)
-        self._set_parameters(simulator.cable, dict(zip(PARAMETERS, vectors.T, strict=True)))
+        self._qpos[:], self._qvel[:] = qpos, qvel
+        self._set_parameters(dict(zip(PARAMETERS, vectors.T, strict=True)))
 
-    def _set_parameters(self, cable: Cable, values: dict[str, np.ndarray]) -> None:
+    def _set_parameters(self, values: dict[str, np.ndarray]) -> None:
         """Write masses and joints of every simulation; `values` hold (n_sim,) each."""
-        geometry = self._geometry
+        geometry, cable = self._geometry, self._simulator.cable
         n, lengths, tip = len(geometry.lengths_m), geometry.lengths_m, values["endpoint_mass_kg"]
         mass = values["cable_mass_kg"][:, None] * (lengths / cable.length_m)
         self._points_kg = np.vstack([mass.T, tip]).astype(np.float32)
@@ -164,57 +171,55 @@ class _SegmentedRun:
         self._viscous = values["bending_damping_s"][:, None] * stiffness
         self._joint_friction = values["joint_friction_n_m"][:, None]
 
-    def state(self, active: np.ndarray) -> ChainState:
-        rows = self._rows(active)
-        stepped = self._qvel[rows]
-        velocity = 1.5 * stepped - 0.5 * self._earlier_qvel[rows]
-        return chain_state(self._qpos[rows], velocity, stepped, self._geometry)
+    def keep(self, kept: np.ndarray) -> None:
+        self._begin(self._vectors[kept], self._qpos[kept], self._qvel[kept])
+        if self._earlier is not None:
+            self._earlier = np.ascontiguousarray(self._earlier[:, kept])
 
-    def fastest_rate(self, active: np.ndarray) -> np.ndarray:
-        return np.abs(self._qvel[active]).max(axis=1)
+    def state(self) -> ChainState:
+        return chain_state(self._qpos, self._qvel, self._earlier, self._geometry)
 
-    def step(self, active: np.ndarray, state: ChainState, next_pose: np.ndarray) -> None:
-        rows = self._rows(active)
-        self._drive_tool(rows, next_pose)
-        self._rub_joints(rows)
-        force = self._board_friction(rows, state)
-        force -= state.centripetal_lag_m_s2 * self._points_kg[:, None, rows]
+    def fastest_rate(self) -> np.ndarray:
+        return np.abs(self._qvel).max(axis=1)
+
+    def step(self, state: ChainState, next_pose: np.ndarray) -> None:
+        self._drive_tool(next_pose)
+        self._rub_joints()
+        force = self._board_friction(state)
+        force -= state.centripetal_lag_m_s2 * self._points_kg[:, None]
         moments = hinge_moments(force, state.heading, self._geometry)
-        self._applied[rows, TOOL_DOFS:] = moments.T
-        self._earlier_qvel[rows] = self._qvel[rows]
-        self._batch.step(None if isinstance(rows, slice) else active)
+        self._applied[:, TOOL_DOFS:] = moments.T
+        self._earlier = state.stepped
+        self._batch.step()
 
-    def _rows(self, active: np.ndarray) -> slice | np.ndarray:
-        """Return an index of the active rows; a slice, which copies nothing, when all are."""
-        return slice(None) if len(active) == len(self._qpos) else active
-
-    def _drive_tool(self, rows: slice | np.ndarray, next_pose: np.ndarray) -> None:
+    def _drive_tool(self, next_pose: np.ndarray) -> None:
         """Push the tool so that it stands at `next_pose` after the step.
 
         A force on a large armature, not an overwritten velocity: the cable's inertia is kept.
         """
         step_s = self._settings.step_s
-        wanted = (next_pose - self._qpos[rows, :TOOL_DOFS]) / step_s
-        change = wanted - self._qvel[rows, :TOOL_DOFS]
-        self._applied[rows, :TOOL_DOFS] = change * (TOOL_ARMATURE / step_s)
+        wanted = (next_pose - self._qpos[:, :TOOL_DOFS]) / step_s
+        change = wanted - self._qvel[:, :TOOL_DOFS]
+        self._applied[:, :TOOL_DOFS] = change * (TOOL_ARMATURE / step_s)
 
-    def _rub_joints(self, rows: slice | np.ndarray) -> None:
+    def _rub_joints(self) -> None:
         """Set the joints' damping so that it carries the Coulomb moment M ω/√(ω² + ω₀²) too.
 
         MuJoCo integrates damping implicitly, which keeps a dry joint stable at any step.
         """
-        rate = self._qvel[rows, TOOL_DOFS:]
-        regularised = np.sqrt(rate * rate + self._settings.bending_rate_rad_s**2)
-        self._damping[rows, TOOL_DOFS:] = (
-            self._viscous[rows] + self._joint_friction[rows] / regularised
-        )
+        rate = self._qvel[:, TOOL_DOFS:]
+        regularised = rate * rate
+        regularised += self._settings.bending_rate_rad_s**2
+        np.sqrt(regularised, out=regularised)
+        np.divide(self._joint_friction, regularised, out=regularised)
+        np.add(self._viscous, regularised, out=self._damping[:, TOOL_DOFS:])
 
-    def _board_friction(self, rows: slice | np.ndarray, state: ChainState) -> np.ndarray:
+    def _board_friction(self, state: ChainState) -> np.ndarray:
         """Return −μ m g v/√(v² + ε²) on every mass point, (n + 1, 2, n_sim)."""
         velocity = state.velocity_m_s
         square = velocity[:, 0] * velocity[:, 0]
         square += velocity[:, 1] * velocity[:, 1]
         square += np.float32(self._settings.sliding_speed_m_s**2)
         np.sqrt(square, out=square)
-        np.divide(self._friction_n[:, rows], square, out=square)
+        np.divide(self._friction_n, square, out=square)
         return velocity * -square[:, None]
