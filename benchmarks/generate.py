@@ -3,7 +3,8 @@
     .venv/bin/python benchmarks/generate.py [--rounds 5] [--tuned data/tuned/cable1/segmented-de]
 
 The bare chain has the same masses, springs and dampers, no forces, no Python between steps and
-no recording; it starts bent and swinging. Rounds of the two alternate, so that a machine whose speed drifts is fair to both.
+no recording; it starts bent and swinging. Rounds of the two alternate, so that a machine whose
+speed drifts is fair to both.
 With --tuned it then runs the generate stage at paper scale on one cable and prints its time and
 memory. Exits with 1 when the ratio is below 0.8, D_sim takes 4.5 minutes or memory 4 GiB.
 """
