@@ -98,3 +98,13 @@ def test_params_name_config_files_that_exist() -> None:
         for entry in stage.get("params", []):
             pattern = re.sub(r"\$\{[^}]*\}", "*", next(iter(entry)))
             assert list(ROOT.glob(pattern)), pattern
+
+
+def test_a_simulator_parameter_reruns_tuning_and_generating_but_no_cast() -> None:
+    readers = {
+        name
+        for name, stage in stages().items()
+        for entry in stage.get("params", [])
+        if next(iter(entry)).startswith("conf/simulator/")
+    }
+    assert readers == {"tune", "generate"}
