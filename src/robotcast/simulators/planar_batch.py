@@ -12,7 +12,7 @@ import numpy as np
 from robotcast.progress import Progress, silent
 from robotcast.simulators.chain import ChainState
 from robotcast.simulators.simulator import Cast, Prediction
-from robotcast.simulators.tool_path import tool_poses
+from robotcast.simulators.tool_path import ToolPaths
 
 CHECK_EVERY = 25  # steps between looks for runs that rest or diverge
 CROWDED = 0.95  # share under way below which the simulations that ended are taken out
@@ -130,9 +130,9 @@ def _run_batch(
     last = np.array([int(np.ceil(casts[c].waypoints_s[-1] / step_s - 1e-9)) for c in chosen])[which]
     tool_end = np.array([casts[c].tool.t_s[-1] / step_s for c in chosen])[which]
     times_s = np.arange(last.max() + 2) * step_s
-    pose = tool_poses([casts[c].tool for c in chosen], times_s)
+    tools = ToolPaths([casts[c].tool for c in chosen], times_s)
     lean_rad = np.array([_lean(casts[c]) for c in chosen])[which]
-    run = start(pose[0, which], lean_rad, vectors[batch.vector])
+    run = start(tools.at(0, which), lean_rad, vectors[batch.vector])
     path = np.empty((last.max() + 1, 2, len(which)), np.float32)
     ended = np.full(len(which), -1)  # the step at which each simulation ended, −1 under way
     diverged = np.zeros(len(which), dtype=bool)
@@ -155,7 +155,7 @@ def _run_batch(
                     run.keep(under_way)
                     running = running[under_way]
                     state = run.state()
-            run.step(state, pose[step + 1, which[running]])
+            run.step(state, tools.at(step + 1, which[running]))
     for i, final in enumerate(ended):
         path[final + 1 :, :, i] = path[final, :, i]
     return path, diverged

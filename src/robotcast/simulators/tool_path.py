@@ -7,29 +7,50 @@ import numpy as np
 from robotcast.casts.tool_motion import ToolMotion
 
 
-def tool_poses(tools: Sequence[ToolMotion], times_s: np.ndarray) -> np.ndarray:
-    """Return the poses of all `tools` at `times_s` (n,), (n, n_tools, 3).
+class ToolPaths:
+    """The poses of many tools at the same times.
 
     Cubics between the samples whose slopes there are central differences; at rest before the
     first and after the last sample. They are local, unlike a spline: what a cast gets does not
     depend on the casts it is batched with.
+
+    Parameters
+    ----------
+    times_s : ndarray of shape (n,).
     """
-    t_s, pose = _padded(tools)
+
+    def __init__(self, tools: Sequence[ToolMotion], times_s: np.ndarray) -> None:
+        t_s, pose = _padded(tools)
+        self._cubics = _cubics(t_s, pose)
+        first_s, last_s = (np.array([[tool.t_s[k]] for tool in tools]) for k in (0, -1))
+        times = np.clip(times_s, first_s, last_s)
+        interval = np.stack(
+            [np.searchsorted(row, some, "right") - 1 for row, some in zip(t_s, times, strict=True)]
+        )
+        self._since_s = np.ascontiguousarray((times - np.take_along_axis(t_s, interval, 1)).T)
+        self._interval = np.ascontiguousarray(interval.T)
+
+    def at(self, k: int, tools: np.ndarray) -> np.ndarray:
+        """Return the poses at time `k` of the tools numbered `tools` (m,), (m, 3)."""
+        cubic = self._cubics[tools, self._interval[k, tools]]
+        since_s = self._since_s[k, tools, None]
+        pose = cubic[:, 3] * since_s
+        for power in (2, 1):
+            pose += cubic[:, power]
+            pose *= since_s
+        return pose + cubic[:, 0]
+
+
+def _cubics(t_s: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """Return the coefficients, lowest power first, of every interval, (n_tools, m − 1, 4, 3)."""
     slope = np.zeros_like(pose)
     slope[:, 1:-1] = (pose[:, 2:] - pose[:, :-2]) / (t_s[:, 2:] - t_s[:, :-2])[:, :, None]
-    first_s, last_s = (np.array([[tool.t_s[k]] for tool in tools]) for k in (0, -1))
-    times = np.clip(times_s, first_s, last_s)
-    i = np.stack(
-        [np.searchsorted(row, some, "right") - 1 for row, some in zip(t_s, times, strict=True)]
-    )
-    row = np.arange(len(tools))[:, None]
-    start_s, span_s = t_s[row, i], t_s[row, i + 1] - t_s[row, i]
-    u = ((times - start_s) / span_s)[:, :, None]
-    rise = pose[row, i + 1] - pose[row, i]
-    bend = slope[row, i] * span_s[:, :, None] - rise
-    unbend = rise - slope[row, i + 1] * span_s[:, :, None]
-    path = pose[row, i] + u * rise + u * (1 - u) * ((1 - u) * bend + u * unbend)
-    return np.ascontiguousarray(path.transpose(1, 0, 2))
+    span_s = np.diff(t_s, axis=1)[:, :, None]
+    rise = np.diff(pose, axis=1) / span_s
+    start, end = slope[:, :-1], slope[:, 1:]
+    square = (3 * rise - 2 * start - end) / span_s
+    cube = (start + end - 2 * rise) / span_s**2
+    return np.stack([pose[:, :-1], start, square, cube], axis=2)
 
 
 def _padded(tools: Sequence[ToolMotion]) -> tuple[np.ndarray, np.ndarray]:
