@@ -27,7 +27,7 @@ def test_a_tuning_killed_at_random_moments_gives_the_bytes_of_an_unbroken_one(
     assert start_tuning(unbroken).wait() == 0
     random = np.random.default_rng(5)
     kills = 0
-    for seconds in random.uniform(3.0, 7.0, size=6):
+    for seconds in random.uniform(3.0, 7.0, size=4):
         process = start_tuning(killed)
         try:
             process.wait(timeout=seconds)
