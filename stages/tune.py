@@ -75,7 +75,8 @@ def _subject(config: DictConfig, tuning: MeasurementSet) -> str:
 
 def _journal_path(config: DictConfig, folder: Path) -> Path:
     """Keep the journal beside DVC's outputs, which a rerun would delete."""
-    return Path(config.paths.unfinished) / f"{'-'.join(folder.parts)}.jsonl"
+    names = [part for part in folder.parts if part != folder.anchor]
+    return Path(config.paths.unfinished) / f"{'-'.join(names)}.jsonl"
 
 
 def _say(tuned: Tuned, folder: Path) -> None:
