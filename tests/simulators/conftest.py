@@ -6,7 +6,7 @@ import pytest
 
 from robotcast.casts.plan import PlanLimits, plan_cast
 from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.parameter import Parameter
+from robotcast.fitting.parameter import Parameter
 from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast
 

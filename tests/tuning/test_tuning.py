@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robotcast.progress import silent
-from robotcast.simulators.parameter import Parameter
+from robotcast.fitting.parameter import Parameter
 from robotcast.tuning.differential_evolution import DifferentialEvolution
 from robotcast.tuning.journal import Journal
 from robotcast.tuning.objective import Scores, full_vectors

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.parameter import Parameter
+from robotcast.fitting.parameter import Parameter
 from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import Simulator
 

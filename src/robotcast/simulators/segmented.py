@@ -23,7 +23,7 @@ from robotcast.simulators.chain import (
     chain_state,
     hinge_moments,
 )
-from robotcast.simulators.parameter import Parameter
+from robotcast.fitting.parameter import Parameter
 from robotcast.simulators.planar_batch import PlanarRun, simulate_planar
 from robotcast.simulators.simulator import Cast, Prediction
 

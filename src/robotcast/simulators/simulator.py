@@ -8,7 +8,7 @@ import numpy as np
 
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.progress import Progress, silent
-from robotcast.simulators.parameter import Parameter
+from robotcast.fitting.parameter import Parameter
 
 
 class Cast(Protocol):

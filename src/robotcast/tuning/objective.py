@@ -8,7 +8,7 @@ import numpy as np
 from robotcast.measurements.errors import prediction_errors
 from robotcast.measurements.measurement_set import Trial
 from robotcast.progress import Progress, silent
-from robotcast.simulators.parameter import Parameter
+from robotcast.fitting.parameter import Parameter
 from robotcast.simulators.simulator import Simulator
 
 

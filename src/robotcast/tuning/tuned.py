@@ -11,7 +11,7 @@ import yaml
 from robotcast.files import atomic_file, write_text
 from robotcast.measurements.errors import PredictionErrors
 from robotcast.measurements.measurement_set import Cable, Trial
-from robotcast.simulators.parameter import Parameter
+from robotcast.fitting.parameter import Parameter
 from robotcast.tuning.search import Batch
 
 AT_BOUND = 0.01  # of a parameter's range: closer to a bound than this is on it

@@ -1,4 +1,4 @@
-"""A number of a simulator that tuning may change."""
+"""A number of a model that fitting may change."""
 
 import math
 from dataclasses import dataclass, replace
@@ -9,12 +9,15 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Parameter:
-    """One simulator parameter with what tuning needs to know of it.
+    """One parameter of a model with what fitting needs to know of it.
 
     Attributes
     ----------
     scale : "log" when the parameter is searched by its logarithm.
     frozen : held at `nominal` when True.
+    null : of an effect's strength, the value at which the effect does nothing.
+    probes : of an effect's parameter, values at which a first look simulates it: sizes that
+        would matter of a strength, places to try of the others.
     """
 
     name: str
@@ -24,6 +27,8 @@ class Parameter:
     nominal: float
     scale: Literal["linear", "log"] = "linear"
     frozen: bool = False
+    null: float | None = None
+    probes: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.lower <= self.nominal <= self.upper or self.lower >= self.upper:

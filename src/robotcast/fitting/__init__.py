@@ -1,0 +1,1 @@
+"""Parameters and their least-squares fit, for any model."""
