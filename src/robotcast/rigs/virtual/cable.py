@@ -96,8 +96,8 @@ def bend_angles(headings_rad: np.ndarray) -> np.ndarray:
 def nodes(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
     """Return the chain's nodes (segments + 1, 3) [m] from the held end to the free end."""
     mujoco.mj_kinematics(model, data)  # a step leaves positions as they were before it
-    first = model.body("segment_0").id
-    return data.xpos[first:].copy()
+    first, last = model.body("segment_0").id, model.body("endpoint").id
+    return data.xpos[first : last + 1].copy()
 
 
 def _set_solver(spec: mujoco.MjSpec, truth: CableTruth) -> None:

@@ -1,5 +1,6 @@
 """Moving the held end of the virtual cable and recording what the cable does."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import mujoco
@@ -32,6 +33,10 @@ class Motion:
         return self.nodes_m[:, -1]
 
 
+def undisturbed(data: mujoco.MjData) -> None:
+    """Leave the cable to itself."""
+
+
 class CableRun:
     """One cable that is laid down, settled and then driven by its held end.
 
@@ -39,14 +44,23 @@ class CableRun:
     ----------
     headings_rad : ndarray of shape (segments,), directions of the segments on the board.
     held : ndarray of shape (5,), x, y, height above the resting height [m], yaw, pitch [rad].
+    disturb : called before every step, to change the model or what acts on the cable.
     """
 
-    def __init__(self, model: mujoco.MjModel, headings_rad: np.ndarray, held: np.ndarray) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        headings_rad: np.ndarray,
+        held: np.ndarray,
+        disturb: Callable[[mujoco.MjData], None] = undisturbed,
+    ) -> None:
         self.model, self.data = model, mujoco.MjData(model)
+        self.disturb = disturb
         self._stride = max(1, round(RECORD_S / model.opt.timestep))
         count = len(TOOL_JOINTS)
         self.data.qpos[:count] = held
-        self.data.qpos[count::2] = bend_angles(headings_rad - held[3])
+        hinges = slice(count, count + 2 * len(headings_rad), 2)
+        self.data.qpos[hinges] = bend_angles(headings_rad - held[3])
         mujoco.mj_forward(model, self.data)
 
     @property
@@ -57,9 +71,10 @@ class CableRun:
     def settle(self) -> None:
         """Let the cable come to rest with the held end kept where it is."""
         steps = round(SETTLE_CAP_S / self.model.opt.timestep)
-        self.drive(np.tile(self.held, (steps + 1, 1)), moving_s=0.0)
+        kept = np.tile(self.held, (steps + 1, 1))
+        self.drive(kept, moving_s=0.0, start_s=-SETTLE_CAP_S)
 
-    def drive(self, path: np.ndarray, *, moving_s: float) -> Motion:
+    def drive(self, path: np.ndarray, *, moving_s: float, start_s: float = 0.0) -> Motion:
         """Move the held end along `path` and stop when the cable rests.
 
         Parameters
@@ -67,15 +82,18 @@ class CableRun:
         path : ndarray of shape (steps + 1, 5), the held end at every time step; its end is
             the time cap.
         moving_s : until when the held end moves; rest is not looked for before.
+        start_s : what the clock shows at the start, below zero before a cast begins.
         """
         model, data, dt = self.model, self.data, self.model.opt.timestep
         count = len(TOOL_JOINTS)
         velocity = np.diff(path, axis=0) / dt
         recorded, resting_s = [nodes(model, data)], 0.0
+        data.time = start_s
         for step in range(1, len(path)):
             # Impressed as a force: overwriting the pose would lose the cable's inertia.
             pull = (velocity[step - 1] - data.qvel[:count]) / dt
             data.qfrc_applied[:count] = TOOL_ARMATURE * pull
+            self.disturb(data)
             mujoco.mj_step(model, data)
             if step % self._stride:
                 continue

@@ -24,7 +24,9 @@ from robotcast.rigs.ur5 import Gripper, joint_path
 from robotcast.rigs.virtual.arm import ArmDynamics
 from robotcast.rigs.virtual.cable import TOOL_JOINTS, CableTruth, build_cable, compile_cable
 from robotcast.rigs.virtual.chance import CastNoise, draw, generator
-from robotcast.rigs.virtual.drive import CableRun, Motion
+from robotcast.rigs.virtual.drive import CableRun, Motion, undisturbed
+from robotcast.rigs.virtual.hidden.disturbance import Disturbance
+from robotcast.rigs.virtual.hidden.effect import Built, HiddenEffect, Holding
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, frame_starts, render_cast
 from robotcast.rigs.virtual.scatter import StartScatter
 from robotcast.vision.camera import Camera
@@ -57,6 +59,8 @@ class VirtualRig:
     Attributes
     ----------
     seed : every cast draws its chance from (seed, number of the cast).
+    hidden : effects that the cable, the board and the gripper have and nobody is told. Those
+        of the camera act on waypoints (`measure`), not on the video.
     """
 
     cable: Cable
@@ -72,6 +76,7 @@ class VirtualRig:
     seed: int = 0
     workers: int = 1
     name: str = "virtual"
+    hidden: tuple[HiddenEffect, ...] = ()
 
     def facts(self) -> dict[str, Any]:
         """Return what session.yaml tells the tracker."""
@@ -112,7 +117,7 @@ class VirtualRig:
             of a draw from the resets' scatter.
         """
         run, path = self.begin(planned, number, headings_rad=headings_rad)
-        cable = run.drive(path, moving_s=planned.end_s + 5 * self.arm.lag_s)
+        cable = run.drive(self._held(path), moving_s=planned.end_s + 5 * self.arm.lag_s)
         steps = np.arange(len(path)) * self.truth.step_s
         tool = ToolMotion(steps, path[:, [0, 1, 3]])
         return Truth(cable, ToolMotion(cable.t_s, tool.at(cable.t_s)))
@@ -120,7 +125,7 @@ class VirtualRig:
     def begin(
         self, planned: PlannedCast, number: int, *, headings_rad: np.ndarray | None = None
     ) -> tuple[CableRun, np.ndarray]:
-        """Lay the cable down for cast `number`; return it and the held end's path (steps, 5)."""
+        """Lay the cable down for cast `number`; return it and the arm's path (steps, 5)."""
         chance = draw(self.noise, self.seed, number)
         if headings_rad is None:
             random = generator(self.seed, number, "start")
@@ -130,9 +135,25 @@ class VirtualRig:
         steps = np.arange(round((planned.end_s + SLOWEST_S) / truth.step_s) + 1) * truth.step_s
         path = np.zeros((len(steps), len(TOOL_JOINTS)))
         path[:, [0, 1, 3]] = arm.follow(planned.tool, steps, delay_s=chance.tool_delay_s)
-        run = CableRun(compile_cable(build_cable(self.cable, truth)), headings_rad, path[0])
+        run = self._lay_down(truth, headings_rad, self._held(path)[0])
         run.settle()
         return run, path
+
+    def _lay_down(self, truth: CableTruth, headings_rad: np.ndarray, held: np.ndarray) -> CableRun:
+        spec = build_cable(self.cable, truth)
+        for effect in self.hidden:
+            if isinstance(effect, Built):
+                effect.build(spec, self.cable, truth)
+        model = compile_cable(spec)
+        disturb = Disturbance(self.hidden, model) if self.hidden else undisturbed
+        return CableRun(model, headings_rad, held, disturb)
+
+    def _held(self, path: np.ndarray) -> np.ndarray:
+        """Return where the cable is really held while the arm takes `path` (steps, 5)."""
+        for effect in self.hidden:
+            if isinstance(effect, Holding):
+                path = effect.hold(path, self.truth.step_s)
+        return path
 
     def log_tool(self, tool: ToolMotion, number: int) -> ToolMotion:
         """Return the tool's motion as the controller logs it, at 125 Hz."""
@@ -153,7 +174,7 @@ class VirtualRig:
 
     def _fingerprint(self) -> str:
         """Return a digest of everything that shapes a cast, so that no session mixes two rigs."""
-        parts = (self.truth, self.arm, self.noise, self.scatter.digest(), self.seed)
+        parts = (self.truth, self.arm, self.noise, self.scatter.digest(), self.seed, *self.hidden)
         return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
 
     def _film_seed(self, number: int) -> int:

@@ -1,0 +1,300 @@
+"""Every hidden effect does to the virtual cable what its size says, against a closed form."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from robotcast.rigs.virtual.cable import CableTruth, build_cable, compile_cable
+from robotcast.rigs.virtual.drive import CableRun
+from robotcast.rigs.virtual.hidden.board import Grain, RoughEnd, RoughPatch, SlowGrip, TiltedBoard
+from robotcast.rigs.virtual.hidden.camera import (
+    MisscaledCamera,
+    ShiftedCamera,
+    SlowCamera,
+    TurnedCamera,
+)
+from robotcast.rigs.virtual.hidden.disturbance import Disturbance
+from robotcast.rigs.virtual.hidden.effect import Built, HiddenEffect, Pieces
+from robotcast.rigs.virtual.hidden.grip import LooseGrip, TurnedGrip
+from robotcast.rigs.virtual.hidden.make import CurvedCable, SoftCore, UnevenMass
+from robotcast.rigs.virtual.hidden.medium import AIR_KG_M3, Air, Oil
+from robotcast.rigs.virtual.hidden.outside import (
+    Draught,
+    RubberBand,
+    StickyZone,
+    SwingingEnd,
+    WarmingBoard,
+)
+from robotcast.rigs.virtual.measure import Eye, measure_cast, seen_places
+
+HELD = np.array([0.6, 0.0, 0.0, 0.0, 0.0])
+G = 9.81
+
+
+@pytest.fixture
+def flat(truth) -> CableTruth:
+    """A cable that slides without bouncing: stiff, smooth, its end no thicker than itself."""
+    return replace(truth, friction=0.2, bending_stiffness_n_m2=0.1, endpoint_radius_m=0.0045)
+
+
+def laid(cable, truth, effects: Sequence[HiddenEffect], *, airborne=False) -> CableRun:
+    """A straight cable at rest."""
+    spec = build_cable(cable, truth)
+    for effect in effects:
+        if isinstance(effect, Built):
+            effect.build(spec, cable, truth)
+    if airborne:
+        spec.option.gravity = [0, 0, 0]
+    model = compile_cable(spec)
+    tool = model.body("tool").id
+    model.body_mass[tool] = model.body_inertia[tool] = 0
+    return CableRun(model, np.zeros(truth.segments), HELD, Disturbance(effects, model))
+
+
+def slide(run: CableRun, velocity_m_s: tuple[float, float], seconds: float = 0.2) -> np.ndarray:
+    """Let the whole cable slide, its held end free along x and y; return its acceleration (2,)."""
+    run.settle()
+    disturb, model, data = run.disturb, run.model, run.data
+    model.dof_armature[:2] = 0
+    data.qfrc_applied[:] = 0
+    data.qvel[:] = 0
+    data.qvel[:2] = velocity_m_s
+    mujoco.mj_forward(model, data)
+    before = mean_velocity(run)
+    for _ in range(round(seconds / model.opt.timestep)):
+        disturb(data)
+        mujoco.mj_step(model, data)
+    mujoco.mj_forward(model, data)
+    return (mean_velocity(run) - before) / seconds
+
+
+def mean_velocity(run: CableRun) -> np.ndarray:
+    """Velocity of the common centre of mass, (2,)."""
+    mujoco.mj_subtreeVel(run.model, run.data)
+    return run.data.subtree_linvel[run.model.body("tool").id][:2].copy()
+
+
+def fluid_force(run: CableRun, speed_m_s: float) -> float:
+    """The medium's whole force along x on a cable that moves along x."""
+    run.data.qvel[:] = 0
+    run.data.qvel[0] = speed_m_s
+    mujoco.mj_forward(run.model, run.data)
+    return float(run.data.qfrc_fluid[0])
+
+
+def total_mass(cable) -> float:
+    return cable.mass_kg + cable.endpoint_mass_kg
+
+
+def test_without_an_effect_the_cable_slides_to_rest_at_mu_g(cable, flat):
+    along, across = slide(laid(cable, flat, []), (1.0, 0.0))
+    assert along == pytest.approx(-flat.friction * G, rel=0.01)
+    assert across == pytest.approx(0.0, abs=0.01)
+
+
+def test_on_a_tilted_board_gravity_pulls_by_the_tilt(cable, flat):
+    level = slide(laid(cable, flat, []), (1.0, 0.0))
+    tilted = slide(laid(cable, flat, [TiltedBoard(0.03, 0.0)]), (1.0, 0.0))
+    assert tilted[0] - level[0] == pytest.approx(0.03 * G, rel=0.02)
+
+
+def test_air_slows_by_half_rho_c_a_v_squared(cable, truth):
+    run = laid(cable, truth, [Air(7.0)])
+    area = 2 * cable.radius_m * cable.length_m + np.pi * truth.endpoint_radius_m**2
+    for speed in (0.5, 2.0):
+        force = -0.5 * AIR_KG_M3 * 7.0 * area * speed**2
+        assert fluid_force(run, speed) == pytest.approx(force, rel=1e-6)
+
+
+def test_a_film_slows_every_piece_by_c_m_v(cable, truth):
+    run = laid(cable, truth, [Oil(0.8)])
+    assert fluid_force(run, 1.5) == pytest.approx(-0.8 * total_mass(cable) * 1.5, rel=1e-6)
+
+
+def test_on_a_patch_as_wide_as_the_board_friction_is_one_plus_k_times_as_strong(cable, flat):
+    along, _ = slide(laid(cable, flat, [RoughPatch(0.5, 0.9, 0.0, 50.0)]), (1.0, 0.0))
+    assert along == pytest.approx(-1.5 * flat.friction * G, rel=0.03)
+
+
+def test_a_patch_fades_with_the_distance_as_a_bell_curve(cable, truth):
+    patch = RoughPatch(0.5, 1.0, 0.2, 0.1)
+    pieces = Pieces(np.array([[1.0, 0.2], [1.1, 0.2], [1.0, 0.6]]), np.zeros((3, 2)), np.ones(3), 0)
+    expected = [1.5, 1 + 0.5 / np.e, 1.0]
+    np.testing.assert_allclose(patch.roughness(pieces), expected, atol=1e-6)
+
+
+def test_a_rough_end_adds_friction_under_the_end_alone(cable, flat):
+    along, _ = slide(laid(cable, flat, [RoughEnd(0.8)]), (1.0, 0.0))
+    weighed = cable.mass_kg + 1.8 * cable.endpoint_mass_kg
+    assert along == pytest.approx(-flat.friction * G * weighed / total_mass(cable), rel=0.02)
+
+
+def test_what_creeps_grips_more():
+    speeds = np.array([[0.0, 0.0], [0.0, 0.3], [3.0, 0.0]])
+    pieces = Pieces(np.zeros((3, 2)), speeds, np.ones(3), 0.0)
+    np.testing.assert_allclose(SlowGrip(0.6, 0.3).roughness(pieces), [1.6, 1 + 0.6 / np.e, 1.0])
+
+
+def test_the_pieces_are_where_the_cable_is_and_move_as_it_does(cable, truth):
+    seen = []
+
+    class Spy(RoughEnd):
+        def roughness(self, pieces: Pieces) -> np.ndarray:
+            seen.append(pieces)
+            return super().roughness(pieces)
+
+    run = laid(cable, truth, [Spy(0.0)])
+    run.data.qvel[:] = np.random.default_rng(0).standard_normal(run.model.nv)
+    mujoco.mj_forward(run.model, run.data)
+    run.disturb(run.data)
+    length = cable.length_m / truth.segments
+    middles = HELD[0] + length * np.r_[np.arange(truth.segments) + 0.5, truth.segments]
+    np.testing.assert_allclose(seen[0].place_m[:, 0], middles)
+    for body in ("segment_7", "endpoint"):
+        row = run.model.body(body).id - run.model.body("segment_0").id
+        rates = np.zeros(6)
+        kind = mujoco.mjtObj.mjOBJ_BODY
+        mujoco.mj_objectVelocity(run.model, run.data, kind, run.model.body(body).id, rates, 0)
+        np.testing.assert_allclose(seen[0].velocity_m_s[row], rates[3:5])
+
+
+def test_grain_holds_across_the_cable_and_not_along_it(cable, flat):
+    bare = replace(cable, endpoint_mass_kg=1e-6)
+    along, _ = slide(laid(bare, flat, [Grain(0.5)]), (1.0, 0.0))
+    _, across = slide(laid(bare, flat, [Grain(0.5)]), (0.0, 1.0))
+    assert along == pytest.approx(-flat.friction * G, rel=0.05)
+    assert across == pytest.approx(-1.5 * flat.friction * G, rel=0.05)
+
+
+def test_uneven_mass_moves_the_centre_and_keeps_the_whole(cable, truth):
+    run = laid(cable, truth, [UnevenMass(0.4)])
+    first, end = run.model.body("segment_0").id, run.model.body("endpoint").id
+    mass = run.model.body_mass[first:end]
+    assert mass.sum() == pytest.approx(cable.mass_kg)
+    centre = mass @ (run.data.xipos[first:end, 0] - HELD[0]) / mass.sum()
+    assert centre == pytest.approx(cable.length_m * (0.5 + 0.4 / 6), rel=1e-3)
+
+
+def test_a_curved_cable_without_weight_rests_as_an_arc(cable, truth):
+    easy = replace(truth, hysteresis_n_m=0.0, bending_stiffness_n_m2=0.05)
+    run = laid(cable, easy, [CurvedCable(2.0)], airborne=True)
+    run.drive(np.tile(HELD, (10001, 1)), moving_s=10.0)
+    bends = run.data.qpos[5::2]
+    length = cable.length_m / truth.segments
+    np.testing.assert_allclose(bends[1:], 2.0 * length, rtol=0.02)
+    assert bends[0] == pytest.approx(length, rel=0.02)
+
+
+def test_a_soft_core_keeps_what_was_bent_beyond_its_yield():
+    core, length = SoftCore(10.0), 0.02
+    bend = np.array([0.0, 0.1, 0.5, -0.5])
+    kept = core.rest_rad(bend, np.zeros(4), length)
+    np.testing.assert_allclose(kept, [0.0, 0.0, 0.3, -0.3])
+    np.testing.assert_allclose(core.rest_rad(np.zeros(4), kept, length), [0, 0, 0.2, -0.2])
+
+
+def test_a_loose_grip_lags_by_its_time_and_arrives(cable):
+    step = 0.001
+    path = np.tile(HELD, (3001, 1))
+    path[:, 1] = np.minimum(np.arange(3001) * step, 1.5)  # 1 m/s, then still
+    held = LooseGrip(0.05).hold(path, step)
+    np.testing.assert_allclose(held[:, [0, 2, 3, 4]], path[:, [0, 2, 3, 4]])
+    t = 1.0
+    behind = 0.05 * (1 - np.exp(-t / 0.05))
+    assert path[1000, 1] - held[1000, 1] == pytest.approx(behind, rel=1e-6)
+    assert held[-1, 1] == pytest.approx(1.5, abs=1e-6)
+
+
+@pytest.mark.rig
+def test_the_log_shows_the_arm_and_not_what_the_grip_makes_of_it(quiet_rig, short_cast):
+    honest = quiet_rig.simulate_truth(short_cast, 0)
+    for effect in (LooseGrip(0.05), TurnedGrip(0.1)):
+        loose = replace(quiet_rig, hidden=(effect,)).simulate_truth(short_cast, 0)
+        t_s = honest.tool.t_s[honest.tool.t_s < 1.0]
+        np.testing.assert_array_equal(loose.tool.at(t_s), honest.tool.at(t_s))
+        assert np.abs(loose.cable.end_m[: len(t_s)] - honest.cable.end_m[: len(t_s)]).max() > 0.003
+
+
+@pytest.mark.rig
+def test_a_turned_grip_lets_the_cable_out_at_its_angle(quiet_rig, short_cast):
+    rig = replace(quiet_rig, hidden=(TurnedGrip(0.1),))
+    run, _ = rig.begin(short_cast, 0)
+    assert run.held[3] == pytest.approx(0.1)
+
+
+@pytest.mark.rig
+def test_the_camera_sees_late_scaled_turned_and_shifted(quiet_rig, short_cast):
+    cable = quiet_rig.simulate_truth(short_cast, 0).cable
+    stamps = np.arange(12) * 0.1
+
+    def seen(*effects):
+        return seen_places(replace(quiet_rig, hidden=effects), cable, stamps)
+
+    plain = seen()
+    late = seen(SlowCamera(0.1))
+    np.testing.assert_allclose(late[1:], plain[:-1], atol=1e-12)
+    np.testing.assert_allclose(seen(MisscaledCamera(0.02)), 1.02 * plain)
+    np.testing.assert_allclose(seen(ShiftedCamera(0.01, -0.02)) - plain, [[0.01, -0.02]] * 12)
+    turned = seen(TurnedCamera(0.03))
+    angles = [np.arctan2(p[:, 1], p[:, 0]) for p in (turned, plain)]
+    np.testing.assert_allclose(angles[0] - angles[1], 0.03)
+
+
+@pytest.mark.rig
+def test_tracked_waypoints_carry_the_eyes_noise_and_the_same_number_the_same_bytes(rig, short_cast):
+    eye, blind = Eye(noise_m=0.002), Eye(noise_m=0.0)
+    trial, true = (measure_cast(rig, e, short_cast, 3, 7) for e in (eye, blind))
+    wrong = trial.waypoints_m - true.waypoints_m
+    assert wrong.std() == pytest.approx(0.002, rel=0.35)
+    again = measure_cast(rig, eye, short_cast, 3, 7)
+    np.testing.assert_array_equal(trial.waypoints_m, again.waypoints_m)
+    assert (trial.trial, trial.action_id, trial.action) == (3, 7, short_cast.action)
+    np.testing.assert_allclose(np.diff(trial.waypoints_s), 0.1)
+
+
+def test_a_band_pulls_the_end_by_its_stiffness_times_the_distance(cable, truth):
+    run = laid(cable, truth, [RubberBand(0.1, 1.0, 0.3)])
+    mujoco.mj_forward(run.model, run.data)
+    end = run.data.xpos[run.model.body("endpoint").id]
+    away = np.array([1.0, 0.3]) - end[:2]
+    np.testing.assert_allclose(run.data.qfrc_spring[:2], 0.1 * away, rtol=1e-6)
+
+
+def test_syrup_holds_back_only_what_is_in_it(cable, truth):
+    run = laid(cable, truth, [StickyZone(2.0, 0.6 + cable.length_m, 0.0, 0.01)], airborne=True)
+    run.data.qvel[0] = 1.0
+    mujoco.mj_forward(run.model, run.data)
+    run.disturb(run.data)
+    assert run.data.xfrc_applied[:, 0].sum() == pytest.approx(-2.0 * cable.endpoint_mass_kg)
+
+
+def test_a_fan_blows_over_its_part_of_the_board(cable, truth):
+    towards_y = np.array([0.0, 0.4 * total_mass(cable)])
+    for beyond, expected in ((-0.1, towards_y), (0.1, np.zeros(2))):
+        run = laid(cable, truth, [Draught(0.4, np.pi / 2, beyond, 1.0)])
+        run.disturb(run.data)
+        pushed = run.data.xfrc_applied[:, :2].sum(axis=0)
+        np.testing.assert_allclose(pushed, expected, atol=1e-12)
+
+
+def test_a_swinging_end_keeps_the_mass_and_the_end_that_is_filmed(cable, truth):
+    run = laid(cable, truth, [SwingingEnd(0.5, 0.04)])
+    chain = run.model.body_subtreemass[run.model.body("segment_0").id]
+    assert chain == pytest.approx(total_mass(cable))
+    end = run.drive(np.tile(HELD, (3, 1)), moving_s=1.0).end_m[0]
+    assert end[0] == pytest.approx(HELD[0] + cable.length_m)
+
+
+def test_a_warming_board_changes_in_the_course_of_the_cast():
+    board = WarmingBoard(0.5, 2.0)
+    for t_s, factor in ((-0.5, 1.0), (0.0, 1.0), (2.0, 1.5 - 0.5 / np.e)):
+        pieces = Pieces(np.zeros((2, 2)), np.zeros((2, 2)), np.ones(2), t_s)
+        np.testing.assert_allclose(board.roughness(pieces), factor)
+
+
+@pytest.mark.rig
+def test_a_rig_with_an_effect_is_another_rig(rig):
+    assert replace(rig, hidden=(Oil(0.5),)).facts()["made"] != rig.facts()["made"]
