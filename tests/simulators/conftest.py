@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from robotcast.casts.plan import PlanLimits, plan_cast
-from robotcast.measurements.measurement_set import Cable
 from robotcast.fitting.parameter import Parameter
+from robotcast.measurements.measurement_set import Cable
 from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast
 

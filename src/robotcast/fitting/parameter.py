@@ -54,3 +54,7 @@ class Parameter:
     def at(self, value: float) -> "Parameter":
         """Return the parameter with another nominal value."""
         return replace(self, nominal=value)
+
+    def named(self, name: str) -> "Parameter":
+        """Return the parameter with another name."""
+        return replace(self, name=name)

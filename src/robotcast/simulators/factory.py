@@ -1,10 +1,11 @@
 """Simulators from their numbers: parameters with bounds, some relative to a weighed mass."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from robotcast.measurements.measurement_set import Cable
+from robotcast.effects.effect import Effect
 from robotcast.fitting.parameter import Parameter
+from robotcast.measurements.measurement_set import Cable
 from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import Simulator
 
@@ -28,7 +29,8 @@ def segmented_simulator(
     cable: Cable,
     parameters: Mapping[str, Mapping[str, Any]],
     settings: Mapping[str, Any],
+    effects: Sequence[Effect] = (),
 ) -> Simulator:
-    """Make the segmented simulator of `cable` from config numbers."""
+    """Make the segmented simulator of `cable`, with these effects, from config numbers."""
     made = [make_parameter(name, numbers, cable) for name, numbers in parameters.items()]
-    return SegmentedSimulator(cable, made, SegmentedSettings(**settings))
+    return SegmentedSimulator(cable, made, SegmentedSettings(**settings), effects)

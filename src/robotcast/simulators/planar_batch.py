@@ -9,8 +9,10 @@ from typing import Protocol
 
 import numpy as np
 
+from robotcast.effects.active import ActiveEffects
+from robotcast.effects.effect import Effect
 from robotcast.progress import Progress, silent
-from robotcast.simulators.chain import ChainState
+from robotcast.simulators.chain_state import ChainState
 from robotcast.simulators.simulator import Cast, Prediction
 from robotcast.simulators.tool_path import ToolPaths
 
@@ -35,7 +37,7 @@ class PlanarRun(Protocol):
         """Advance one step; the tool reaches `next_pose` (n_sim, 3) at its end."""
         ...
 
-    def keep(self, kept: np.ndarray) -> None:
+    def keep(self, kept: np.ndarray, active: ActiveEffects) -> None:
         """Go on with the simulations numbered `kept` only, in this order."""
         ...
 
@@ -43,10 +45,13 @@ class PlanarRun(Protocol):
 class Start(Protocol):
     """Makes a run: every cable straight and at rest."""
 
-    def __call__(self, pose: np.ndarray, lean_rad: np.ndarray, vectors: np.ndarray) -> PlanarRun:
+    def __call__(
+        self, pose: np.ndarray, lean_rad: np.ndarray, vectors: np.ndarray, active: ActiveEffects
+    ) -> PlanarRun:
         """Start from the tool's poses (n_sim, 3), with parameters (n_sim, n_parameters).
 
-        `lean_rad` (n_sim,) is the angle from the tool's yaw to the cable.
+        `lean_rad` (n_sim,) is the angle from the tool's yaw to the cable. The run applies what
+        of the active effects acts on the cable.
         """
         ...
 
@@ -65,6 +70,7 @@ def simulate_planar(
     vectors: np.ndarray,
     *,
     n_parameters: int,
+    effects: Sequence[Effect] = (),
     step_s: float,
     batch_size: int,
     threads: int,
@@ -72,12 +78,15 @@ def simulate_planar(
 ) -> Prediction:
     """Answer a simulate call (see `Simulator.simulate`) in batches, one a thread at a time.
 
+    Vectors hold `n_parameters` of the simulator itself, then those of the effects.
+
     Each batch is stepped by one thread, so that what Python does between steps runs side by
     side too. `batch_size` is the most simulations a batch holds; `threads` 0 means all cores.
     """
     vectors = np.atleast_2d(np.asarray(vectors, dtype=float))
-    if vectors.shape[1] != n_parameters:
-        raise ValueError(f"expected {n_parameters} parameters a vector, got {vectors.shape[1]}")
+    expected = n_parameters + sum(len(effect.parameters) for effect in effects)
+    if vectors.shape[1] != expected:
+        raise ValueError(f"expected {expected} parameters a vector, got {vectors.shape[1]}")
     k_max = max((len(c.waypoints_s) for c in casts), default=0)
     waypoints = np.full((len(vectors), len(casts), k_max, 2), np.nan)
     diverged = np.zeros((len(vectors), len(casts)), dtype=bool)
@@ -85,14 +94,15 @@ def simulate_planar(
     batches = _batches(casts, len(vectors), batch_size, threads)
     done = 0
     with ThreadPoolExecutor(threads) as pool:
-        runs = pool.map(lambda batch: _run_batch(start, casts, vectors, batch, step_s), batches)
-        for batch, (path, lost) in zip(batches, runs, strict=True):
+
+        def run(batch: _Batch) -> tuple[np.ndarray, np.ndarray]:
+            values = vectors[batch.vector]
+            active = ActiveEffects(effects, values[:, n_parameters:])
+            return _run_batch(start, casts, values[:, :n_parameters], active, batch.cast, step_s)
+
+        for batch, (seen_m, lost) in zip(batches, pool.map(run, batches), strict=True):
             diverged[batch.vector, batch.cast] = lost
-            for i in np.flatnonzero(~lost):
-                times = casts[batch.cast[i]].waypoints_s
-                waypoints[batch.vector[i], batch.cast[i], : len(times)] = _at_times(
-                    path[:, :, i], times, step_s
-                )
+            waypoints[batch.vector, batch.cast, : seen_m.shape[1]] = seen_m
             done += len(lost)
             progress(done, diverged.size)
     return Prediction(waypoints, diverged)
@@ -115,35 +125,40 @@ def _run_batch(
     start: Start,
     casts: Sequence[Cast],
     vectors: np.ndarray,
-    batch: _Batch,
+    active: ActiveEffects,
+    cast: np.ndarray,
     step_s: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Step one batch to its end.
+    """Step the casts numbered `cast` (n_sim,) to their ends, each under its own vector.
 
     Returns
     -------
-    path : ndarray of shape (n_steps + 1, 2, n_sim), the free end [m] at every step; constant
-        once at rest.
+    waypoints_m : ndarray of shape (n_sim, k_max, 2), as seen; NaN past a cast's own waypoints
+        and where a run diverged.
     diverged : bool ndarray of shape (n_sim,).
     """
-    chosen, which = np.unique(batch.cast, return_inverse=True)
-    last = np.array([int(np.ceil(casts[c].waypoints_s[-1] / step_s - 1e-9)) for c in chosen])[which]
+    chosen, which = np.unique(cast, return_inverse=True)
+    stamped_s = _padded_times([casts[c] for c in chosen])[which]
+    happened_s = active.seen_at(stamped_s)
+    last = np.ceil(np.nanmax(happened_s, axis=1) / step_s - 1e-9).astype(int)
     tool_end = np.array([casts[c].tool.t_s[-1] / step_s for c in chosen])[which]
     times_s = np.arange(last.max() + 2) * step_s
     tools = ToolPaths([casts[c].tool for c in chosen], times_s)
-    lean_rad = np.array([_lean(casts[c]) for c in chosen])[which]
-    run = start(tools.at(0, which), lean_rad, vectors[batch.vector])
+    pose = active.held_pose(tools.at(0, which), step_s)
+    lean_rad = _leans(np.array([_start(casts[c]) for c in chosen])[which], pose, active)
+    run = start(pose, lean_rad, vectors, active)
     path = np.empty((last.max() + 1, 2, len(which)), np.float32)
     ended = np.full(len(which), -1)  # the step at which each simulation ended, −1 under way
     diverged = np.zeros(len(which), dtype=bool)
     running = np.arange(len(which))  # the simulations that are still stepped
+    kept = active
     with np.errstate(over="ignore", invalid="ignore"):
         for step in range(len(path)):
             state = run.state()
             path[step][:, running] = state.end_m
             if step % CHECK_EVERY == 0 or step == len(path) - 1:
                 lost = ~(run.fastest_rate() < DIVERGED_RATE)
-                speed = np.abs(state.velocity_m_s).max(axis=(0, 1))
+                speed = np.abs(state.velocity_m_s).max(axis=(0, 2))
                 resting = (step >= tool_end[running]) & (speed < REST_SPEED_M_S)
                 over = (lost | resting | (step >= last[running])) & (ended[running] < 0)
                 diverged[running[over & lost]] = True
@@ -152,25 +167,46 @@ def _run_batch(
                 if not under_way.size:
                     break
                 if under_way.size < CROWDED * len(running):
-                    run.keep(under_way)
+                    kept = kept.keep(under_way)
+                    run.keep(under_way, kept)
                     running = running[under_way]
                     state = run.state()
-            run.step(state, tools.at(step + 1, which[running]))
+            run.step(state, kept.held_pose(tools.at(step + 1, which[running]), step_s))
     for i, final in enumerate(ended):
         path[final + 1 :, :, i] = path[final, :, i]
-    return path, diverged
+    waypoints_m = active.seen(_at_times(path, happened_s, step_s))
+    waypoints_m[diverged] = np.nan
+    return waypoints_m, diverged
 
 
-def _lean(cast: Cast) -> float:
-    """Return the angle [rad] from the tool's first yaw to where the free end lies."""
-    if cast.start_m is None:
-        return 0.0
-    x, y, yaw = cast.tool.pose[0]
-    lean = np.arctan2(cast.start_m[1] - y, cast.start_m[0] - x) - yaw
-    return float(np.arctan2(np.sin(lean), np.cos(lean)))
+def _padded_times(casts: Sequence[Cast]) -> np.ndarray:
+    """Return the waypoints' times (n_casts, k_max); NaN past a cast's own."""
+    times_s = np.full((len(casts), max(len(c.waypoints_s) for c in casts)), np.nan)
+    for row, cast in zip(times_s, casts, strict=True):
+        row[: len(cast.waypoints_s)] = cast.waypoints_s
+    return times_s
+
+
+def _start(cast: Cast) -> np.ndarray:
+    """Return where the free end was seen before the tool moved (2,), NaN when it was not."""
+    return np.full(2, np.nan) if cast.start_m is None else np.asarray(cast.start_m, float)
+
+
+def _leans(seen_m: np.ndarray, pose: np.ndarray, active: ActiveEffects) -> np.ndarray:
+    """Return the angles [rad] from the held ends' yaws to where the free ends lie, (n_sim,)."""
+    start_m = active.unseen(seen_m[:, None])[:, 0]
+    x, y, yaw = pose.T
+    lean = np.arctan2(start_m[:, 1] - y, start_m[:, 0] - x) - yaw
+    return np.nan_to_num(np.arctan2(np.sin(lean), np.cos(lean)), nan=0.0)
 
 
 def _at_times(path: np.ndarray, times_s: np.ndarray, step_s: float) -> np.ndarray:
-    """Interpolate the end's path (n_steps + 1, 2) at `times_s`."""
-    steps_s = np.arange(len(path)) * step_s
-    return np.stack([np.interp(times_s, steps_s, axis) for axis in path.T], axis=-1)
+    """Interpolate the ends' paths (n_steps + 1, 2, n_sim) at `times_s` (n_sim, k)."""
+    steps = np.clip(np.nan_to_num(times_s) / step_s, 0, len(path) - 1)
+    before = np.minimum(steps.astype(int), max(len(path) - 2, 0))
+    share = (steps - before)[..., None]
+    row = np.arange(path.shape[2])[:, None]
+    earlier, later = path[before, :, row], path[np.minimum(before + 1, len(path) - 1), :, row]
+    found = earlier + share * (later - earlier)
+    found[np.isnan(times_s)] = np.nan
+    return found

@@ -11,19 +11,25 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from robotcast.effects.active import ActiveEffects, parameters_of
+from robotcast.effects.effect import Effect
+from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
 from robotcast.progress import Progress, silent
+from robotcast.simulators.cable_effects import CableEffects
 from robotcast.simulators.chain import (
     TOOL_ARMATURE,
     TOOL_DOFS,
     ChainGeometry,
-    ChainState,
     capsule_inertia,
     chain_model,
-    chain_state,
-    hinge_moments,
 )
-from robotcast.fitting.parameter import Parameter
+from robotcast.simulators.chain_state import (
+    ChainState,
+    apply_forces,
+    chain_state,
+    damp_joints,
+)
 from robotcast.simulators.planar_batch import PlanarRun, simulate_planar
 from robotcast.simulators.simulator import Cast, Prediction
 
@@ -72,21 +78,28 @@ class SegmentedSimulator:
         stiffness EI, and the retardation time η of bending (Kelvin–Voigt: the bending moment
         is EI (κ + η dκ/dt)), and how much stiffer than elsewhere the cable bends where it
         leaves the gripper. Below half a step η cannot keep a stiff joint stable.
+    effects : the effects that act; their parameters follow the simulator's own.
     """
 
     name = "segmented"
+    tunes = ("bending_hysteresis",)  # effects that are parameters here: the joint friction
 
     def __init__(
         self,
         cable: Cable,
         parameters: Sequence[Parameter],
         settings: SegmentedSettings | None = None,
+        effects: Sequence[Effect] = (),
     ) -> None:
         names = tuple(p.name for p in parameters)
         if names != PARAMETERS:
             raise ValueError(f"segmented simulator: expected parameters {PARAMETERS}, got {names}")
+        twice = [effect.name for effect in effects if effect.name in self.tunes]
+        if twice:
+            raise ValueError(f"segmented simulator: {', '.join(twice)} is a parameter of its own")
         self.cable = cable
-        self.parameters = tuple(parameters)
+        self.effects = tuple(effects)
+        self.parameters = (*parameters, *parameters_of(effects))
         self.settings = settings or SegmentedSettings()
         self._geometry = ChainGeometry.of_cable(cable.length_m, self.settings.segments)
         self._model = chain_model(self._geometry, self.settings.step_s)
@@ -105,15 +118,18 @@ class SegmentedSimulator:
             self._start,
             casts,
             vectors,
-            n_parameters=len(self.parameters),
+            n_parameters=len(PARAMETERS),
+            effects=self.effects,
             step_s=self.settings.step_s,
             batch_size=self.settings.batch_size,
             threads=self.settings.threads,
             progress=progress,
         )
 
-    def _start(self, pose: np.ndarray, lean_rad: np.ndarray, vectors: np.ndarray) -> PlanarRun:
-        return _SegmentedRun(self, pose, lean_rad, vectors)
+    def _start(
+        self, pose: np.ndarray, lean_rad: np.ndarray, vectors: np.ndarray, active: ActiveEffects
+    ) -> PlanarRun:
+        return _SegmentedRun(self, pose, lean_rad, vectors, active)
 
 
 class _SegmentedRun:
@@ -131,6 +147,7 @@ class _SegmentedRun:
         pose: np.ndarray,
         lean_rad: np.ndarray,
         vectors: np.ndarray,
+        active: ActiveEffects,
     ) -> None:
         self._simulator = simulator
         self._settings = simulator.settings
@@ -138,12 +155,16 @@ class _SegmentedRun:
         qpos = np.zeros((len(pose), TOOL_DOFS + len(self._geometry.lengths_m)))
         qpos[:, :TOOL_DOFS] = pose
         qpos[:, TOOL_DOFS] = lean_rad
-        self._begin(vectors, qpos, np.zeros_like(qpos))
+        self._time_s = 0.0
         self._earlier: np.ndarray | None = None
+        self._begin(vectors, active, qpos, np.zeros_like(qpos))
 
-    def _begin(self, vectors: np.ndarray, qpos: np.ndarray, qvel: np.ndarray) -> None:
+    def _begin(
+        self, vectors: np.ndarray, active: ActiveEffects, qpos: np.ndarray, qvel: np.ndarray
+    ) -> None:
         """Make the batch, at these generalised positions and velocities (n_sim, 3 + n)."""
         self._vectors = vectors
+        self._effects = CableEffects(active, self._simulator.cable, self._geometry)
         self._batch = Batch(self._simulator._model, len(qpos), nthread=1)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._applied = self._batch.bind("qfrc_applied")
@@ -156,8 +177,10 @@ class _SegmentedRun:
         geometry, cable = self._geometry, self._simulator.cable
         n, lengths, tip = len(geometry.lengths_m), geometry.lengths_m, values["endpoint_mass_kg"]
         mass = values["cable_mass_kg"][:, None] * (lengths / cable.length_m)
-        self._points_kg = np.vstack([mass.T, tip]).astype(np.float32)
-        self._friction_n = (values["friction"] * GRAVITY_M_S2).astype(np.float32) * self._points_kg
+        mass = self._effects.distributed(mass)
+        self._points_kg = np.column_stack([mass, tip]).astype(np.float32)
+        weight_n = (values["friction"] * GRAVITY_M_S2).astype(np.float32)
+        self._friction_n = weight_n[:, None] * self._points_kg
         centre = np.tile(0.5 * lengths, (len(mass), 1))
         inertia = capsule_inertia(mass, lengths, cable.radius_m)
         # the endpoint's mass sits at the tip of the last segment
@@ -172,27 +195,52 @@ class _SegmentedRun:
         stiffness[:, 0] *= values["grip_stiffness"]
         self._batch.expand("jnt_stiffness")[:, -n:] = stiffness
         self._viscous = values["bending_damping_s"][:, None] * stiffness
-        self._joint_friction = values["joint_friction_n_m"][:, None]
+        self._joint_friction = values["joint_friction_n_m"]
+        self._stiffness_n_m2 = stiffness * geometry.bends_m
 
-    def keep(self, kept: np.ndarray) -> None:
-        self._begin(self._vectors[kept], self._qpos[kept], self._qvel[kept])
+    def keep(self, kept: np.ndarray, active: ActiveEffects) -> None:
+        self._begin(self._vectors[kept], active, self._qpos[kept], self._qvel[kept])
         if self._earlier is not None:
-            self._earlier = np.ascontiguousarray(self._earlier[:, kept])
+            self._earlier = self._earlier[kept]
 
     def state(self) -> ChainState:
-        return chain_state(self._qpos, self._qvel, self._earlier, self._geometry)
+        return chain_state(
+            self._qpos,
+            self._qvel,
+            self._earlier,
+            self._geometry,
+            self._points_kg,
+            self._friction_n,
+            self._settings.sliding_speed_m_s,
+        )
 
     def fastest_rate(self) -> np.ndarray:
         return np.abs(self._qvel).max(axis=1)
 
     def step(self, state: ChainState, next_pose: np.ndarray) -> None:
         self._drive_tool(next_pose)
-        self._rub_joints()
-        force = self._board_friction(state)
-        force -= state.centripetal_lag_m_s2 * self._points_kg[:, None]
-        moments = hinge_moments(force, state.heading, self._geometry)
-        self._applied[:, TOOL_DOFS:] = moments.T
+        damp_joints(
+            self._qvel,
+            self._viscous,
+            self._joint_friction,
+            self._settings.bending_rate_rad_s**2,
+            self._damping,
+        )
+        moments = self._effects.act(
+            state,
+            mass_kg=self._points_kg,
+            friction_n=self._friction_n,
+            bend_rad=self._qpos[:, TOOL_DOFS:],
+            bend_rate_rad_s=self._qvel[:, TOOL_DOFS:],
+            stiffness_n_m2=self._stiffness_n_m2,
+            time_s=self._time_s,
+            step_s=self._settings.step_s,
+        )
+        apply_forces(state.force_n, state.heading, self._geometry.half_m, self._applied)
+        if moments is not None:
+            self._applied[:, TOOL_DOFS:] += moments
         self._earlier = state.stepped
+        self._time_s += self._settings.step_s
         self._batch.step()
 
     def _drive_tool(self, next_pose: np.ndarray) -> None:
@@ -204,25 +252,3 @@ class _SegmentedRun:
         wanted = (next_pose - self._qpos[:, :TOOL_DOFS]) / step_s
         change = wanted - self._qvel[:, :TOOL_DOFS]
         self._applied[:, :TOOL_DOFS] = change * (TOOL_ARMATURE / step_s)
-
-    def _rub_joints(self) -> None:
-        """Set the joints' damping so that it carries the Coulomb moment M ω/√(ω² + ω₀²) too.
-
-        MuJoCo integrates damping implicitly, which keeps a dry joint stable at any step.
-        """
-        rate = self._qvel[:, TOOL_DOFS:]
-        regularised = rate * rate
-        regularised += self._settings.bending_rate_rad_s**2
-        np.sqrt(regularised, out=regularised)
-        np.divide(self._joint_friction, regularised, out=regularised)
-        np.add(self._viscous, regularised, out=self._damping[:, TOOL_DOFS:])
-
-    def _board_friction(self, state: ChainState) -> np.ndarray:
-        """Return −μ m g v/√(v² + ε²) on every mass point, (n + 1, 2, n_sim)."""
-        velocity = state.velocity_m_s
-        square = velocity[:, 0] * velocity[:, 0]
-        square += velocity[:, 1] * velocity[:, 1]
-        square += np.float32(self._settings.sliding_speed_m_s**2)
-        np.sqrt(square, out=square)
-        np.divide(self._friction_n, square, out=square)
-        return velocity * -square[:, None]

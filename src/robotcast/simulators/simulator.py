@@ -7,8 +7,8 @@ from typing import Protocol
 import numpy as np
 
 from robotcast.casts.tool_motion import ToolMotion
-from robotcast.progress import Progress, silent
 from robotcast.fitting.parameter import Parameter
+from robotcast.progress import Progress, silent
 
 
 class Cast(Protocol):

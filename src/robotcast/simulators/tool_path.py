@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numba import njit
 
 from robotcast.casts.tool_motion import ToolMotion
 
@@ -32,13 +33,21 @@ class ToolPaths:
 
     def at(self, k: int, tools: np.ndarray) -> np.ndarray:
         """Return the poses at time `k` of the tools numbered `tools` (m,), (m, 3)."""
-        cubic = self._cubics[tools, self._interval[k, tools]]
-        since_s = self._since_s[k, tools, None]
-        pose = cubic[:, 3] * since_s
-        for power in (2, 1):
-            pose += cubic[:, power]
-            pose *= since_s
-        return pose + cubic[:, 0]
+        pose = np.empty((len(tools), 3))
+        _evaluate(self._cubics, self._interval[k], self._since_s[k], tools, pose)
+        return pose
+
+
+@njit(nogil=True, cache=True)
+def _evaluate(cubics, interval, since_s, tools, pose):
+    """Fill `pose` (m, 3) with the cubics of the tools numbered `tools` (m,)."""
+    for i in range(tools.size):
+        tool = tools[i]
+        cubic, since = cubics[tool, interval[tool]], since_s[tool]
+        for axis in range(3):
+            pose[i, axis] = (
+                (cubic[3, axis] * since + cubic[2, axis]) * since + cubic[1, axis]
+            ) * since + cubic[0, axis]
 
 
 def _cubics(t_s: np.ndarray, pose: np.ndarray) -> np.ndarray:
