@@ -31,6 +31,9 @@ class Disturbance:
         start = len(TOOL_JOINTS)
         self._hinges = slice(start, start + 2 * segments, 2)
         self._length_m = float(model.body("endpoint").pos[0])
+        self._lengths_m = np.r_[np.full(segments, self._length_m), 0.0]
+        self._masses_kg = model.body_mass[self._bodies]
+        self._radii_m = model.geom_size[self._geoms, 0]
 
     def __call__(self, data: mujoco.MjData) -> None:
         """Set what acts in the next step."""
@@ -48,8 +51,14 @@ class Disturbance:
         # MuJoCo gives velocities about the centre of mass of the whole kinematic tree.
         about = data.subtree_com[self._model.body("tool").id]
         velocity = rates[:, 3:] + np.cross(rates[:, :3], place - about)
-        mass = self._model.body_mass[self._bodies]
-        return Pieces(place[:, :2], velocity[:, :2], mass, float(data.time))
+        return Pieces(
+            place_m=place[:, :2],
+            velocity_m_s=velocity[:, :2],
+            mass_kg=self._masses_kg,
+            radius_m=self._radii_m,
+            length_m=self._lengths_m,
+            t_s=float(data.time),
+        )
 
     def _rub(self, pieces: Pieces) -> None:
         if self._rubbing:

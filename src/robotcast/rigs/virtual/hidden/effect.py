@@ -17,13 +17,15 @@ class Pieces:
     Attributes
     ----------
     place_m, velocity_m_s : ndarrays of shape (n, 2), of the points that touch the board.
-    mass_kg : ndarray of shape (n,).
+    mass_kg, radius_m, length_m : ndarrays of shape (n,); the end, a ball, has length 0.
     t_s : time since the start of the cast; below zero while the cable settles.
     """
 
     place_m: np.ndarray
     velocity_m_s: np.ndarray
     mass_kg: np.ndarray
+    radius_m: np.ndarray
+    length_m: np.ndarray
     t_s: float
 
 
