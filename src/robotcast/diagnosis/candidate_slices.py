@@ -1,0 +1,226 @@
+"""Which slices of the samples are worth a look: phases, places, speeds, headings, factors."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robotcast.diagnosis.misfit import padded, sample_mask
+from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.slices import Slice
+from robotcast.diagnosis.wording import Wording
+
+QUANTILES = (0.2, 0.25, 1 / 3, 0.4, 0.5, 0.6, 2 / 3, 0.75, 0.8)
+FEW_VALUES = 6  # a factor with no more different values is split between them
+MOVING = 0.1  # of a trial's highest speed: slower, and it has no heading
+LEAST_SHARE, MOST_SHARE = 0.05, 0.75  # of the samples
+LEAST_TRIALS = 3
+
+
+def candidate_slices(records: Sequence[Record], wording: Wording) -> list[Slice]:
+    """Return the slices that hold neither too little nor nearly all of the samples."""
+    present = sample_mask(records)
+    made: list[Slice] = []
+    seen: set[tuple[bytes, str]] = set()
+    for family in (_phases, _places, _speeds, _headings, _factors):
+        for whole in family(records, wording):
+            found = replace(whole, mask=whole.mask & present)
+            key = (found.mask.tobytes(), found.name if found.directions is not None else "")
+            if _worth_a_look(found, present) and key not in seen:
+                seen.add(key)
+                made.append(found)
+    return made
+
+
+def _worth_a_look(found: Slice, present: np.ndarray) -> bool:
+    share = found.mask.sum() / present.sum()
+    most = MOST_SHARE if found.directions is None else 1.0
+    return LEAST_SHARE <= share <= most and found.mask.any(axis=1).sum() >= LEAST_TRIALS
+
+
+@dataclass(frozen=True)
+class _Range:
+    """A range of one quantity: above `low` and not above `high`."""
+
+    low: float
+    high: float
+    decimals: int
+
+    def holds(self, values: np.ndarray) -> np.ndarray:
+        return (values > self.low) & (values <= self.high)
+
+    def text(
+        self, unit: str, above: str = "above", below: str = "below", between: str = "between"
+    ) -> str:
+        """Say the range: "above 1.6 rad", "below …", "between … and …"."""
+        unit = f" {unit}" if unit not in ("", "1") else ""
+        low, high = (_number(bound, self.decimals) for bound in (self.low, self.high))
+        if math.isinf(self.high):
+            return f"{above} {low}{unit}"
+        if math.isinf(self.low):
+            return f"{below} {high}{unit}"
+        return f"{between} {low} and {high}{unit}"
+
+
+def _ranges(values: np.ndarray) -> list[_Range]:
+    """Return the lower and upper parts of values at round numbers, and the middle third."""
+    distinct = np.unique(values[np.isfinite(values)])
+    if len(distinct) < 2:
+        return []
+    decimals = max(0, math.ceil(-math.log10((distinct[-1] - distinct[0]) / 40)))
+    if len(distinct) <= FEW_VALUES:
+        cuts = (distinct[1:] + distinct[:-1]) / 2
+        thirds = cuts[[0, -1]]
+    else:
+        quantiles = np.nanquantile(values, QUANTILES)
+        cuts = np.unique(np.round(quantiles, decimals))
+        thirds = np.round(quantiles[[2, 6]], decimals)
+    ranges = [_Range(-math.inf, float(c), decimals) for c in cuts]
+    ranges += [_Range(float(c), math.inf, decimals) for c in cuts]
+    return [*ranges, _Range(float(thirds[0]), float(thirds[1]), decimals)]
+
+
+def _thirds(values: np.ndarray) -> list[_Range]:
+    ranges = _ranges(values)
+    if not ranges:
+        return []
+    middle = ranges[-1]
+    return [
+        _Range(-math.inf, middle.low, middle.decimals),
+        middle,
+        _Range(middle.high, math.inf, middle.decimals),
+    ]
+
+
+def _phases(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
+    """Runs of phases that follow each other, all of them together left out."""
+    names = list(dict.fromkeys(name for record in records for name in record.phases))
+    number = np.full(sample_mask(records).shape, -1)
+    for row, record in zip(number, records, strict=True):
+        for at, name in enumerate(names):
+            if name in record.phases:
+                row[: len(record.times_s)][record.times_s >= record.phases[name]] = at
+    for first in range(len(names)):
+        for last in range(first, len(names)):
+            text = _run(names[first : last + 1])
+            yield Slice(
+                name=f"in {text}",
+                kind="phase",
+                subject=f"{wording.samples.capitalize()} in {text}",
+                trials=_numbers(records),
+                mask=(number >= first) & (number <= last),
+            )
+
+
+def _run(names: Sequence[str]) -> str:
+    if len(names) > 2:
+        return f"the phases from {names[0]} to {names[-1]}"
+    return " and ".join(f"the {name}" for name in names)
+
+
+def _places(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
+    """Ranges of every component of the measured signal; for two components also cells."""
+    where = padded(records, [r.measured for r in records])
+    for i in range(where.shape[-1]):
+        axis = wording.axis(i)
+        for part in _ranges(where[..., i]):
+            side = axis.above if math.isinf(part.high) else axis.below
+            side = f" {side}" if side and not np.isfinite([part.low, part.high]).all() else ""
+            text = f"{axis.name} {part.text(axis.unit)}"
+            yield Slice(
+                name=f"{side.strip()} ({text})" if side else text,
+                kind="place",
+                subject=f"{wording.samples.capitalize()}{side} ({text})",
+                trials=_numbers(records),
+                mask=part.holds(where[..., i]),
+            )
+    if where.shape[-1] == 2:
+        first, second = wording.axis(0), wording.axis(1)
+        for row in _thirds(where[..., 0]):
+            for column in _thirds(where[..., 1]):
+                text = (
+                    f"{first.name} {row.text(first.unit)}, {second.name} {column.text(second.unit)}"
+                )
+                yield Slice(
+                    name=text,
+                    kind="place",
+                    subject=f"{wording.samples.capitalize()} at {text}",
+                    trials=_numbers(records),
+                    mask=row.holds(where[..., 0]) & column.holds(where[..., 1]),
+                )
+
+
+def _speeds(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
+    speed = np.linalg.norm(_velocity(records), axis=-1)
+    unit = f"{wording.axis(0).unit or 'units'}/s"
+    for part in _ranges(speed):
+        text = part.text(unit, "faster than", "slower than", "at between")
+        yield Slice(
+            name=f"moving {text}",
+            kind="speed",
+            subject=f"{wording.samples.capitalize()} where {wording.mover} moves {text}",
+            trials=_numbers(records),
+            mask=part.holds(speed),
+        )
+
+
+def _headings(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
+    """Errors along and across the measured path, where the signal moves in the plane."""
+    velocity = _velocity(records)
+    if velocity.shape[-1] != 2:
+        return
+    speed = np.linalg.norm(velocity, axis=-1)
+    fastest = np.nanmax(speed, axis=1)[:, None]
+    moving = (speed > MOVING * fastest) & (fastest > 0)
+    along = np.divide(
+        velocity, speed[..., None], out=np.zeros_like(velocity), where=moving[..., None]
+    )
+    across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    for name, directions in (("along", along), ("across", across)):
+        yield Slice(
+            name=f"{name} the path",
+            kind="heading",
+            subject=f"Errors {name} the path",
+            trials=_numbers(records),
+            mask=moving,
+            directions=directions,
+        )
+
+
+def _factors(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
+    k_max = sample_mask(records).shape[1]
+    names = set.intersection(*(set(r.factors) for r in records))
+    for name in (n for n in records[0].factors if n in names):
+        values = np.array([r.factors[name] for r in records])
+        for part in _ranges(values):
+            text = f"{name} {part.text(wording.factor_units.get(name, ''))}"
+            yield Slice(
+                name=text,
+                kind=name,
+                subject=f"{wording.trials.capitalize()} with {text}",
+                trials=_numbers(records),
+                mask=np.repeat(part.holds(values)[:, None], k_max, axis=1),
+                whole_trials=True,
+            )
+
+
+def _velocity(records: Sequence[Record]) -> np.ndarray:
+    """Return the measured velocity at every sample, (n_trials, k_max, d)."""
+    return padded(
+        records,
+        [
+            np.gradient(r.measured, r.times_s, axis=0)
+            if len(r.times_s) > 1
+            else np.zeros_like(r.measured)
+            for r in records
+        ],
+    )
+
+
+def _numbers(records: Sequence[Record]) -> tuple[int, ...]:
+    return tuple(r.trial for r in records)
+
+
+def _number(value: float, decimals: int) -> str:
+    return f"{value:.{decimals}f}".replace("-", "−")

@@ -1,0 +1,177 @@
+"""How far a prediction is from the measured trials, and where."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from robotcast.diagnosis.error_course import (
+    Course,
+    Trend,
+    error_over_time,
+    median_phases,
+    trends,
+)
+from robotcast.diagnosis.lack_of_fit import LackOfFit, pure_error
+from robotcast.diagnosis.localise import Finding, localise
+from robotcast.diagnosis.misfit import Misfit, misfit
+from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.outstanding import outstanding_trials
+from robotcast.diagnosis.plain import plain
+from robotcast.diagnosis.repeats import RepeatScatter, repeat_scatter
+from robotcast.diagnosis.time_grid import TimeGrid
+from robotcast.diagnosis.wording import Wording
+
+SEED = 0
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One prediction beside the measured trials.
+
+    Attributes
+    ----------
+    predicted : ndarray of shape (n_trials, k_max, d).
+    found : predicted minus measured.
+    waypoint_error_percent : average error over a trial's samples, then over trials, in % of
+        scale; a diverged trial counts as one scale.
+    final_error_percent : median over trials of the error at the last sample.
+    repeats : the noise floor.
+    share_beyond_noise : part of the squared error that is more than the repeats' errors
+        scatter; None without repeats.
+    lack_of_fit : None without repeats.
+    findings : the slices that hold most of the error.
+    """
+
+    records: tuple[Record, ...]
+    predicted: np.ndarray
+    found: Misfit
+    error_unit: str
+    wording: Wording
+    waypoint_error_percent: float
+    final_error_percent: float
+    repeats: RepeatScatter
+    share_beyond_noise: float | None
+    lack_of_fit: LackOfFit | None
+    findings: tuple[Finding, ...]
+    course: Course
+    phases: Mapping[str, float]
+    trends: Mapping[str, Trend]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain data for JSON: no arrays, and null where nothing is known."""
+        found, repeats = self.found, self.repeats
+        return plain(
+            {
+                "error_unit": self.error_unit,
+                "scale": found.scale,
+                "words": self.wording.as_dict(found.error.shape[-1]),
+                "waypoint_error_percent": self.waypoint_error_percent,
+                "final_error_percent": self.final_error_percent,
+                "noise_floor_percent": repeats.sample_percent,
+                "noise_floor_final_percent": repeats.final_percent,
+                "repeats": {"groups": repeats.groups, "trials": repeats.trials},
+                "groups": len({r.group for r in self.records}),
+                "diverged": [
+                    r.trial for r, lost in zip(self.records, found.diverged, strict=True) if lost
+                ],
+                "share_beyond_noise": self.share_beyond_noise,
+                "lack_of_fit": asdict(self.lack_of_fit) if self.lack_of_fit else None,
+                "slices": [_finding(f) for f in self.findings],
+                "over_time": asdict(self.course),
+                "phases": [{"name": n, "start_s": s} for n, s in self.phases.items()],
+                "factors": {name: asdict(trend) for name, trend in self.trends.items()},
+                "trials": [self._trial(row) for row in range(len(self.records))],
+            }
+        )
+
+    def _trial(self, row: int) -> dict[str, Any]:
+        record, found = self.records[row], self.found
+        k = len(record.times_s)
+        return {
+            "trial": record.trial,
+            "group": record.group,
+            "waypoint_percent": found.sample_percent[row],
+            "final_percent": found.final_percent[row],
+            "diverged": found.diverged[row],
+            "factors": dict(record.factors),
+            "phases": dict(record.phases),
+            "times_s": record.times_s,
+            "measured": record.measured,
+            "predicted": self.predicted[row, :k],
+            "errors_percent": 100 / found.scale * found.distance[row, :k],
+        }
+
+
+def compare(
+    records: Sequence[Record],
+    predicted: np.ndarray,
+    *,
+    scale: float,
+    error_unit: str,
+    wording: Wording | None = None,
+) -> Comparison:
+    """Compare a prediction with the measured trials.
+
+    Parameters
+    ----------
+    predicted : ndarray of shape (n_trials, k_max, d), as `Model.predict` gives it for one
+        parameter vector; NaN in any of a trial's samples marks a run that diverged.
+    scale : errors are given in % of it.
+    error_unit : what an error of `scale` / 100 is called, "% of cable length".
+    wording : what trials, samples, axes and factors are called.
+    """
+    wording = wording or Wording()
+    rng = np.random.default_rng(SEED)
+    found = misfit(records, predicted, scale)
+    grid = TimeGrid.of(records)
+    repeats = repeat_scatter(records, grid, scale)
+    exceptions = outstanding_trials(records, found, wording)
+    pure = pure_error(records, found, _usual(exceptions, len(records)), grid, rng)
+    noise = None
+    if pure is not None:
+        noise = grid.at_samples(pure.variance, found.distance.shape[1])
+    return Comparison(
+        records=tuple(records),
+        predicted=predicted,
+        found=found,
+        error_unit=error_unit,
+        wording=wording,
+        waypoint_error_percent=float(found.sample_percent.mean()),
+        final_error_percent=float(np.median(found.final_percent)),
+        repeats=repeats,
+        share_beyond_noise=_share_beyond(found, noise),
+        lack_of_fit=pure.lack_of_fit if pure else None,
+        findings=tuple(localise(records, found, noise, exceptions, wording, rng)),
+        course=error_over_time(found, grid, repeats),
+        phases=median_phases(records),
+        trends=trends(records, found),
+    )
+
+
+def _usual(exceptions: Sequence[Finding], n_trials: int) -> np.ndarray:
+    usual = np.ones(n_trials, dtype=bool)
+    for exception in exceptions:
+        usual &= ~exception.slice.mask.any(axis=1)
+    return usual
+
+
+def _share_beyond(found: Misfit, noise: np.ndarray | None) -> float | None:
+    square = float(np.nansum(found.distance**2))
+    if noise is None or square == 0:
+        return None
+    return max(0.0, 1 - float(np.nansum(noise)) / square)
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    return {
+        "name": finding.slice.name,
+        "kind": finding.slice.kind,
+        "sentence": finding.sentence,
+        "share_of_error": finding.share_of_error,
+        "share_of_samples": finding.share_of_samples,
+        "error_percent": finding.error_percent,
+        "elsewhere_percent": finding.elsewhere_percent,
+        "p_value": finding.p_value,
+    }

@@ -1,0 +1,59 @@
+"""What a domain calls its things, so that findings about any model read plainly."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One component of the measured signal.
+
+    Attributes
+    ----------
+    above, below : where large and small values lie, "on the left"; empty when they have no name.
+    """
+
+    name: str
+    unit: str
+    above: str = ""
+    below: str = ""
+
+
+@dataclass(frozen=True)
+class Wording:
+    """The words of one domain.
+
+    Attributes
+    ----------
+    trial, trials, sample, samples : what one trial and one of its samples are called.
+    mover : what is tracked, "the free end".
+    axes : of the signal, in order; empty when they have no names.
+    factor_units : factor → unit.
+    """
+
+    trial: str = "trial"
+    trials: str = "trials"
+    sample: str = "sample"
+    samples: str = "samples"
+    mover: str = "the signal"
+    axes: Sequence[Axis] = ()
+    factor_units: Mapping[str, str] = field(default_factory=dict)
+
+    def axis(self, index: int) -> Axis:
+        """Return component `index`, under a made-up name when the domain gave none."""
+        return self.axes[index] if index < len(self.axes) else Axis(f"signal {index + 1}", "")
+
+    def factor(self, name: str, value: str) -> str:
+        """Return a factor's value as it is read, "alpha 1.6 rad" without the name."""
+        unit = self.factor_units.get(name, "")
+        return f"{value} {unit}" if unit not in ("", "1") else value
+
+    def as_dict(self, d: int) -> dict[str, Any]:
+        """Return the words as plain data for a signal of `d` components."""
+        return {
+            **{name: getattr(self, name) for name in ("trial", "trials", "sample", "samples")},
+            "mover": self.mover,
+            "axes": [asdict(self.axis(i)) for i in range(d)],
+            "factor_units": dict(self.factor_units),
+        }

@@ -1,0 +1,149 @@
+"""What a comparison says of predictions whose errors are known."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robotcast.casts.action import Action
+from robotcast.casts.tool_motion import ToolMotion
+from robotcast.diagnosis.compare import Comparison, compare
+from robotcast.diagnosis.model import Record
+from robotcast.measurements.errors import prediction_errors
+from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
+from robotcast.measurements.noise_floor import noise_floor
+from tests.diagnosis.made_up_trials import NOISE, SCALE, TIMES_S, WORDS, MadeUp, made_up
+
+
+def compared(made: MadeUp) -> Comparison:
+    return compare(
+        made.records, made.predicted, scale=SCALE, error_unit="% of cable length", wording=WORDS
+    )
+
+
+@pytest.mark.parametrize("repeats", [2, 3, 8])
+def test_few_repeats_do_not_make_the_noise_floor_look_lower(repeats: int) -> None:
+    found = compared(made_up(groups=400 // repeats, repeats=repeats))
+    mean_m, median_m = NOISE * np.sqrt(np.pi / 2), NOISE * np.sqrt(2 * np.log(2))
+    assert found.repeats.sample_percent == pytest.approx(100 * mean_m / SCALE, rel=0.03)
+    assert found.repeats.final_percent == pytest.approx(100 * median_m / SCALE, rel=0.15)
+    assert found.waypoint_error_percent == pytest.approx(100 * mean_m / SCALE, rel=0.03)
+
+
+def test_errors_and_noise_floor_are_those_of_measurement_sets() -> None:
+    made = made_up(groups=8, repeats=3)
+    made.predicted[4] = np.nan
+    gappy = [
+        replace(r, times_s=r.times_s[kept], measured=r.measured[kept])
+        for r in made.records
+        for kept in [np.arange(len(TIMES_S)) % 7 != r.trial % 5]
+    ]
+    found = compared(MadeUp(gappy, made.predicted))
+    measured = as_measurement_set(gappy)
+    errors = prediction_errors(made.predicted, measured.trials, SCALE)
+    assert found.waypoint_error_percent == pytest.approx(errors.waypoint_percent)
+    assert found.final_error_percent == pytest.approx(errors.final_percent)
+    floor = noise_floor(measured)
+    assert found.repeats.sample_percent == pytest.approx(floor.waypoint_percent)
+    assert found.repeats.final_percent == pytest.approx(floor.final_percent)
+    assert (found.repeats.groups, found.repeats.trials) == (floor.n_actions, floor.n_casts)
+
+
+def as_measurement_set(records: list[Record]) -> MeasurementSet:
+    action = Action(0.5, 0.6, -0.5, 0.6, 0.0, 1.0)
+    still = ToolMotion(np.array([0.0, 1.0]), np.zeros((2, 3)))
+    trials = tuple(Trial(r.trial, r.group, action, still, r.times_s, r.measured) for r in records)
+    return MeasurementSet(Cable("c", SCALE, 0.01, 0.005, 0.02), 0.6, 0.1, None, trials)
+
+
+def test_repeats_are_matched_by_time() -> None:
+    full = made_up()
+    late = [
+        replace(r, times_s=r.times_s + 0.03 * (r.trial % 2), measured=r.measured)
+        for r in full.records
+    ]
+    gappy = [
+        replace(r, times_s=r.times_s[kept], measured=r.measured[kept])
+        for r in late
+        for kept in [np.arange(len(TIMES_S)) % 3 != r.trial % 3]
+    ]
+    before = compared(full).repeats.sample_percent
+    after = compared(MadeUp(gappy, full.predicted)).repeats.sample_percent
+    assert after == pytest.approx(before, rel=0.1)
+
+
+def test_a_right_model_shows_no_lack_of_fit_however_the_noise_hangs_together() -> None:
+    for correlation in (0.0, 0.95):
+        p_values = [
+            fit.p_value
+            for seed in range(40)
+            if (fit := compared(made_up(seed, 10, 3, correlation=correlation)).lack_of_fit)
+        ]
+        assert np.mean(np.array(p_values) <= 0.1) <= 0.2
+        assert 0.35 < np.median(p_values) < 0.75
+
+
+def test_a_wrong_model_shows_lack_of_fit() -> None:
+    found = compared(made_up(groups=10, wrong=lambda r: np.full(r.measured.shape, 0.01)))
+    assert found.lack_of_fit is not None
+    assert found.lack_of_fit.p_value < 0.01
+    assert found.share_beyond_noise is not None and found.share_beyond_noise > 0.6
+
+
+def test_two_repeats_of_one_action_cannot_tell() -> None:
+    found = compared(made_up(groups=1, wrong=lambda r: np.full(r.measured.shape, 0.1)))
+    assert found.lack_of_fit is not None
+    assert found.lack_of_fit.smallest_p_value == 0.5
+
+
+def test_a_diverged_trial_is_marked_and_counts_as_one_scale() -> None:
+    made = made_up(groups=1, repeats=2)
+    made.predicted[1, 7] = np.nan
+    found = compared(made)
+    plain = found.as_dict()
+    assert plain["diverged"] == [1]
+    assert plain["trials"][1]["diverged"] is True
+    assert plain["trials"][1]["predicted"][7] == [None, None]
+    assert plain["trials"][1]["waypoint_percent"] == 100
+    assert found.waypoint_error_percent > 50
+
+
+def test_json_has_no_nan() -> None:
+    made = made_up()
+    made.predicted[3] = np.nan
+    json.dumps(compared(made).as_dict(), allow_nan=False)
+
+
+def test_the_same_input_gives_the_same_bytes() -> None:
+    made = made_up(wrong=lambda r: np.full(r.measured.shape, 0.02 * (r.factors["alpha"] > 1.5)))
+    first, second = (json.dumps(compared(made).as_dict()) for _ in range(2))
+    assert first == second
+
+
+def test_one_trial_with_one_sample_can_be_compared() -> None:
+    record = Record(0, 0, np.array([0.0]), np.array([[1.0, 2.0]]))
+    found = compare([record], np.array([[[1.0, 2.5]]]), scale=1, error_unit="%")
+    assert found.waypoint_error_percent == pytest.approx(50)
+    assert found.findings == ()
+
+
+def test_signals_of_one_component_can_be_compared() -> None:
+    made = made_up(wrong=lambda r: np.full(r.measured.shape, 0.02 * (r.factors["alpha"] > 1.5)))
+    records = [replace(r, measured=r.measured[:, :1]) for r in made.records]
+    found = compare(records, made.predicted[..., :1], scale=SCALE, error_unit="%")
+    assert [f.slice.kind for f in found.findings] == ["alpha"]
+
+
+def test_a_prediction_of_another_shape_is_refused() -> None:
+    made = made_up(groups=2)
+    with pytest.raises(ValueError, match=r"expected a prediction of shape \(4, 25, 2\)"):
+        compared(MadeUp(made.records, made.predicted[:, :20]))
+
+
+def test_the_error_over_time_ends_where_few_trials_are_left() -> None:
+    made = made_up(groups=10, repeats=1)
+    short = [replace(r, times_s=r.times_s[:10], measured=r.measured[:10]) for r in made.records[1:]]
+    course = compared(MadeUp([made.records[0], *short], made.predicted)).course
+    assert len(course.times_s) == 10
+    assert np.all(course.lower <= course.upper)
