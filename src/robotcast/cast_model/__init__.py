@@ -1,0 +1,1 @@
+"""A simulator of casts and a measurement set as diagnosis sees them."""

@@ -1,0 +1,47 @@
+"""A cast simulator as a `Model` that diagnosis can question."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from robotcast.diagnosis.model import Record
+from robotcast.effects.effect import Effect
+from robotcast.fitting.parameter import Parameter
+from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.simulators.simulator import Simulator
+
+MakeSimulator = Callable[[Sequence[Effect]], Simulator]
+
+
+class CastModel:
+    """Predicts the free end's waypoints of measured casts.
+
+    Parameters
+    ----------
+    make_simulator : makes the simulator with some effects active.
+    effects : the candidates, fields included.
+    """
+
+    error_unit = "% of cable length"
+
+    def __init__(
+        self, measured: MeasurementSet, make_simulator: MakeSimulator, effects: Sequence[Effect]
+    ) -> None:
+        self.effects: Mapping[str, Effect] = {effect.name: effect for effect in effects}
+        self.scale = measured.cable.length_m
+        self._trials = {trial.trial: trial for trial in measured.trials}
+        self._make_simulator = make_simulator
+        self._simulators: dict[tuple[str, ...], Simulator] = {}
+        self.parameters: tuple[Parameter, ...] = self._simulator(()).parameters
+
+    def predict(
+        self, records: Sequence[Record], active: Sequence[str], vectors: np.ndarray
+    ) -> np.ndarray:
+        """Predict waypoints (see `robotcast.diagnosis.model.Model`)."""
+        casts = [self._trials[record.trial] for record in records]
+        return self._simulator(tuple(active)).simulate(casts, vectors).waypoints_m
+
+    def _simulator(self, active: tuple[str, ...]) -> Simulator:
+        if active not in self._simulators:
+            self._simulators[active] = self._make_simulator([self.effects[name] for name in active])
+        return self._simulators[active]
