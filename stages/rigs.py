@@ -1,9 +1,11 @@
 """Making the configured rig, for the stages that cast."""
 
+from pathlib import Path
 from typing import Any
 
 from grids import plain_config
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
+from stage import CONFIGURATION
 
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.rig import Rig
@@ -31,6 +33,13 @@ def build_rig(config: DictConfig) -> Rig:
     if config.rig.name != "virtual":
         raise ValueError(f"rig={config.rig.name} cannot cast; the rigs that can: virtual")
     return build_virtual_rig(config)
+
+
+def rig_with_cable(config: DictConfig, cable: str) -> VirtualRig:
+    """Return the virtual rig with another cable than the configured one."""
+    changed = config.copy()
+    changed.cable = OmegaConf.load(Path(CONFIGURATION) / "cable" / f"{cable}.yaml")
+    return build_virtual_rig(changed)
 
 
 def build_virtual_rig(config: DictConfig, scatter: StartScatter | None = None) -> VirtualRig:

@@ -1,0 +1,162 @@
+"""Measuring the drawn cases: a set and a sealed answer each."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robotcast.casts.limits import PlanLimits
+from robotcast.casts.plan import PlannedCast, plan_action
+from robotcast.files import discard_unfinished
+from robotcast.hidden_effects.actions import CastCounts, choose_actions
+from robotcast.hidden_effects.case import Case
+from robotcast.hidden_effects.mechanisms import Parameters
+from robotcast.hidden_effects.seal import seal, unseal
+from robotcast.hidden_effects.shift import fit_parameters, see_casts, shift_percent
+from robotcast.measurements.measurement_set import MeasurementSet, Trial
+from robotcast.measurements.writer import write_measurement_set
+from robotcast.progress import Progress, silent
+from robotcast.rigs.virtual.measure import Eye, measure_cast
+from robotcast.rigs.virtual.rig import VirtualRig
+
+RIG = "virtual (hidden effect benchmark)"
+ASTRAY_M = 0.5
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What all cases share.
+
+    Attributes
+    ----------
+    rigs : cable → its rig with nothing hidden.
+    feasible : ndarray of shape (m, 6), the actions that cases are drawn from.
+    counts, eye, limits : how many casts, how they are tracked and planned.
+    shift_casts : casts over which a mechanism's shift is measured.
+    """
+
+    rigs: Mapping[str, VirtualRig]
+    feasible: np.ndarray
+    counts: CastCounts
+    eye: Eye
+    limits: PlanLimits
+    shift_casts: int
+
+
+def sets_folder(folder: Path) -> Path:
+    """Return where the measurement sets lie, one folder a case: all that a diagnosis reads."""
+    return folder / "sets"
+
+
+def answers_folder(folder: Path) -> Path:
+    """Return where the sealed answers lie, one file a case."""
+    return folder / "answers"
+
+
+def generate_cases(
+    cases: Sequence[Case], bench: Bench, folder: Path, workers: int, progress: Progress = silent
+) -> int:
+    """Measure the cases that `folder` does not hold yet; return how many those were.
+
+    A finished case is never measured again. One that was drawn otherwise is refused: sets are
+    not changed in place.
+    """
+    discard_unfinished(sets_folder(folder))
+    missing = [case for case in cases if not _stands(case, folder)]
+    stood = len(cases) - len(missing)
+    progress(stood, len(cases))
+    with _processes(workers) as pool:
+        for done, case in enumerate(missing, stood + 1):
+            measured, answer = measure_case(case, bench, pool)
+            seal(answer, _answer_path(case, folder))
+            write_measurement_set(measured, sets_folder(folder) / case.name)
+            progress(done, len(cases), case.name)
+    return len(missing)
+
+
+def measure_case(case: Case, bench: Bench, pool: Executor) -> tuple[MeasurementSet, dict[str, Any]]:
+    """Measure one case; return its set and its answer."""
+    nominal = bench.rigs[case.cable]
+    random = np.random.default_rng([case.seed, 1])
+    chosen = choose_actions(bench.feasible, bench.counts, random)
+    planned = [plan_action(a, r0_m=nominal.r0_m, limits=bench.limits) for _, a in chosen]
+    parameters, shifts = _fitted(case, bench, planned, pool)
+    rig, eye = case.rig(nominal, parameters), replace(bench.eye, noise_s=case.noise_s)
+    track = partial(measure_cast, rig, eye)
+    trials = pool.map(track, planned, range(len(chosen)), [action for action, _ in chosen])
+    measured = MeasurementSet(
+        cable=rig.cable,
+        r0_m=rig.r0_m,
+        period_s=eye.period_s,
+        noise_m=eye.noise_m,
+        trials=tuple(_led_astray(list(trials), case, bench.counts, random)),
+        rig=RIG,
+    )
+    answer = {
+        "drawn": case.as_dict(),
+        "effects": [
+            {"effect": name, "parameters": given, "shift_percent": shifts[name]}
+            for name, given in parameters.items()
+        ],
+        "shift_percent": shifts[""],
+        "casts": len(measured.trials),
+    }
+    return measured, answer
+
+
+def _fitted(
+    case: Case, bench: Bench, planned: Sequence[PlannedCast], pool: Executor
+) -> tuple[dict[str, Parameters], dict[str, float]]:
+    """Return parameters and shifts of what is hidden; the shift of all together under ""."""
+    nominal, casts = bench.rigs[case.cable], planned[: bench.shift_casts]
+    period_s = bench.eye.period_s
+    parameters, shifts = fit_parameters(case, nominal, casts, period_s, pool)
+    if len(shifts) < 2:
+        return parameters, {**shifts, "": sum(shifts.values())}
+    seen = [
+        see_casts(case.rig(nominal, hidden), casts, period_s, pool) for hidden in ({}, parameters)
+    ]
+    return parameters, {**shifts, "": shift_percent(seen[0], seen[1], nominal.cable.length_m)}
+
+
+def _led_astray(
+    trials: list[Trial], case: Case, counts: CastCounts, random: np.random.Generator
+) -> list[Trial]:
+    """Let the tracker follow something else, half a metre away, in some casts without repeats."""
+    once = np.arange(counts.repeated, counts.actions)
+    for row in random.permutation(once)[: case.outliers]:
+        heading = random.uniform(-np.pi, np.pi)
+        away = ASTRAY_M * np.array([np.cos(heading), np.sin(heading)])
+        trials[row] = replace(trials[row], waypoints_m=trials[row].waypoints_m + away)
+    return trials
+
+
+def _stands(case: Case, folder: Path) -> bool:
+    answer, measured = _answer_path(case, folder), sets_folder(folder) / case.name
+    if not measured.exists():
+        return False
+    if not answer.exists() or unseal(answer)["drawn"] != case.as_dict():
+        raise ValueError(
+            f"{measured}: was drawn otherwise than {case.name} is now; a set is never changed in "
+            "place, draw into another folder or remove this one"
+        )
+    return True
+
+
+def _answer_path(case: Case, folder: Path) -> Path:
+    return answers_folder(folder) / f"{case.name}.sealed"
+
+
+@contextmanager
+def _processes(workers: int) -> Iterator[Executor]:
+    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)

@@ -1,0 +1,3 @@
+from tests.rigs.conftest import rig
+
+__all__ = ["rig"]
