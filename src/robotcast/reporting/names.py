@@ -51,3 +51,8 @@ def rig_names(rigs: tuple[str, ...]) -> str:
 def thousands(number: float) -> str:
     """21450 → 21 450, with a narrow space that does not break."""
     return f"{number:,.0f}".replace(",", "\u202f")
+
+
+def effect_name(effect: str) -> str:
+    """board_tilt → board tilt."""
+    return effect.replace("_", " ")

@@ -1,0 +1,158 @@
+"""What to do next, one kind of advice for every state of the page."""
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robotcast.reporting.diagnosis.evidence import State, readable, rivals
+from robotcast.reporting.diagnosis.reading import Diagnosis
+from robotcast.reporting.names import effect_name
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing to do.
+
+    Attributes
+    ----------
+    text : in plain words.
+    command : to type, empty when there is nothing to type.
+    link : (address, words) of where to look, or None.
+    trials : how many of the next trials to list below the step.
+    """
+
+    text: str
+    command: str = ""
+    link: tuple[str, str] | None = None
+    trials: int = 0
+
+
+def next_steps(diagnosis: Diagnosis, state: State) -> tuple[Step, ...]:
+    """Return what to do, in order."""
+    steps = {
+        "running": _wait,
+        "too few": _measure_more,
+        "unknown": _write_an_effect,
+        "none": _carry_on,
+        "confused": _tell_apart,
+        "found": _add,
+    }
+    return tuple(steps[state](diagnosis))
+
+
+def add_command(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
+    """Return the command that tunes the model with `effects` to the same measurement set."""
+    chosen = f"effects=[{','.join(effects)}]"
+    folder = shlex.quote(_folder(diagnosis))
+    return f"python stages/tune.py paths.measurements={folder} paths.tuned=OUT '{chosen}'"
+
+
+def _folder(diagnosis: Diagnosis) -> str:
+    """Return the set's folder where its name is one; else the reader must fill it in."""
+    return diagnosis.measurements if "/" in diagnosis.measurements else "DIR"
+
+
+def _placeholders(diagnosis: Diagnosis) -> str:
+    named = f"DIR is the folder of the set {diagnosis.measurements}".rstrip()
+    known = _folder(diagnosis) != "DIR"
+    return "OUT is a new folder." if known else f"{named}, OUT a new folder."
+
+
+def _wait(diagnosis: Diagnosis) -> list[Step]:
+    return [
+        Step(f"Nothing yet. The run is at: {readable(diagnosis, diagnosis.doing)}."),
+        Step("This page reloads itself every 3 seconds and fills from the top."),
+    ]
+
+
+def _add(diagnosis: Diagnosis) -> list[Step]:
+    names = " and ".join(effect_name(e) for e in diagnosis.found)
+    chosen = f"effects=[{','.join(diagnosis.found)}]"
+    steps = [
+        Step(
+            f"Add {names} and tune again; {_placeholders(diagnosis)} "
+            "revisions.html beside OUT shows the error fall while it runs.",
+            add_command(diagnosis, diagnosis.found),
+        ),
+        Step(
+            "Through the pipeline, so that generated casts and policies have it too:",
+            f"dvc exp run -S '{chosen}'",
+        ),
+    ]
+    if diagnosis.next_trials:
+        steps.append(Step("To be surer, run more casts:", link=("#next", "which casts")))
+    return steps
+
+
+def _tell_apart(diagnosis: Diagnosis) -> list[Step]:
+    others = rivals(diagnosis)
+    both = " and ".join(effect_name(e) for e in (*diagnosis.found, *others))
+    steps = []
+    if diagnosis.next_trials:
+        steps.append(
+            Step(
+                f"Run these casts: on them {both} predict different paths. Then diagnose again "
+                "with the new casts in the set.",
+                link=("actions.csv", "actions.csv: all of them"),
+                trials=3,
+            )
+        )
+    else:
+        steps.append(Step(f"No cast of the grid tells {both} apart: measure it in another way."))
+    steps.append(
+        Step(
+            f"Or settle it by hand: measure {effect_name(diagnosis.found[0])} on the rig. If it is "
+            f"there, add it; {_placeholders(diagnosis)}",
+            add_command(diagnosis, diagnosis.found),
+        )
+    )
+    return steps
+
+
+def _write_an_effect(diagnosis: Diagnosis) -> list[Step]:
+    steps = []
+    if diagnosis.found:
+        steps.append(
+            Step(
+                f"Keep what was found; {_placeholders(diagnosis)}",
+                add_command(diagnosis, diagnosis.found),
+            )
+        )
+    if diagnosis.unexplained and diagnosis.unexplained.field:
+        steps.append(Step("Look at the missing force and guess its law:", link=("#field", "field")))
+    steps.append(
+        Step(
+            "Write it as an effect: one class and one YAML file; a start is written below.",
+            link=("#write", "how to write it"),
+        )
+    )
+    steps.append(Step("Diagnose again. The new effect is tested like every other."))
+    if diagnosis.next_trials:
+        steps.append(Step("Or measure more where it shows:", link=("#next", "next casts")))
+    return steps
+
+
+def _carry_on(diagnosis: Diagnosis) -> list[Step]:
+    steps = [Step("Use the model as it is: no effect of the library would make it better.")]
+    if diagnosis.next_trials:
+        steps.append(
+            Step(
+                "Some effects could hide in these casts. These casts would show them:",
+                link=("#next", "next casts"),
+            )
+        )
+    if diagnosis.comparison:
+        steps.append(Step("See where the error that is left lies:", link=("#where", "where")))
+    return steps
+
+
+def _measure_more(diagnosis: Diagnosis) -> list[Step]:
+    steps = [
+        Step(
+            "Measure more: at least 30 casts of different actions, and three repeats of each of "
+            "five of them, so that the noise floor is known. Then diagnose again."
+        )
+    ]
+    if diagnosis.next_trials:
+        steps.append(Step("Start with these:", link=("actions.csv", "actions.csv"), trials=3))
+    return steps

@@ -1,0 +1,24 @@
+"""How pages are made from templates: one environment, the family's style."""
+
+from importlib.resources import files
+
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+
+
+def environment() -> Environment:
+    """Return a Jinja environment that escapes and refuses unknown names."""
+    return Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+
+
+def template(package: str, name: str) -> str:
+    """Return the text of a file in a package's template folder."""
+    return (files(package) / "template" / name).read_text("utf-8")
+
+
+def style(package: str, *names: str) -> Markup:
+    """Return the style of every page, then that of `names` in a package's template folder."""
+    shared = template("robotcast.reporting", "page.css")
+    return Markup("\n".join([shared, *(template(package, name) for name in names)]))

@@ -1,0 +1,112 @@
+"""What a person finds on the diagnosis page, in each of its states."""
+
+import re
+
+import pytest
+
+from robotcast.reporting.diagnosis.page import diagnosis_page
+from tests.reporting.diagnosis.diagnosis_states import (
+    STATES,
+    confused,
+    effect,
+    none,
+    running,
+    several,
+    too_few,
+    unknown,
+)
+
+
+def text_of(page: str) -> str:
+    """The words of a page without its tags, style and drawings' coordinates."""
+    body = re.sub(r"<style>.*?</style>", "", page, flags=re.S)
+    words = re.sub(r"<[^>]+>", " ", body).replace("&#39;", "'").replace("&#34;", '"')
+    return re.sub(r"\s+", " ", words)
+
+
+def first_screen(page: str) -> str:
+    return text_of(page.split("</section>\n</div>")[0])
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_every_state_is_one_page_that_needs_nothing_else(state: str) -> None:
+    page = diagnosis_page(STATES[state]())
+    links = set(re.findall(r'(?:src|href)="([^"]*)"', page))
+    assert {link for link in links if not link.startswith(("data:", "#"))} <= {"actions.csv"}
+    assert "<script" not in page and "@import" not in page and "url(" not in page
+    for anchor in (link for link in links if link.startswith("#")):
+        assert f'id="{anchor[1:]}"' in page
+    assert "nan" not in text_of(page).lower().split()
+    assert page == diagnosis_page(STATES[state]())
+
+
+def test_verdict_evidence_and_the_command_stand_before_everything_else() -> None:
+    screen = first_screen(diagnosis_page(effect()))
+    assert "The board is not level" in screen
+    assert "effects=[board_tilt]" in screen and "python stages/tune.py" in screen
+    assert "dvc exp run -S" in screen
+    assert "predicted 1.31" in screen and "noise floor 0.76" in screen
+    assert "1.04" in screen and "−67 %" in screen
+
+
+def test_effects_go_by_readable_names() -> None:
+    screen = first_screen(diagnosis_page(several()))
+    assert "board tilt" in screen and "air drag" in screen
+    assert "(board_tilt)" not in screen
+    assert "effects=[board_tilt,air_drag]" in screen
+
+
+def test_a_clean_bill_names_no_effect_to_add() -> None:
+    screen = first_screen(diagnosis_page(none()))
+    assert "effects=[" not in screen
+    assert "2 of 3 effects would have been noticed" in screen
+
+
+def test_a_confused_pair_is_answered_with_casts_to_run() -> None:
+    screen = first_screen(diagnosis_page(confused()))
+    assert "cannot tell" in screen
+    assert "board tilt and camera offset predict different paths" in screen
+    assert "actions.csv" in screen and "−0.900" in screen
+
+
+def test_an_unknown_force_is_drawn_and_a_draft_of_an_effect_given() -> None:
+    page = diagnosis_page(unknown())
+    assert "fitted field" in page
+    assert "(1.05, −0.250)" in text_of(page)
+    assert "class MyEffect(Effect)" in page and "conf/effect/my_effect.yaml" in page
+
+
+def test_a_running_diagnosis_says_what_it_does_and_reloads() -> None:
+    page = diagnosis_page(running())
+    assert '<meta http-equiv="refresh" content="3">' in page
+    assert "refitting board tilt" in first_screen(page)
+    assert "refresh" not in diagnosis_page(effect())
+
+
+def test_limits_of_the_data_are_said() -> None:
+    words = text_of(diagnosis_page(too_few()))
+    assert "The set has 3 casts" in words
+    assert "no ladder was drawn" in words
+
+
+def test_effects_that_cannot_be_judged_are_told_apart_from_absent_ones() -> None:
+    page = diagnosis_page(effect())
+    rows = page[page.index("<tbody>") : page.index("</tbody>")]
+    assert "your casts cannot tell" in rows
+    assert "friction patch" not in rows and "resting curvature" not in rows
+    words = text_of(page)
+    assert "friction patch (simulating it changes no prediction" in words
+    assert "resting curvature (the simulator does not react" in words
+
+
+def test_text_from_data_cannot_break_the_page() -> None:
+    plain = {**effect(), "sentence": "a < b & <b>c</b>", "measurements": '"><script>'}
+    page = diagnosis_page(plain)
+    assert "a &lt; b &amp; &lt;b&gt;" in page
+    assert "<script>" not in page
+
+
+def test_a_model_of_another_kind_shows_its_own_unit() -> None:
+    page = text_of(diagnosis_page({**effect(), "error_unit": "cm"}))
+    assert "3.12 cm" in page.replace("\u202f", " ")
+    assert "on held-out casts [cm]" in page

@@ -1,0 +1,95 @@
+"""The missing force: where its arrows point, and the effect drafted after it."""
+
+import numpy as np
+import pytest
+import yaml
+
+from robotcast.effects.effect import Effect
+from robotcast.effects.motion import CableMotion
+from robotcast.measurements.measurement_set import Cable
+from robotcast.reporting.diagnosis.field import field_figure, focus, strongest
+from robotcast.reporting.diagnosis.reading import Field, Unexplained, read_diagnosis
+from robotcast.reporting.diagnosis.writing import drafts
+from tests.reporting.diagnosis.diagnosis_states import pull_field, unknown, unknown_speed
+
+BOARD = np.array([[x, y] for x in np.linspace(0.3, 1.3, 6) for y in np.linspace(-0.8, 0.8, 6)])
+
+
+def board_field(values: np.ndarray) -> Field:
+    rows = tuple(map(tuple, BOARD.tolist())), tuple(map(tuple, values.tolist()))
+    return Field("the free end", ("x [m]", "y [m]"), "m/s²", *rows)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_arrows_towards_or_away_from_a_place_find_it(sign: int) -> None:
+    place = np.array([1.05, -0.25])
+    noise = np.random.default_rng(0).normal(0, 0.02, BOARD.shape)
+    aimed = focus(board_field(sign * (place - BOARD) + noise))
+    assert aimed is not None
+    np.testing.assert_allclose(aimed[0], place, atol=0.05)
+    assert aimed[1] == (sign > 0)
+
+
+def test_parallel_arrows_and_whirls_point_at_no_place() -> None:
+    assert focus(board_field(np.tile([0.3, 0.1], (len(BOARD), 1)))) is None
+    whirl = (BOARD - BOARD.mean(axis=0))[:, ::-1] * [1, -1]
+    assert focus(board_field(whirl)) is None
+
+
+def test_the_strongest_place_is_said_with_units() -> None:
+    values = np.zeros_like(BOARD)
+    values[7] = [0.0, 0.45]
+    assert strongest(board_field(values)).replace("\u202f", " ") == (
+        "strongest, 0.45 m/s², at x = 0.500 m, y = −0.480 m"
+    )
+
+
+def test_a_number_over_the_board_is_drawn_too() -> None:
+    figure = field_figure(board_field(BOARD[:, :1] - 0.8))
+    assert figure.count("<circle") == len(BOARD)
+
+
+def two_cables() -> CableMotion:
+    """Two cables of three pieces in some motion."""
+    rng = np.random.default_rng(1)
+    points, hinges = rng.uniform(-1, 1, (9, 2, 4)), rng.uniform(-0.3, 0.3, (2, 2, 3))
+    return CableMotion(
+        Cable("cable1", 0.6, 0.02, 0.005, 0.02), 0.4, 0.004, np.full(3, 0.2), *points[:4],
+        *points[4:8], mass_kg=np.full((2, 4), 0.01), friction_n=np.full((2, 4), 0.03),
+        bend_rad=hinges[0], bend_rate_rad_s=hinges[1], bends_m=np.full(3, 0.2), memory={},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("depends_on", ["place", "speed", "heading", "time", "bending", "endpoint"])
+def test_a_drafted_effect_works_and_does_nothing_at_its_null(depends_on: str) -> None:
+    code, settings = (d.text for d in drafts(Unexplained(depends_on, "", None, None)))
+    room: dict = {}
+    exec(code, room)
+    plain = yaml.safe_load(settings)
+    effect: Effect = room["MyEffect"]("my_effect", plain["text"], plain["parameters"])
+    cable = two_cables()
+    hook = effect.bending_moment if depends_on == "bending" else effect.force
+    at_null = {p.name: np.full((2, 1), p.nominal) for p in effect.parameters}
+    assert not np.any(hook(cable, **at_null))
+    probed = {p.name: np.full((2, 1), p.probes[0]) for p in effect.parameters}
+    acting = np.array(hook(cable, **probed))
+    assert np.isfinite(acting).all() and np.any(acting)
+    if depends_on == "endpoint":
+        assert not np.any(acting[:, :, :-1])
+
+
+def test_a_draft_starts_where_the_arrows_point_and_acts_on_what_they_act_on() -> None:
+    read = read_diagnosis(unknown()).unexplained
+    assert read is not None and read.field is not None
+    code, settings = (d.text for d in drafts(read))
+    assert "on_endpoint" in code
+    assert yaml.safe_load(settings)["parameters"]["x0"]["nominal"] == pytest.approx(1.05)
+    assert pull_field()["acts_on"] == read.field.acts_on
+
+
+def test_a_force_by_speed_is_a_curve() -> None:
+    read = read_diagnosis(unknown_speed()).unexplained
+    assert read is not None and read.field is not None
+    figure = field_figure(read.field)
+    assert "speed [m/s]" in figure and "missing force [m/s²]" in figure
+    assert focus(read.field) is None
