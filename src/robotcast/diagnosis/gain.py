@@ -1,0 +1,48 @@
+"""Whether one revision predicts held-out trials better than another."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+SIGNIFICANT = 1e-3  # p-value below which a gain on held-out trials is more than luck
+WORTHWHILE = 0.10  # of the excess over the noise floor that an effect must take away
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What a revision saves on held-out trials.
+
+    Attributes
+    ----------
+    percent : mean saving of average waypoint error, % of the scale.
+    share : of the earlier error's excess over the noise floor.
+    p_value : one-sided, over groups of trials.
+    """
+
+    percent: float
+    share: float
+    p_value: float
+
+    @property
+    def pays(self) -> bool:
+        """Tell whether the gain is both beyond luck and worth an effect."""
+        return self.p_value < SIGNIFICANT and self.share > WORTHWHILE
+
+
+def gain(before: np.ndarray, after: np.ndarray, groups: np.ndarray, floor: float | None) -> Gain:
+    """Compare two revisions' held-out errors (n_trials,), % of the scale.
+
+    Groups are the sampling unit. Square roots of errors are compared, so that the few trials
+    that miss by far do not decide alone.
+    """
+    n = groups.max() + 1
+    count = np.bincount(groups, minlength=n)
+    saved = np.bincount(groups, np.sqrt(before) - np.sqrt(after), n) / count
+    if n < 3 or saved.std() == 0:
+        p_value = 1.0
+    else:
+        p_value = float(student.sf(saved.mean() / (saved.std(ddof=1) / np.sqrt(n)), n - 1))
+    percent = float((before - after).mean())
+    excess = max(float(before.mean()) - (floor or 0.0), 1e-9)
+    return Gain(percent, percent / excess, p_value)

@@ -1,0 +1,135 @@
+"""A model put beside the trials: residuals, errors, and a count of what was simulated."""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+
+from robotcast.diagnosis.model import Model, Record
+from robotcast.fitting.least_squares import Residuals, difference_steps
+from robotcast.fitting.parameter import Parameter
+from robotcast.progress import Progress, silent
+
+LEAST_NOISE = 0.003  # of the scale: residuals are weighed against at least this much noise
+
+
+class Inquiry:
+    """Everything that the steps of a diagnosis ask of the model.
+
+    Parameters
+    ----------
+    noise : the average distance by which repeats differ, in the model's unit; None if unknown.
+    progress : told how many trials were simulated so far.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        records: Sequence[Record],
+        noise: float | None,
+        progress: Progress = silent,
+    ) -> None:
+        self.model = model
+        self.records = tuple(records)
+        self.noise = max(noise or 0.0, LEAST_NOISE * model.scale)
+        self.simulated = 0
+        self._progress = progress
+
+    @cached_property
+    def everything(self) -> np.ndarray:
+        """Numbers of all trials, (n_trials,)."""
+        return np.arange(len(self.records))
+
+    @cached_property
+    def groups(self) -> np.ndarray:
+        """The group of every trial, numbered from 0, (n_trials,)."""
+        return np.unique([r.group for r in self.records], return_inverse=True)[1]
+
+    def parameters(self, active: Sequence[str]) -> tuple[Parameter, ...]:
+        """Return the parameters of the model with these effects, in a vector's order."""
+        own = [p for name in active for p in self.model.effects[name].parameters]
+        return (*self.model.parameters, *own)
+
+    def steps(self, active: Sequence[str]) -> np.ndarray:
+        """Return the finite-difference steps of all parameters."""
+        return difference_steps(self.parameters(active))
+
+    def free(self, active: Sequence[str]) -> np.ndarray:
+        """Return which parameters a fit may change, bool (n,)."""
+        return np.array([not p.frozen for p in self.parameters(active)])
+
+    def nominal(self, active: Sequence[str]) -> np.ndarray:
+        """Return the unit vector where every parameter has its nominal value."""
+        return np.array([float(p.to_unit(np.asarray(p.nominal))) for p in self.parameters(active)])
+
+    def values(self, active: Sequence[str], vectors: np.ndarray) -> np.ndarray:
+        """Return unit vectors (n_vectors, n) as parameter values."""
+        columns = zip(self.parameters(active), np.atleast_2d(vectors).T, strict=True)
+        return np.stack([p.from_unit(column) for p, column in columns], axis=1)
+
+    def residuals(self, active: Sequence[str]) -> Residuals:
+        """Return the residuals of the model with these effects as a fit wants them."""
+
+        def evaluate(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
+            difference = self.differences(active, vectors, trials)
+            counts = np.isfinite(self._measured(trials)).all(axis=-1).sum(axis=1)
+            lost = (np.isnan(difference) & np.isfinite(self._measured(trials))).any(axis=(2, 3))
+            weighed = np.nan_to_num(difference) / np.sqrt(counts)[:, None, None]
+            weighed[lost] = 0
+            weighed[lost, 0, 0] = self.model.scale
+            return weighed.reshape(len(vectors), len(trials), -1) / self.noise
+
+        return evaluate
+
+    def differences(
+        self, active: Sequence[str], vectors: np.ndarray, trials: np.ndarray
+    ) -> np.ndarray:
+        """Return predicted − measured, (n_vectors, m, k_max, d); NaN as in `Model.predict`."""
+        chosen = [self.records[i] for i in trials]
+        predicted = self.model.predict(chosen, active, self.values(active, vectors))
+        self.simulated += len(vectors) * len(trials)
+        self._progress(self.simulated, 0)
+        measured = self._measured(trials)
+        difference = np.full((len(vectors), *measured.shape), np.nan)
+        k = min(predicted.shape[2], measured.shape[1])
+        difference[:, :, :k] = predicted[:, :, :k] - measured[:, :k]
+        return difference
+
+    def errors(
+        self, active: Sequence[str], vector: np.ndarray, trials: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return average and final error of every trial, each (m,), in % of the scale.
+
+        A trial whose run diverged counts with one scale.
+        """
+        return self.percent(self.differences(active, vector[None], trials)[0], trials)
+
+    def percent(self, difference: np.ndarray, trials: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Turn differences (m, k_max, d) into average and final errors, in % of the scale."""
+        distance = np.linalg.norm(difference, axis=-1)
+        counts = np.array([len(self.records[i].times_s) for i in trials])
+        average = np.array([row[:k].mean() for row, k in zip(distance, counts, strict=True)])
+        final = np.array([row[k - 1] for row, k in zip(distance, counts, strict=True)])
+        lost = np.isnan(average)
+        return (
+            100 * np.where(lost, 1.0, average / self.model.scale),
+            100 * np.where(lost, 1.0, final / self.model.scale),
+        )
+
+    def difference_of(self, residual: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        """Turn residuals (m, D) back into differences (m, k, d)."""
+        counts = np.array([len(self.records[i].times_s) for i in trials])
+        shape = (len(trials), -1, self.records[0].measured.shape[1])
+        return residual.reshape(shape) * (np.sqrt(counts) * self.noise)[:, None, None]
+
+    def _measured(self, trials: np.ndarray) -> np.ndarray:
+        """Return the measured signals (m, k_max, d), NaN past a trial's own; k_max of all."""
+        return self._padded[trials]
+
+    @cached_property
+    def _padded(self) -> np.ndarray:
+        k_max = max(len(r.times_s) for r in self.records)
+        padded = np.full((len(self.records), k_max, self.records[0].measured.shape[1]), np.nan)
+        for row, record in zip(padded, self.records, strict=True):
+            row[: len(record.times_s)] = record.measured
+        return padded

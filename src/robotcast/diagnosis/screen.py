@@ -1,0 +1,232 @@
+"""A first look at every effect: what it would explain if it acted a little.
+
+Each effect is simulated at its probes. What the tuned parameters could do instead is projected
+out; a score test over groups of trials (Cox and Hinkley 1974, ch. 9, with the groups' own
+scatter in place of a model of it) says whether the rest of it points along the residuals.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.stats import f as f_distribution
+from scipy.stats import ncf
+
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.model import Candidate
+from robotcast.diagnosis.revision import Revision
+from robotcast.fitting.least_squares import Fit, trial_losses
+
+TOUCHES = 0.02  # of the noise: an effect that moves every trial by less touches nothing
+LEFT = 0.05  # share of a sensitivity that must be left after projection to be told apart
+ALIKE = 0.9  # cosine of projected sensitivities above which two effects are confusable
+STEP_SHARES = (0.25, 0.5, 1.0)  # of the linear step, tried by simulating it
+RIDGE = 1.0  # of a parameter's range, as the fit's prior
+
+
+@dataclass(frozen=True)
+class Screened:
+    """What the first look says of one effect.
+
+    Attributes
+    ----------
+    p_value : of the score test, corrected for the places tried.
+    start : unit vector where a refit starts: the best of the simulated linear steps.
+    loss : the fit's loss there.
+    predicted : average error of the linear prediction, % of the scale.
+    projected : ndarray of shape (n_trials, D, n_strengths), weighted projected sensitivity.
+    left : share of the sensitivity that the tuned parameters cannot imitate.
+    power : chance that the test at 0.001 finds the effect at its smallest probe.
+    moved : the largest root mean square by which the probes move a trial, in noise units.
+    """
+
+    effect: str
+    p_value: float
+    start: np.ndarray
+    loss: float
+    predicted: float
+    projected: np.ndarray
+    left: float
+    power: float
+    moved: float
+
+    @property
+    def status(self) -> str | None:
+        """Why the effect cannot be judged, None when it can."""
+        if self.moved == 0:
+            return "ignored by the model"
+        if self.moved < TOUCHES:
+            return "touches nothing"
+        return "your casts cannot tell" if self.left < LEFT else None
+
+
+def screen(inquiry: Inquiry, revision: Revision, effect: str) -> Screened:
+    """Probe one effect on top of a fitted revision."""
+    active = (*revision.effects, effect)
+    tries = [
+        _try(inquiry, revision, active, place) for place in _places(inquiry.model.effects[effect])
+    ]
+    best = min(tries, key=lambda one: one.p_value)
+    start, loss = _step(inquiry, revision, active, best)
+    return Screened(
+        effect=effect,
+        p_value=min(1.0, best.p_value * len(tries)),
+        start=start,
+        loss=loss,
+        predicted=best.predicted,
+        projected=best.projected,
+        left=best.left,
+        power=best.power,
+        moved=max(one.moved for one in tries),
+    )
+
+
+def alike(one: Screened, other: Screened) -> bool:
+    """Tell whether the trials can hardly tell two effects apart."""
+    if one.status or other.status:
+        return False
+    first, second = (s.projected.reshape(-1, s.projected.shape[2]) for s in (one, other))
+    bases = [np.linalg.svd(m, full_matrices=False)[0] for m in (first, second)]
+    return bool(np.linalg.svd(bases[0].T @ bases[1], compute_uv=False)[-1] > ALIKE)
+
+
+@dataclass(frozen=True)
+class _Try:
+    vector: np.ndarray
+    step: np.ndarray
+    p_value: float
+    predicted: float
+    projected: np.ndarray
+    left: float
+    power: float
+    moved: float
+
+
+def _places(candidate: Candidate) -> list[dict[str, float]]:
+    """Return values of the parameters that are no strengths, every combination of probes."""
+    others = [p for p in candidate.parameters if p.null is None and not p.frozen]
+    values = [p.probes or (p.nominal,) for p in others]
+    return [dict(zip((p.name for p in others), place, strict=True)) for place in product(*values)]
+
+
+def _try(
+    inquiry: Inquiry, revision: Revision, active: tuple[str, ...], place: dict[str, float]
+) -> _Try:
+    own = inquiry.model.effects[active[-1]].parameters
+    at_null = [p.at(place.get(p.name, p.nominal)) for p in own]
+    units = np.array([float(p.to_unit(np.asarray(p.nominal))) for p in at_null])
+    vector = np.concatenate([revision.fit.vector, units])
+    strengths = [k for k, p in enumerate(own) if p.null is not None]
+    fit, first = revision.fit, len(revision.fit.vector)
+    slopes, moved = _sensitivity(inquiry, active, vector, first, strengths, fit)
+    root = np.sqrt(fit.weights)[:, None]
+    free = inquiry.free(revision.effects)
+    base = (fit.jacobian[:, :, free] * root[..., None]).reshape(-1, free.sum())
+    sensitivity = (slopes * root[..., None]).reshape(-1, len(strengths))
+    residual = (fit.residual * root).ravel()
+    rest = _without(base, sensitivity)
+    projected = rest.reshape(*fit.residual.shape, len(strengths))
+    scores = np.einsum("idn,id->in", projected, residual.reshape(fit.residual.shape))
+    p_value, power = _score_test(scores, projected, sensitivity, inquiry, own, strengths)
+    step = _linear_step(base, sensitivity, residual)
+    whole = np.zeros(len(vector))
+    whole[np.flatnonzero(free)] = step[: free.sum()]
+    whole[first + np.array(strengths)] = step[free.sum() :]
+    after = fit.residual - (fit.jacobian[:, :, free] @ step[: free.sum()])
+    after = after - slopes @ step[free.sum() :]
+    percent = inquiry.percent(inquiry.difference_of(after, inquiry.everything), inquiry.everything)
+    size = np.linalg.norm(sensitivity, axis=0).max()
+    left = float(np.linalg.norm(rest, axis=0).max() / size) if size else 0.0
+    return _Try(vector, -whole, p_value, float(percent[0].mean()), projected, left, power, moved)
+
+
+def _sensitivity(
+    inquiry: Inquiry,
+    active: tuple[str, ...],
+    vector: np.ndarray,
+    first: int,
+    strengths: Sequence[int],
+    fit: Fit,
+) -> tuple[np.ndarray, float]:
+    """Return slopes (n_trials, D, n_strengths) through null and probes, and the largest move."""
+    own = inquiry.model.effects[active[-1]].parameters
+    rows, of, by = [], [], []
+    for column, k in enumerate(strengths):
+        for probe in own[k].probes:
+            row = vector.copy()
+            row[first + k] = float(own[k].to_unit(np.asarray(probe)))
+            rows.append(row)
+            of.append(column)
+            by.append(row[first + k] - vector[first + k])
+    moves = inquiry.residuals(active)(np.array(rows), inquiry.everything) - fit.residual
+    slopes = np.zeros((*fit.residual.shape, len(strengths)))
+    for column in range(len(strengths)):
+        mine = [i for i, c in enumerate(of) if c == column]
+        shift = np.array([by[i] for i in mine])
+        slopes[..., column] = np.tensordot(shift, moves[mine], axes=1) / (shift**2).sum()
+    return slopes, float(np.sqrt((moves**2).sum(axis=-1)).max())
+
+
+def _without(base: np.ndarray, sensitivity: np.ndarray) -> np.ndarray:
+    """Return what of the sensitivities no change of the tuned parameters gives."""
+    ridge = np.vstack([base, np.eye(base.shape[1]) / RIDGE])
+    target = np.vstack([sensitivity, np.zeros((base.shape[1], sensitivity.shape[1]))])
+    return sensitivity - base @ np.linalg.lstsq(ridge, target, rcond=None)[0]
+
+
+def _linear_step(base: np.ndarray, sensitivity: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    columns = np.hstack([base, sensitivity])
+    ridge = np.vstack([columns, np.eye(columns.shape[1]) / RIDGE])
+    target = np.concatenate([residual, np.zeros(columns.shape[1])])
+    return np.linalg.lstsq(ridge, target, rcond=None)[0]
+
+
+def _score_test(
+    scores: np.ndarray,
+    projected: np.ndarray,
+    sensitivity: np.ndarray,
+    inquiry: Inquiry,
+    own: Sequence,
+    strengths: Sequence[int],
+) -> tuple[float, float]:
+    """Return the p-value of the scores (n_trials, q) by group, and the power at a probe."""
+    groups = inquiry.groups
+    n, q = groups.max() + 1, scores.shape[1]
+    by_group = np.zeros((n, q))
+    np.add.at(by_group, groups, scores)
+    scatter = by_group.T @ by_group
+    if n <= q + 1 or not np.all(np.diag(scatter) > 0):
+        return 1.0, 0.0
+    total = by_group.sum(axis=0)
+    inverse = np.linalg.pinv(scatter)
+    square = float(total @ inverse @ total)
+    # Hotelling: scores scatter about their mean, not about 0
+    hotelling = square / max(1 - square / n, 1e-9) * (n - 1) / n
+    factor = (n - q) / (q * (n - 1))
+    p_value = float(f_distribution.sf(hotelling * factor, q, n - q))
+    information = np.einsum("idn,idm->nm", projected, projected)
+    probe = [
+        min(
+            abs(own[k].to_unit(np.asarray(x)) - own[k].to_unit(np.asarray(own[k].null)))
+            for x in own[k].probes
+        )
+        for k in strengths
+    ]
+    centred = scatter - np.outer(total, total) / n
+    shift = information @ np.asarray(probe, float)
+    away = float(shift @ np.linalg.pinv(centred + 1e-12 * np.eye(q)) @ shift)
+    critical = f_distribution.isf(1e-3, q, n - q)
+    power = float(ncf.sf(critical, q, n - q, min(away, 1e4)))
+    return p_value, power
+
+
+def _step(
+    inquiry: Inquiry, revision: Revision, active: tuple[str, ...], best: _Try
+) -> tuple[np.ndarray, float]:
+    rows = np.clip(
+        np.array([best.vector + share * best.step for share in STEP_SHARES]), 0.001, 0.999
+    )
+    losses = trial_losses(inquiry.residuals(active)(rows, inquiry.everything)).mean(axis=1)
+    chosen = int(np.argmin(losses))
+    return rows[chosen], float(losses[chosen])

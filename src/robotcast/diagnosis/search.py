@@ -1,0 +1,220 @@
+"""Finding the missing effects: screen, refit the few best, keep what pays on held-out trials."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from robotcast.diagnosis.gain import Gain, gain
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
+from robotcast.diagnosis.screen import Screened, alike, screen
+from robotcast.fitting.least_squares import Fit, fit_robustly
+
+CONTENDERS = 7  # effects of a screen that are refitted for a few iterations
+LEADERS = 3  # of these, refitted to the end
+FINALISTS = 2  # of these, judged on held-out trials
+MOST_EFFECTS = 3
+EQUAL = 0.05  # p-value above which two revisions predict held-out trials equally well
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One rung of the error ladder: a revision with its held-out errors."""
+
+    revision: Revision
+    errors: HeldOut
+    predicted: float | None = None
+    gain: Gain | None = None
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search found so far.
+
+    Attributes
+    ----------
+    ladder : the base, then a rung for every effect that paid.
+    screens : of every round, effect → what the first look said.
+    refits : effect → its rung on top of the ladder of its round, whether or not it paid.
+    rivals : effect of the ladder → effects that do as well in its place.
+    """
+
+    ladder: tuple[Rung, ...] = ()
+    screens: tuple[dict[str, Screened], ...] = ()
+    refits: dict[str, Rung] = field(default_factory=dict)
+    rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How hard a search tries: iterations of fits on all trials and without a fold."""
+
+    base: int = 8
+    refit: int = 6
+    fold: int = 2
+    seed: int = 0
+
+
+def search(
+    inquiry: Inquiry,
+    candidates: Sequence[str],
+    fixed: Sequence[str],
+    floor: float | None,
+    effort: Effort,
+    tell: Callable[[Found, str], None],
+) -> Found:
+    """Add effects to the model until none pays.
+
+    Parameters
+    ----------
+    candidates : names of the effects to try.
+    fixed : effects that act from the start.
+    floor : noise floor in % of the scale, None when unknown.
+    tell : called after each step with what is known and what comes next.
+    """
+    found = Found()
+    tell(found, "fitting the model as it is")
+    base = fit_base(inquiry, fixed, effort.seed, effort.base)
+    found = replace(found, ladder=(_rung(inquiry, base, effort),))
+    while len(found.ladder) <= MOST_EFFECTS:
+        found, added = _round(inquiry, found, candidates, floor, effort, tell)
+        if not added:
+            break
+    return _without_needless(inquiry, found, len(fixed), floor, effort, tell)
+
+
+def _rung(
+    inquiry: Inquiry, revision: Revision, effort: Effort, predicted: float | None = None
+) -> Rung:
+    return Rung(revision, held_out(inquiry, revision, effort.seed, effort.fold), predicted)
+
+
+def _round(
+    inquiry: Inquiry,
+    found: Found,
+    candidates: Sequence[str],
+    floor: float | None,
+    effort: Effort,
+    tell: Callable[[Found, str], None],
+) -> tuple[Found, bool]:
+    """Screen every candidate on top of the ladder and add the best, if one pays."""
+    top = found.ladder[-1]
+    screens: dict[str, Screened] = {}
+    for name in candidates:
+        if name not in top.revision.effects:
+            tell(found, f"looking at {name}")
+            screens[name] = screen(inquiry, top.revision, name)
+    found = replace(found, screens=(*found.screens, screens))
+    usable = [s for s in screens.values() if s.status is None]
+    fitted = _refits(inquiry, top.revision, usable, effort, lambda text: tell(found, text))
+    if not fitted:
+        return found, False
+    top = _rematch(inquiry, top, fitted[0][1], effort)
+    found = replace(found, ladder=(*found.ladder[:-1], top))
+    rungs = []
+    for one, revision in fitted[:FINALISTS]:
+        tell(found, f"judging {one.effect} on casts held out")
+        rung = _rung(inquiry, revision, effort, one.predicted)
+        rungs.append(replace(rung, gain=_gain(inquiry, top, rung, floor)))
+    refits = {rung.revision.effects[-1]: rung for rung in rungs}
+    found = replace(found, refits=found.refits | refits)
+    paying = [rung for rung in rungs if rung.gain and rung.gain.pays]
+    if not paying:
+        return found, False
+    best = min(paying, key=lambda rung: rung.errors.waypoint.mean())
+    name = best.revision.effects[-1]
+    rivals = [
+        other.revision.effects[-1]
+        for other in paying
+        if other is not best and _gain(inquiry, other, best, floor).p_value > EQUAL
+    ]
+    rivals += [s.effect for s in usable if s.effect != name and alike(s, screens[name])]
+    rivals_of = found.rivals | {name: tuple(dict.fromkeys(rivals))}
+    return replace(found, ladder=(*found.ladder, best), rivals=rivals_of), True
+
+
+def _refits(
+    inquiry: Inquiry,
+    revision: Revision,
+    usable: Sequence[Screened],
+    effort: Effort,
+    tell: Callable[[str], None],
+) -> list[tuple[Screened, Revision]]:
+    """Refit with the most promising effects, a few iterations first, the leaders to the end."""
+    fitted = []
+    for one in sorted(usable, key=lambda s: s.loss)[:CONTENDERS]:
+        tell(f"refitting with {one.effect}")
+        fitted.append((one, _refit(inquiry, (*revision.effects, one.effect), one.start, 2)))
+    fitted.sort(key=lambda pair: pair[1].fit.loss)
+    leaders = []
+    for one, begun in fitted[:LEADERS]:
+        tell(f"refitting with {one.effect}")
+        vector, effects = begun.fit.vector, begun.effects
+        leaders.append((one, _refit(inquiry, effects, vector, effort.refit)))
+    return sorted(leaders, key=lambda pair: pair[1].fit.loss)
+
+
+def _refit(
+    inquiry: Inquiry, effects: tuple[str, ...], start: np.ndarray, iterations: int
+) -> Revision:
+    fit = fit_robustly(
+        inquiry.residuals(effects),
+        start,
+        inquiry.steps(effects),
+        inquiry.everything,
+        iterations=iterations,
+        free=inquiry.free(effects),
+    )
+    return Revision(effects, fit)
+
+
+def _rematch(inquiry: Inquiry, top: Rung, rival: Revision, effort: Effort) -> Rung:
+    """Give the model as it is the rival's parameters to start from.
+
+    A refit that lands in a better valley of the old parameters would else count for the effect.
+    """
+    effects = top.revision.effects
+    start = rival.fit.vector[: len(top.revision.fit.vector)]
+    again = _refit(inquiry, effects, start, effort.refit)
+    if again.fit.loss >= top.revision.fit.loss:
+        return top
+    return replace(_rung(inquiry, again, effort, top.predicted), gain=top.gain)
+
+
+def _gain(inquiry: Inquiry, before: Rung, after: Rung, floor: float | None) -> Gain:
+    return gain(before.errors.waypoint, after.errors.waypoint, inquiry.groups, floor)
+
+
+def _without_needless(
+    inquiry: Inquiry,
+    found: Found,
+    n_fixed: int,
+    floor: float | None,
+    effort: Effort,
+    tell: Callable[[Found, str], None],
+) -> Found:
+    """Drop an effect that the later ones have made needless."""
+    top = found.ladder[-1]
+    added = top.revision.effects[n_fixed:]
+    if len(added) < 2:
+        return found
+    for name in added[:-1]:
+        tell(found, f"checking whether {name} is still needed")
+        fewer = _dropped(inquiry, top.revision, name, effort)
+        rung = _rung(inquiry, fewer, effort)
+        if not _gain(inquiry, rung, top, floor).pays:
+            first = replace(rung, gain=_gain(inquiry, found.ladder[0], rung, floor))
+            return replace(found, ladder=(found.ladder[0], first))
+    return found
+
+
+def _dropped(inquiry: Inquiry, revision: Revision, name: str, effort: Effort) -> Revision:
+    """Refit a revision without one of its effects, from its own parameters."""
+    effects = tuple(e for e in revision.effects if e != name)
+    owners = [None] * len(inquiry.model.parameters)
+    owners += [e for e in revision.effects for _ in inquiry.model.effects[e].parameters]
+    kept = np.array([owner != name for owner in owners])
+    fit = revision.fit
+    start = Fit(fit.vector[kept], fit.loss, fit.residual, fit.jacobian[..., kept])
+    return refit(inquiry, Revision(effects, start), effort.refit)

@@ -1,0 +1,144 @@
+"""Flexible fields: forces of no named mechanism that depend on one thing.
+
+When no effect of the library explains what is left, fitting one field for everything that a
+force may depend on says what the missing effect depends on. A field is a sum of fixed shapes
+with one strength each, an acceleration in m/s², so that heavy and light parts feel it alike.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from robotcast.effects.effect import Effect
+from robotcast.effects.motion import CableMotion
+
+STRONGEST_M_S2 = 4.0
+PROBE_M_S2 = 0.25
+
+
+def _strength(unit: str = "m/s²", most: float = STRONGEST_M_S2, probe: float = PROBE_M_S2) -> dict:
+    return {"unit": unit, "lower": -most, "upper": most, "null_at": 0.0, "probes": [probe]}
+
+
+class _Field(Effect):
+    """A field with numbered strengths c0, c1, …; `endpoint` makes it act there alone."""
+
+    def __init__(
+        self,
+        name: str,
+        text: str,
+        n: int,
+        depends_on: str,
+        *,
+        endpoint: bool = False,
+        **numbers: Any,
+    ) -> None:
+        strengths = {f"c{k}": _strength(**numbers) for k in range(n)}
+        super().__init__(name, text, strengths, depends_on)
+        self.endpoint = endpoint
+
+    def acts_on(self, cable: CableMotion) -> np.ndarray:
+        """Return the masses that the field accelerates."""
+        return cable.on_endpoint(cable.mass_kg[:, -1:]) if self.endpoint else cable.mass_kg
+
+
+class PlaceField(_Field):
+    """An acceleration that depends on where a point is: Gaussian bumps on a grid."""
+
+    def __init__(
+        self,
+        name: str,
+        text: str,
+        x_m: Sequence[float],
+        y_m: Sequence[float],
+        width_m: float,
+        endpoint: bool = False,
+    ) -> None:
+        self.centres_m = np.array([(x, y) for x in x_m for y in y_m])
+        self.width_m = width_m
+        super().__init__(name, text, 2 * len(self.centres_m), "place", endpoint=endpoint)
+
+    def force(self, cable: CableMotion, **values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        x, y = (np.zeros_like(cable.x) for _ in range(2))
+        for k, bump in enumerate(self._bumps(cable.x, cable.y)):
+            x += values[f"c{2 * k}"] * bump
+            y += values[f"c{2 * k + 1}"] * bump
+        mass = self.acts_on(cable)
+        return mass * x, mass * y
+
+    def at(self, points_m: np.ndarray, strengths: np.ndarray) -> np.ndarray:
+        """Return the accelerations (m, 2) at points (m, 2)."""
+        bumps = np.stack(list(self._bumps(*points_m.T)), axis=1)
+        return bumps @ strengths.reshape(-1, 2)
+
+    def _bumps(self, x: np.ndarray, y: np.ndarray):
+        for cx, cy in self.centres_m.tolist():
+            yield np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / np.float32(2 * self.width_m**2))
+
+
+class AlongMotionField(_Field):
+    """A deceleration against the motion that depends on speed or on time: hats on a grid."""
+
+    def __init__(
+        self, name: str, text: str, of: str, at: Sequence[float], endpoint: bool = False
+    ) -> None:
+        if of not in ("speed", "time"):
+            raise ValueError(f"field {name}: of must be speed or time, got {of}")
+        self.at_values = np.asarray(at, dtype=float)
+        super().__init__(name, text, len(at), of, endpoint=endpoint)
+
+    def force(self, cable: CableMotion, **values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if self.depends_on == "time":
+            argument = np.full((1, 1), cable.time_s)
+        else:
+            argument = np.hypot(cable.vx, cable.vy)
+        size = np.zeros_like(cable.vx)
+        for k in range(len(self.at_values)):
+            hat = np.zeros(len(self.at_values))
+            hat[k] = 1
+            size += values[f"c{k}"] * np.interp(argument, self.at_values, hat).astype(np.float32)
+        drag = -size * self.acts_on(cable)
+        return drag * cable.slip_x, drag * cable.slip_y
+
+
+class HeadingField(_Field):
+    """A force that depends on how the cable lies: across it, and on its compass heading."""
+
+    def __init__(self, name: str, text: str) -> None:
+        super().__init__(name, text, 5, "heading")
+
+    def force(self, cable: CableMotion, **values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        across = cable.slip_y * cable.tx - cable.slip_x * cable.ty
+        cosine, sine = cable.tx**2 - cable.ty**2, 2 * cable.tx * cable.ty
+        drag = -(values["c1"] * cosine + values["c2"] * sine)
+        lift = -values["c0"] * across
+        mass = self.acts_on(cable)
+        x = drag * cable.slip_x - lift * cable.ty + values["c3"] * cable.tx
+        y = drag * cable.slip_y + lift * cable.tx + values["c3"] * cable.ty
+        return mass * (x - values["c4"] * cable.ty), mass * (y + values["c4"] * cable.tx)
+
+
+class EndpointField(_Field):
+    """A force on the endpoint alone that depends on nothing else: constant, dry, viscous."""
+
+    def __init__(self, name: str, text: str) -> None:
+        super().__init__(name, text, 4, "endpoint", endpoint=True)
+
+    def force(self, cable: CableMotion, **values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        mass = self.acts_on(cable)
+        x = values["c0"] - values["c2"] * cable.slip_x - values["c3"] * cable.vx
+        y = values["c1"] - values["c2"] * cable.slip_y - values["c3"] * cable.vy
+        return mass * x, mass * y
+
+
+class BendingField(_Field):
+    """A resting curvature that depends on the curvature: constant, square and cube of it."""
+
+    def __init__(self, name: str, text: str, curvature_per_m: float) -> None:
+        self.curvature_per_m = curvature_per_m
+        super().__init__(name, text, 3, "bending", unit="1/m", most=20.0, probe=1.0)
+
+    def rest_curvature(self, cable: CableMotion, **values: np.ndarray) -> np.ndarray:
+        ratio = cable.curvature / self.curvature_per_m
+        return values["c0"] + values["c1"] * ratio * np.abs(ratio) + values["c2"] * ratio**3
