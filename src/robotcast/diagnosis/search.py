@@ -62,7 +62,7 @@ def search(
     fixed: Sequence[str],
     floor: float | None,
     effort: Effort,
-    tell: Callable[[Found, str], None],
+    tell: Callable[[Found, str], object],
 ) -> Found:
     """Add effects to the model until none pays.
 
@@ -96,7 +96,7 @@ def _round(
     candidates: Sequence[str],
     floor: float | None,
     effort: Effort,
-    tell: Callable[[Found, str], None],
+    tell: Callable[[Found, str], object],
 ) -> tuple[Found, bool]:
     """Screen every candidate on top of the ladder and add the best, if one pays."""
     top = found.ladder[-1]
@@ -139,7 +139,7 @@ def _refits(
     revision: Revision,
     usable: Sequence[Screened],
     effort: Effort,
-    tell: Callable[[str], None],
+    tell: Callable[[str], object],
 ) -> list[tuple[Screened, Revision]]:
     """Refit with the most promising effects, a few iterations first, the leaders to the end."""
     fitted = []
@@ -192,7 +192,7 @@ def _without_needless(
     n_fixed: int,
     floor: float | None,
     effort: Effort,
-    tell: Callable[[Found, str], None],
+    tell: Callable[[Found, str], object],
 ) -> Found:
     """Drop an effect that the later ones have made needless."""
     top = found.ladder[-1]
