@@ -10,6 +10,7 @@ from robotcast.casts.limits import PlanLimits
 from robotcast.hidden_effects.actions import CastCounts, choose_actions
 from robotcast.hidden_effects.case import Case
 from robotcast.hidden_effects.draw import Composition, Control, Strength, draw_cases
+from robotcast.hidden_effects.further import further_casts
 from robotcast.hidden_effects.generate import (
     RIG,
     Bench,
@@ -187,3 +188,20 @@ def test_a_finished_case_is_not_measured_again_and_another_drawing_is_refused(be
     assert [path.name for path in answers_folder(tmp_path).iterdir()] == ["case-001.sealed"]
     with pytest.raises(ValueError, match=r"case-001: was drawn otherwise"):
         generate_cases([replace(control, seed=6)], bench, tmp_path, workers=1)
+
+
+@pytest.mark.rig
+def test_further_casts_join_the_set_with_what_its_case_hides(bench):
+    measured, answer = measure_case(tilt(), bench, Here())
+    rig, first = bench.rigs["cable1"], measured.trials[1].action
+
+    def more(hidden):
+        actions = [first, first.mirrored(), first]
+        given = {**answer, "effects": hidden}
+        return further_casts(measured, given, rig, actions, bench.eye, bench.limits, Here())
+
+    grown = more(answer["effects"])
+    assert grown.trials[:4] == measured.trials
+    assert [(t.trial, t.action_id) for t in grown.trials[4:]] == [(4, 3), (5, 4), (6, 3)]
+    moved = grown.trials[4].endpoint_m - more([]).trials[4].endpoint_m
+    assert moved[1] > 0.005

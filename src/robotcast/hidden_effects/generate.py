@@ -59,6 +59,11 @@ def answers_folder(folder: Path) -> Path:
     return folder / "answers"
 
 
+def answer_path(name: str, folder: Path) -> Path:
+    """Return where the sealed answer of a case lies."""
+    return answers_folder(folder) / f"{name}.sealed"
+
+
 def generate_cases(
     cases: Sequence[Case], bench: Bench, folder: Path, workers: int, progress: Progress = silent
 ) -> int:
@@ -71,10 +76,10 @@ def generate_cases(
     missing = [case for case in cases if not _stands(case, folder)]
     stood = len(cases) - len(missing)
     progress(stood, len(cases))
-    with _processes(workers) as pool:
+    with processes(workers) as pool:
         for done, case in enumerate(missing, stood + 1):
             measured, answer = measure_case(case, bench, pool)
-            seal(answer, _answer_path(case, folder))
+            seal(answer, answer_path(case.name, folder))
             write_measurement_set(measured, sets_folder(folder) / case.name)
             progress(done, len(cases), case.name)
     return len(missing)
@@ -138,7 +143,7 @@ def _led_astray(
 
 
 def _stands(case: Case, folder: Path) -> bool:
-    answer, measured = _answer_path(case, folder), sets_folder(folder) / case.name
+    answer, measured = answer_path(case.name, folder), sets_folder(folder) / case.name
     if not measured.exists():
         return False
     if not answer.exists() or unseal(answer)["drawn"] != case.as_dict():
@@ -149,12 +154,9 @@ def _stands(case: Case, folder: Path) -> bool:
     return True
 
 
-def _answer_path(case: Case, folder: Path) -> Path:
-    return answers_folder(folder) / f"{case.name}.sealed"
-
-
 @contextmanager
-def _processes(workers: int) -> Iterator[Executor]:
+def processes(workers: int) -> Iterator[Executor]:
+    """Yield a pool of processes that takes no further work once its user stops."""
     pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
     try:
         yield pool

@@ -1,0 +1,60 @@
+"""Cast further actions on the rig of a benchmark case, to tell two effects apart.
+
+    python stages/hidden_cast.py measurements=data/hidden_effects/sets/case-001 \
+        hidden_effects.actions=actions.csv output=DIR
+
+`output` gets the case's casts and, after them, one cast of each row of actions.csv.
+"""
+
+from pathlib import Path
+
+import polars as pl
+from grids import build_limits
+from omegaconf import DictConfig
+from rigs import rig_with_cable
+from stage import console, stage
+
+from robotcast.casts.action import ACTION_COLUMNS, Action
+from robotcast.hidden_effects.further import further_casts
+from robotcast.hidden_effects.generate import answer_path, processes
+from robotcast.hidden_effects.seal import unseal
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.writer import write_measurement_set
+from robotcast.rigs.virtual.measure import Eye
+
+
+def hidden_cast(config: DictConfig) -> None:
+    settings = config.hidden_effects
+    for name, given in (
+        ("measurements", config.measurements),
+        ("output", config.output),
+        ("hidden_effects.actions", settings.actions),
+    ):
+        if given is None:
+            raise ValueError(f"{name}= must be given")
+    folder = Path(config.measurements)
+    answer = unseal(answer_path(folder.name, Path(settings.folder)))
+    with processes(config.rig.workers) as pool:
+        grown = further_casts(
+            read_measurement_set(folder),
+            answer,
+            rig_with_cable(config, answer["drawn"]["cable"]),
+            _read_actions(Path(settings.actions)),
+            Eye(**settings.eye),
+            build_limits(config),
+            pool,
+        )
+    write_measurement_set(grown, Path(config.output))
+    console.print(f"{config.output}: {len(grown.trials)} casts")
+
+
+def _read_actions(path: Path) -> list[Action]:
+    table = pl.read_csv(path)
+    missing = [name for name in ACTION_COLUMNS if name not in table.columns]
+    if missing:
+        raise ValueError(f"{path}: expected a column {missing[0]}, got {', '.join(table.columns)}")
+    return [Action(*row) for row in table.select(ACTION_COLUMNS).rows()]
+
+
+if __name__ == "__main__":
+    stage(hidden_cast)()
