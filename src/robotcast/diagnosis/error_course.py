@@ -10,9 +10,9 @@ from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.repeats import RepeatScatter
 from robotcast.diagnosis.time_grid import TimeGrid
 
-LEAST_PART = 0.25  # of the trials that must still be seen at a time
+LEAST_PART = 0.5  # of the trials that must still be seen at a time
 FEWEST_FOR_A_TREND = 8
-WINDOW_PART = 0.2  # of the trials that a running median looks at
+WINDOW_PART = 0.3  # of the trials that a running median looks at
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Course:
 
     Attributes
     ----------
-    times_s : ndarray of shape (n_times,); later ones, seen in less than a quarter of the
+    times_s : ndarray of shape (n_times,); later ones, seen in less than half of the
         trials, are left out: they would show which trials are long, not how the error grows.
     mean, lower, median, upper : errors in % of scale and their quartiles, each (n_times,).
     noise : the repeats' average deviation in %, (n_times,), NaN where unknown.
