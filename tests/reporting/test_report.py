@@ -1,11 +1,13 @@
 import re
 import shutil
+from dataclasses import replace
 
 import polars as pl
 import pytest
 
 from robotcast.reporting.report import RunFacts, make_page, write_report
 from robotcast.reporting.results import read_results
+from robotcast.tuning.revisions import Revision, keep_revision
 
 ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
 FACTS = RunFacts("demo", 0, (("Trained", "at most 200 epochs"),))
@@ -63,3 +65,24 @@ def test_a_report_is_written_from_whatever_is_there(data_folder, room, tmp_path)
     write_report(read_results(tmp_path / "data"), FACTS, tmp_path / "reports")
     page = (tmp_path / "reports" / "index.html").read_text()
     assert "Cable 1" in page
+
+
+def test_the_ladder_of_revisions_is_drawn_from_base_to_effects(data_folder, tmp_path) -> None:
+    shutil.copytree(data_folder / "tuned" / "cable1", tmp_path / "data" / "tuned" / "cable1")
+    tuned = tmp_path / "data" / "tuned" / "cable1" / "segmented-de"
+    base = Revision(
+        cable="cable1", rig="virtual", split="aaaa", tuning_casts=20, heldout_casts=30,
+        simulator="segmented", optimizer="de", effects=(), tuning_waypoint_error_percent=2.4,
+        heldout_waypoint_error_percent=3.1, heldout_final_error_percent=4.0,
+        standard_error_percent=0.2, noise_floor_percent=0.8, simulated_casts=14000,
+    )  # fmt: skip
+    keep_revision(tuned, base)
+    keep_revision(tuned, replace(base, effects=("air_drag",), heldout_waypoint_error_percent=1.2))
+    write_report(read_results(tmp_path / "data"), FACTS, tmp_path / "reports")
+    figure = (tmp_path / "reports" / "figures" / "revisions_cable1.svg").read_text()
+    assert figure.index("base model") < figure.index("+ air drag")
+    assert "fall from revision to revision" in (tmp_path / "reports" / "index.html").read_text()
+
+
+def test_without_revisions_the_report_has_no_ladder(report) -> None:
+    assert "fall from revision to revision" not in (report / "index.html").read_text()

@@ -18,7 +18,7 @@ def template(package: str, name: str) -> str:
     return (files(package) / "template" / name).read_text("utf-8")
 
 
-def style(package: str, *names: str) -> Markup:
-    """Return the style of every page, then that of `names` in a package's template folder."""
-    shared = template("robotcast.reporting", "page.css")
-    return Markup("\n".join([shared, *(template(package, name) for name in names)]))
+def style(*sheets: str) -> Markup:
+    """Return the style that every page shares, then `sheets` of its own."""
+    shared = (template("robotcast.reporting", name) for name in ("page.css", "head.css"))
+    return Markup("\n".join([*shared, *sheets]))

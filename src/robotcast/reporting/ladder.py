@@ -38,6 +38,7 @@ class Rung:
     standard_error : of `realised`.
     predicted : the error that was expected before the model was refitted.
     kind : "base" without any effect; "model"; "open" for what no named effect explains.
+    compared_to : the error that `realised` is a fall from, None where there is none.
     """
 
     label: str
@@ -46,6 +47,7 @@ class Rung:
     predicted: float | None = None
     detail: str = ""
     kind: str = "model"
+    compared_to: float | None = None
 
     @property
     def furthest(self) -> float:
@@ -67,10 +69,8 @@ def ladder(
     parts = [_axis(across, bottom, axis)]
     if floor is not None:
         parts.append(_floor(across, floor, unit, bottom))
-    before: Rung | None = None
     for place, rung in enumerate(rungs):
-        parts.append(_rung(rung, before, across, _TOP + _ROW * place, unit))
-        before = rung if rung.realised is not None else before
+        parts.append(_rung(rung, across, _TOP + _ROW * place, unit))
     return drawing(width, bottom + 38, f"Error ladder of {len(rungs)} models", *parts)
 
 
@@ -113,21 +113,35 @@ def _floor(across: Scale, floor: float, unit: str, bottom: float) -> Markup:
     )
 
 
-def _rung(rung: Rung, before: Rung | None, across: Scale, y: float, unit: str) -> Markup:
+def _rung(rung: Rung, across: Scale, y: float, unit: str) -> Markup:
     parts = [
         hint(_words(rung, unit)),
-        text(0, y + 13, _cut(rung.label, 25), font_size=13.5, font_weight=600),
-        text(0, y + 29, _cut(rung.detail, 30), font_size=11, fill=SOFT),
+        *_names(rung, y),
         line(across.start, y - 6, across.start, y + _ROW - 8, stroke=LINE),
     ]
     if rung.realised is not None:
-        parts.append(_bar(rung, before, across, y, unit))
+        parts.append(_bar(rung, across, y, unit))
     if rung.predicted is not None:
         parts.append(_predicted(rung.predicted, across, y + _BAR + 11, unit))
     return tag("g", *parts)
 
 
-def _bar(rung: Rung, before: Rung | None, across: Scale, y: float, unit: str) -> Markup:
+def _names(rung: Rung, y: float) -> list[Markup]:
+    """Write the label on one line or two, and the detail below it."""
+    rows = rung.label.replace(" + ", "\n+ ").split("\n")
+    if len(rows) > 2:
+        rows = [rows[0], f"{rows[1]} + {len(rows) - 2} more"]
+    size = 13.5 if len(rows) == 1 else 12.5
+    step = 16.0 if len(rows) == 1 else 13.5
+    labels = [
+        text(0, y + 13 + step * n, row, font_size=size, font_weight=600)
+        for n, row in enumerate(rows)
+    ]
+    below = y + 13 + step * len(rows)
+    return [*labels, text(0, below, rung.detail, font_size=11, fill=SOFT)]
+
+
+def _bar(rung: Rung, across: Scale, y: float, unit: str) -> Markup:
     value, spread = rung.realised or 0.0, rung.standard_error or 0.0
     middle = y + _BAR / 2
     low, high = across(max(value - spread, 0.0)), across(value + spread)
@@ -152,8 +166,8 @@ def _bar(rung: Rung, before: Rung | None, across: Scale, y: float, unit: str) ->
             line(high, middle - 4, high, middle + 4, stroke=INK, stroke_width=1.4),
         ]
     shown = [error(value, unit)]
-    if before is not None and before.realised:
-        change = 100 * (value / before.realised - 1)
+    if rung.compared_to:
+        change = 100 * (value / rung.compared_to - 1)
         fallen = f"{'−' if change < 0 else '+'}{abs(change):.0f} %"
         shown.append(tag("tspan", fallen, dx=8, font_size=11.5, font_weight=400, fill=SOFT))
     parts.append(tag("text", *shown, x=high + 8, y=middle + 5, font_size=15, font_weight=700))
@@ -177,7 +191,3 @@ def _words(rung: Rung, unit: str) -> str:
     if rung.predicted is not None:
         known.append(f"predicted {error(rung.predicted, unit)}")
     return ": ".join([rung.label, ", ".join(known) or "not known yet"])
-
-
-def _cut(content: str, most: int) -> str:
-    return content if len(content) <= most else content[: most - 1].rstrip() + "…"

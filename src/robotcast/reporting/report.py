@@ -20,6 +20,7 @@ from robotcast.reporting.names import (
 )
 from robotcast.reporting.page import Glance, Page, PageFigure, Section
 from robotcast.reporting.results import CableData, Evaluation, Results
+from robotcast.reporting.revisions.rungs import comparable
 from robotcast.reporting.tables import cables_table, policies_table, tuning_table
 
 _ORDER = {"real": 0, "simulated": 1, "mixed": 2}
@@ -82,6 +83,7 @@ def make_page(results: Results, facts: RunFacts) -> Page:
     with style():
         sections = (
             _tuning_section(results),
+            *_revisions_section(results),
             _policies_section(results),
             _cables_section(results),
         )
@@ -135,6 +137,33 @@ def _tuning_section(results: Results) -> Section:
         "action with them."
     )
     return Section("Does the tuned simulator match?", text, tuning_table(results), tuple(figures))
+
+
+def _revisions_section(results: Results) -> tuple[Section, ...]:
+    """Draw one ladder a cable; no section where nothing was tuned."""
+    figures = []
+    for cable in results.cables:
+        for rungs in comparable(cable.revisions):
+            one = rungs.revisions[0]
+            figures.append(
+                PageFigure(
+                    f"revisions_{cable.name}",
+                    f"{cable_name(cable.name)}: the error of every revision of the model",
+                    f"Bars: average waypoint error on {one.heldout_casts} held-out casts after "
+                    f"tuning on {one.tuning_casts} others, ± one standard error, and how far it "
+                    "fell from the base model; diamonds, what the diagnosis predicted; green, the "
+                    f"noise floor. Measured on the {rig_name(one.rig)}.",
+                    rungs.figure().encode("utf-8"),
+                )
+            )
+    if not figures:
+        return ()
+    text = (
+        "A revision is the tuned model with the physical effects that were added to it. All "
+        "revisions shown together were tuned to the same casts and judged on the same others, so "
+        "a shorter bar is a better model. No bar should end left of the noise floor."
+    )
+    return (Section("Does the error fall from revision to revision?", text, None, tuple(figures)),)
 
 
 def _policies_section(results: Results) -> Section:
@@ -281,6 +310,14 @@ _COMMANDS = (
     (
         "python stages/tune.py -m optimizer.seed=1,2,3",
         "Sweep a setting, outside the results.",
+    ),
+    (
+        "python stages/diagnose.py measurements=DIR output=DIR",
+        "Learn which physical effect the model lacks.",
+    ),
+    (
+        "dvc exp run -S 'effects=[board_tilt]'",
+        "Add an effect to the model and run what follows; its error joins the ladder above.",
     ),
     (
         "python stages/train.py cable=cable2 dataset=real",

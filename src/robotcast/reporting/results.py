@@ -16,6 +16,7 @@ from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.noise_floor import NoiseFloor, noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.datasets import Examples, read_simulated
+from robotcast.tuning.revisions import Revision, comparable_revisions
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,7 @@ class CableData:
     Attributes
     ----------
     tracking, generation : the summaries that track and generate wrote, empty where unknown.
+    revisions : the models tuned so far that compare with those tuned now.
     """
 
     name: str
@@ -105,6 +107,7 @@ class CableData:
     tracking: dict
     simulated: Examples | None
     generation: dict
+    revisions: tuple[Revision, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -180,6 +183,7 @@ def _read_cable(data: Path, name: str) -> CableData:
         tracking=_read_yaml(folder / "tracking.json"),
         simulated=read_simulated(casts) if casts.exists() else None,
         generation=_read_yaml(casts.with_name("generation.yaml")),
+        revisions=comparable_revisions(data / "tuned" / name),
     )
 
 

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from robotcast.progress import Progress
-from robotcast.tuning.objective import Objective
+from robotcast.tuning.objective import Objective, Scores
 
 
 @dataclass(frozen=True)
@@ -17,6 +17,16 @@ class Batch:
     best_percent: float
     median_percent: float
     diverged: int
+
+
+def batch_of(scores: Scores, best_before: float) -> Batch:
+    """Return a batch as the trace shows it; `best_before` is the best of the batches before."""
+    return Batch(
+        vectors=len(scores.percent),
+        best_percent=min(best_before, float(scores.percent.min())),
+        median_percent=float(np.median(scores.percent)),
+        diverged=int(scores.diverged.sum()),
+    )
 
 
 @dataclass(frozen=True)
@@ -61,14 +71,7 @@ class Recorder:
         if scores.percent[best] < self.best_percent:
             self.best_percent = float(scores.percent[best])
             self.best_vector = unit_vectors[best].copy()
-        self.trace.append(
-            Batch(
-                vectors=len(unit_vectors),
-                best_percent=self.best_percent,
-                median_percent=float(np.median(scores.percent)),
-                diverged=int(scores.diverged.sum()),
-            )
-        )
+        self.trace.append(batch_of(scores, self.best_percent))
         self._progress(len(self.trace), self._n_batches, f"best {self.best_percent:.2f} %")
         return scores.percent
 

@@ -54,7 +54,7 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
         shortly=shortly,
     )
     return made.from_string(template(_ROOM, "page.html")).render(
-        css=style(_ROOM, "diagnosis.css"),
+        css=style(template(_ROOM, "diagnosis.css")),
         d=read,
         state=state,
         kicker=kicker(read, state),

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from robotcast.reporting.ladder import Rung
@@ -95,12 +95,14 @@ class Diagnosis:
     Attributes
     ----------
     verdict : effect ids, or ("none",), or ("unknown",); empty while it is not known.
+    model : every effect of the last model of the ladder, those fixed in advance included.
     unit, error_name : "%" and "of cable length".
     doing : what the run is at, empty once it has finished.
     """
 
     verdict: tuple[str, ...]
     sentence: str
+    model: tuple[str, ...]
     confusion_sets: tuple[tuple[str, ...], ...]
     unexplained: Unexplained | None
     rig: str
@@ -138,6 +140,7 @@ def read_diagnosis(plain: Mapping[str, Any]) -> Diagnosis:
     return Diagnosis(
         verdict=tuple(plain.get("verdict") or ()),
         sentence=str(plain.get("sentence") or ""),
+        model=_model(plain),
         confusion_sets=tuple(tuple(s) for s in plain.get("confusion_set") or ()),
         unexplained=_unexplained(plain.get("unexplained")),
         rig=str(plain.get("rig") or ""),
@@ -160,6 +163,12 @@ def read_diagnosis(plain: Mapping[str, Any]) -> Diagnosis:
     )
 
 
+def _model(plain: Mapping[str, Any]) -> tuple[str, ...]:
+    rungs = plain.get("ladder") or ()
+    named = (v for v in plain.get("verdict") or () if v not in ("none", "unknown"))
+    return tuple(dict.fromkeys([*(rungs[-1].get("effects") or () if rungs else ()), *named]))
+
+
 def _field_rung(plain: Mapping[str, Any]) -> Rung | None:
     """Return the rung of the fitted field, which no model has climbed yet."""
     unexplained = plain.get("unexplained") or {}
@@ -171,31 +180,34 @@ def _field_rung(plain: Mapping[str, Any]) -> Rung | None:
 
 
 def _rungs(plain: Sequence[Mapping[str, Any]], further: Rung | None, unit: str) -> tuple[Rung, ...]:
-    rungs, before = [], frozenset[str]()
+    rungs: list[Rung] = []
+    before: frozenset[str] | None = None
     for entry in plain:
         effects = frozenset(entry.get("effects") or ())
         final = _finite(entry.get("heldout_final_error_percent"))
         rungs.append(
             Rung(
-                label=rung_label(effects, before),
+                label=_label(effects, before),
                 realised=_finite(entry.get("heldout_waypoint_error_percent")),
                 standard_error=_finite(entry.get("standard_error_percent")),
                 predicted=_finite(entry.get("predicted_waypoint_error_percent")),
                 detail=f"final error {error(final, unit)}" if final is not None else "",
-                kind="model" if effects else "base",
+                kind="base" if before is None else "model",
+                compared_to=rungs[-1].realised if rungs else None,
             )
         )
         before = effects
-    return tuple([*rungs, further] if further and rungs else rungs)
+    if further and rungs:
+        rungs.append(replace(further, compared_to=rungs[-1].realised))
+    return tuple(rungs)
 
 
-def rung_label(effects: frozenset[str], before: frozenset[str]) -> str:
+def _label(effects: frozenset[str], before: frozenset[str] | None) -> str:
     """Say what a rung adds to the one before: "+ board tilt"."""
-    if not effects:
-        return "base model"
-    added = sorted(effects - before) if before < effects else sorted(effects)
-    sign = "+ " if before < effects else ""
-    return sign + " + ".join(effect_name(e) for e in added)
+    if before is not None and before < effects:
+        return " ".join(f"+ {effect_name(e)}" for e in sorted(effects - before))
+    names = " + ".join(effect_name(e) for e in sorted(effects))
+    return f"with {names}" if names else "base model"
 
 
 def _ranked(plain: Mapping[str, Any]) -> Ranked:

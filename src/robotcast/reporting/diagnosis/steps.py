@@ -1,8 +1,10 @@
 """What to do next, one kind of advice for every state of the page."""
 
+import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import PurePosixPath
 
 from robotcast.reporting.diagnosis.evidence import State, readable, rivals
 from robotcast.reporting.diagnosis.reading import Diagnosis
@@ -42,20 +44,23 @@ def next_steps(diagnosis: Diagnosis, state: State) -> tuple[Step, ...]:
 
 def add_command(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
     """Return the command that tunes the model with `effects` to the same measurement set."""
-    chosen = f"effects=[{','.join(effects)}]"
-    folder = shlex.quote(_folder(diagnosis))
-    return f"python stages/tune.py paths.measurements={folder} paths.tuned=OUT '{chosen}'"
+    folder = diagnosis.measurements if "/" in diagnosis.measurements else "DIR"
+    tuned = f"{_outputs(diagnosis)}/{'+'.join(effects)}"
+    return (
+        f"python stages/tune.py paths.measurements={shlex.quote(folder)} "
+        f"paths.tuned={tuned} 'effects=[{','.join(effects)}]'"
+    )
+
+
+def _outputs(diagnosis: Diagnosis) -> str:
+    """Return a folder for all that is tuned to this set, so that its revisions compare."""
+    name = re.sub(r"[^\w.-]+", "_", PurePosixPath(diagnosis.measurements).name)
+    return f"outputs/{name or 'set'}"
 
 
 def _folder(diagnosis: Diagnosis) -> str:
-    """Return the set's folder where its name is one; else the reader must fill it in."""
-    return diagnosis.measurements if "/" in diagnosis.measurements else "DIR"
-
-
-def _placeholders(diagnosis: Diagnosis) -> str:
-    named = f"DIR is the folder of the set {diagnosis.measurements}".rstrip()
-    known = _folder(diagnosis) != "DIR"
-    return "OUT is a new folder." if known else f"{named}, OUT a new folder."
+    """Say what the reader must fill in."""
+    return "" if "/" in diagnosis.measurements else "DIR is the folder of this measurement set. "
 
 
 def _wait(diagnosis: Diagnosis) -> list[Step]:
@@ -67,12 +72,12 @@ def _wait(diagnosis: Diagnosis) -> list[Step]:
 
 def _add(diagnosis: Diagnosis) -> list[Step]:
     names = " and ".join(effect_name(e) for e in diagnosis.found)
-    chosen = f"effects=[{','.join(diagnosis.found)}]"
+    chosen = f"effects=[{','.join(diagnosis.model)}]"
     steps = [
         Step(
-            f"Add {names} and tune again; {_placeholders(diagnosis)} "
-            "revisions.html beside OUT shows the error fall while it runs.",
-            add_command(diagnosis, diagnosis.found),
+            f"Add {names} and tune again. {_folder(diagnosis)}Watch the error fall in "
+            f"{_outputs(diagnosis)}/revisions.html.",
+            add_command(diagnosis, diagnosis.model),
         ),
         Step(
             "Through the pipeline, so that generated casts and policies have it too:",
@@ -102,8 +107,8 @@ def _tell_apart(diagnosis: Diagnosis) -> list[Step]:
     steps.append(
         Step(
             f"Or settle it by hand: measure {effect_name(diagnosis.found[0])} on the rig. If it is "
-            f"there, add it; {_placeholders(diagnosis)}",
-            add_command(diagnosis, diagnosis.found),
+            f"there, add it. {_folder(diagnosis)}".strip(),
+            add_command(diagnosis, diagnosis.model),
         )
     )
     return steps
@@ -114,8 +119,8 @@ def _write_an_effect(diagnosis: Diagnosis) -> list[Step]:
     if diagnosis.found:
         steps.append(
             Step(
-                f"Keep what was found; {_placeholders(diagnosis)}",
-                add_command(diagnosis, diagnosis.found),
+                f"Keep what was found. {_folder(diagnosis)}".strip(),
+                add_command(diagnosis, diagnosis.model),
             )
         )
     if diagnosis.unexplained and diagnosis.unexplained.field:

@@ -1,0 +1,114 @@
+"""The ledger of model revisions: one entry a revision, the same bytes in whatever order."""
+
+import itertools
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from robotcast.tuning.revisions import (
+    LEDGER,
+    Revision,
+    comparable_revisions,
+    keep_revision,
+    predicted_error,
+    read_revisions,
+    record_revision,
+)
+
+BASE = Revision(
+    cable="cable1", rig="virtual", split="aaaa", tuning_casts=20, heldout_casts=30,
+    simulator="segmented", optimizer="de", effects=(), tuning_waypoint_error_percent=2.46,
+    heldout_waypoint_error_percent=3.12, heldout_final_error_percent=4.05,
+    standard_error_percent=0.24, noise_floor_percent=0.76, simulated_casts=14000,
+)  # fmt: skip
+TILT = replace(
+    BASE, effects=("board_tilt",), heldout_waypoint_error_percent=1.04,
+    sizes={"board_tilt.sy": {"value": -0.0249, "unit": "1"}},
+    predicted_waypoint_error_percent=1.31,
+)  # fmt: skip
+DRAG = replace(BASE, effects=("air_drag",), heldout_waypoint_error_percent=2.9)
+BOTH = replace(BASE, effects=("air_drag", "board_tilt"), heldout_waypoint_error_percent=0.81)
+
+
+def record(path: Path, revision: Revision) -> None:
+    record_revision(path, revision)
+
+
+def test_what_was_recorded_is_read_base_first(tmp_path) -> None:
+    for revision in (BOTH, TILT, DRAG, BASE):
+        record_revision(tmp_path / LEDGER, revision)
+    assert read_revisions(tmp_path / LEDGER) == (BASE, DRAG, TILT, BOTH)
+
+
+def test_any_order_gives_the_same_bytes(tmp_path) -> None:
+    ledgers = []
+    for number, order in enumerate(itertools.permutations((BASE, TILT, BOTH))):
+        path = tmp_path / str(number) / LEDGER
+        for revision in order:
+            record_revision(path, revision)
+        ledgers.append(path.read_bytes())
+    assert len(set(ledgers)) == 1
+
+
+def test_tuning_again_replaces_the_entry_and_touches_nothing_when_equal(tmp_path) -> None:
+    path = tmp_path / LEDGER
+    record_revision(path, BASE)
+    record_revision(path, TILT)
+    before = path.stat().st_mtime_ns
+    record_revision(path, BASE)
+    assert path.stat().st_mtime_ns == before
+    better = replace(BASE, heldout_waypoint_error_percent=2.8)
+    assert record_revision(path, better) == (better, TILT)
+
+
+def test_tunings_side_by_side_lose_no_revision(tmp_path) -> None:
+    path = tmp_path / LEDGER
+    revisions = [replace(BASE, effects=(f"effect_{n:02d}",)) for n in range(12)]
+    with ProcessPoolExecutor(4) as pool:
+        list(pool.map(record, itertools.repeat(path), revisions))
+    assert list(read_revisions(path)) == revisions
+
+
+def test_a_prediction_outlives_a_tuning_that_knows_of_none(tmp_path) -> None:
+    record_revision(tmp_path / LEDGER, TILT)
+    again = replace(TILT, heldout_waypoint_error_percent=1.1, predicted_waypoint_error_percent=None)
+    kept = record_revision(tmp_path / LEDGER, again)
+    assert kept[0].predicted_waypoint_error_percent == 1.31
+    assert kept[0].heldout_waypoint_error_percent == 1.1
+
+
+def test_only_revisions_on_the_casts_of_today_compare(tmp_path) -> None:
+    keep_revision(tmp_path / "segmented-de", replace(BASE, split="old"))
+    keep_revision(tmp_path / "segmented-de", BASE)
+    keep_revision(tmp_path / "segmented-de", TILT)
+    assert comparable_revisions(tmp_path) == (BASE, TILT)
+
+
+def test_a_restored_folder_brings_its_revision_without_a_ledger(tmp_path) -> None:
+    keep_revision(tmp_path / "segmented-de", TILT)
+    (tmp_path / LEDGER).unlink()
+    assert comparable_revisions(tmp_path) == (replace(TILT, predicted_waypoint_error_percent=None),)
+    assert comparable_revisions(tmp_path / "nothing here") == ()
+
+
+def test_a_broken_line_is_refused_by_name(tmp_path) -> None:
+    (tmp_path / LEDGER).write_text('{"cable": "cable1"}\n')
+    with pytest.raises(ValueError, match=r"revisions.jsonl line 1 is not a revision"):
+        read_revisions(tmp_path / LEDGER)
+
+
+def test_what_a_diagnosis_promised_is_found_by_its_effects() -> None:
+    diagnosis = {
+        "ladder": [
+            {"effects": [], "predicted_waypoint_error_percent": None},
+            {"effects": ["board_tilt"], "predicted_waypoint_error_percent": 1.31},
+            {"effects": ["board_tilt", "air_drag"], "predicted_waypoint_error_percent": 0.93},
+        ],
+        "ranking": [{"effect": "tool_lag", "predicted_waypoint_error_percent": 3.0}],
+    }
+    assert predicted_error(diagnosis, ["air_drag", "board_tilt"]) == 0.93
+    assert predicted_error(diagnosis, ["tool_lag"]) == 3.0
+    assert predicted_error(diagnosis, []) is None
+    assert predicted_error(diagnosis, ["camera_scale"]) is None
