@@ -5,10 +5,11 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro test quick format
+.PHONY: help install repro hidden-effects test quick format
 
 help:
 	@echo "make repro    set up, then run the pipeline (what changed since the last run)"
+	@echo "make hidden-effects  draw, diagnose and score the hidden-effect benchmark (hours)"
 	@echo "make test     set up, then ruff, pyright and every test"
 	@echo "make quick    ruff, pyright and the fast tests"
 	@echo "make format   format the code"
@@ -24,6 +25,9 @@ $(INSTALLED): requirements.lock pyproject.toml
 
 repro: $(INSTALLED)
 	$(BIN)/dvc repro
+
+hidden-effects: $(INSTALLED)
+	$(BIN)/dvc repro benchmarks/hidden_effects/dvc.yaml
 
 test: $(INSTALLED)
 	$(BIN)/ruff check
