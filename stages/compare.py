@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from effects import build_effects
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 from stage import bar, console, output_folder, stage
@@ -17,16 +18,17 @@ from robotcast.cast_model.records import cast_records
 from robotcast.cast_model.wording import CAST_WORDING
 from robotcast.diagnosis.compare import Comparison, compare
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.revision import fit_base
+from robotcast.effects.active import parameters_of
 from robotcast.effects.effect import Effect
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.noise_floor import noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.reporting.comparison.page import comparison_page
+from robotcast.reporting.names import effect_name
 from robotcast.simulators.simulator import Simulator
-from robotcast.tuning.tuned import read_values, vector_of
+from robotcast.tuning.tuned import read_effects, read_values, vector_of
 
 ITERATIONS = 8  # of the fit, after its several starts
 
@@ -39,10 +41,11 @@ def compare_stage(config: DictConfig) -> None:
     if measured.notice:
         console.print(measured.notice, style="yellow", markup=False)
     records = cast_records(measured)
-    model = _model(config, measured)
+    active = _active(config)
+    model = _model(config, measured, active)
     with bar("compare") as progress:
-        vector, source = _parameters(config, measured, model, records, progress)
-        predicted = model.predict(records, (), vector[None])[0]
+        vector = _parameters(config, measured, model, active, progress)
+        predicted = model.predict(records, active, vector[None])[0]
         found = compare(
             records,
             predicted,
@@ -53,7 +56,7 @@ def compare_stage(config: DictConfig) -> None:
     plain = {
         "rig": measured.rig,
         "measurements": str(config.measurements),
-        "model": source,
+        "model": _called(config, active),
         "notes": [f"{measured.notice[0].upper()}{measured.notice[1:]}."] if measured.notice else [],
         **found.as_dict(),
     }
@@ -63,25 +66,30 @@ def compare_stage(config: DictConfig) -> None:
     _say(found, folder)
 
 
-def _model(config: DictConfig, measured: MeasurementSet) -> CastModel:
+def _active(config: DictConfig) -> list[str]:
+    """Return the names of the effects that act: those of the tuned simulator, if one is given."""
+    return list(config.effects) if config.tuned is None else read_effects(Path(config.tuned))
+
+
+def _model(config: DictConfig, measured: MeasurementSet, active: Sequence[str]) -> CastModel:
     def make_simulator(effects: Sequence[Effect]) -> Simulator:
         return instantiate(config.simulator.model, cable=measured.cable, effects=list(effects))
 
-    return CastModel(measured, make_simulator, ())
+    return CastModel(measured, make_simulator, build_effects(active))
 
 
 def _parameters(
     config: DictConfig,
     measured: MeasurementSet,
     model: CastModel,
-    records: Sequence[Record],
+    active: Sequence[str],
     progress: Callable[..., None],
-) -> tuple[np.ndarray, str]:
-    """Return the model's parameters (n,), read or tuned to the set, and what to call the model."""
-    name = f"the {config.simulator.name} simulator"
+) -> np.ndarray:
+    """Return all parameters, the effects' last, (n,): those given, or those that fit the set."""
     if config.tuned is not None:
         _, values = read_values(Path(config.tuned))
-        return vector_of(model.parameters, values), f"{name}, tuned in {config.tuned}"
+        effects = [model.effects[name] for name in active]
+        return vector_of((*model.parameters, *parameters_of(effects)), values)
     floor = noise_floor(measured).waypoint_percent
     noise_m = None if floor is None else floor / 100 * model.scale
 
@@ -89,9 +97,16 @@ def _parameters(
         # nobody knows how many casts a fit will take
         progress(done, total or None, "simulated casts")
 
-    inquiry = Inquiry(model, records, noise_m, simulated)
-    revision = fit_base(inquiry, (), config.seed, ITERATIONS)
-    return inquiry.values((), revision.fit.vector)[0], f"{name}, tuned to these casts"
+    inquiry = Inquiry(model, cast_records(measured), noise_m, simulated)
+    fit = fit_base(inquiry, active, config.seed, ITERATIONS).fit
+    return inquiry.values(active, fit.vector)[0]
+
+
+def _called(config: DictConfig, active: Sequence[str]) -> str:
+    """Say what predicted."""
+    effects = f" with {', '.join(effect_name(name) for name in active)}" if active else ""
+    tuned = "tuned to these casts" if config.tuned is None else f"tuned in {config.tuned}"
+    return f"the {config.simulator.name} simulator{effects}, {tuned}"
 
 
 def _say(found: Comparison, folder: Path) -> None:

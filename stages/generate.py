@@ -5,6 +5,7 @@ from pathlib import Path
 
 import polars as pl
 import yaml
+from effects import build_effects
 from grids import build_limits, feasible_grid
 from hydra.utils import instantiate
 from omegaconf import DictConfig
@@ -14,12 +15,13 @@ from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.plan import plan_actions
 from robotcast.files import atomic_file, write_text
 from robotcast.simulators.generation import Generated, generate_casts
-from robotcast.tuning.tuned import read_values, vector_of
+from robotcast.tuning.tuned import read_effects, read_values, vector_of
 
 
 def generate(config: DictConfig) -> None:
     cable, values = read_values(Path(config.paths.tuned))
-    simulator = instantiate(config.simulator.model, cable=cable)
+    effects = build_effects(read_effects(Path(config.paths.tuned)))
+    simulator = instantiate(config.simulator.model, cable=cable, effects=list(effects))
     with bar("grid of actions") as progress:
         actions = feasible_grid(config, progress, grid="generated")
     with bar(f"generate {config.cable.name}") as progress:
@@ -32,12 +34,12 @@ def generate(config: DictConfig) -> None:
             progress=progress,
         )
     folder = output_folder(config.paths.simulated)
-    _write(folder, generated, config)
+    _write(folder, generated, config, [effect.name for effect in effects])
     lost = int(generated.diverged.sum())
     console.print(f"{folder}: {len(actions) - lost} casts, {lost} diverged and were left out")
 
 
-def _write(folder: Path, generated: Generated, config: DictConfig) -> None:
+def _write(folder: Path, generated: Generated, config: DictConfig, effects: list[str]) -> None:
     kept = ~generated.diverged
     columns = dict(zip(ACTION_COLUMNS, generated.actions[kept].T, strict=True))
     x, y = generated.endpoints_m[kept].T
@@ -46,6 +48,7 @@ def _write(folder: Path, generated: Generated, config: DictConfig) -> None:
     facts = {
         "simulator": config.simulator.name,
         "optimizer": config.optimizer.name,
+        "effects": effects,
         "casts": int(kept.sum()),
         "diverged": int((~kept).sum()),
     }

@@ -1,13 +1,16 @@
 """Tune one simulator's parameters to one cable's casts with one optimizer."""
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from effects import build_effects
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from stage import bar, console, output_folder, stage
 
+from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.errors import prediction_errors
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
@@ -22,11 +25,14 @@ def tune(config: DictConfig) -> None:
     measured = read_measurement_set(Path(config.paths.measurements))
     sizes = config.scale.tune
     tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
-    simulator = instantiate(config.simulator.model, cable=measured.cable)
+    effects = build_effects(config.effects)
+    simulator = instantiate(config.simulator.model, cable=measured.cable, effects=list(effects))
     folder = output_folder(config.paths.tuned)
 
     objective = WaypointError(simulator, tuning.trials, measured.cable.length_m)
-    journal = Journal(_journal_path(config, folder), _subject(config, tuning), objective)
+    journal = Journal(
+        _journal_path(config, folder), _subject(config, simulator.parameters, tuning), objective
+    )
     start = np.array([p.to_unit(np.asarray(p.nominal)) for p in objective.free])
     with bar(f"tune {config.simulator.name} with {config.optimizer.name}") as progress:
         found: Found = instantiate(config.optimizer.search).run(journal, start, progress)
@@ -40,6 +46,7 @@ def tune(config: DictConfig) -> None:
     tuned = Tuned(
         simulator=config.simulator.name,
         optimizer=config.optimizer.name,
+        effects=tuple(config.effects),
         seed=config.optimizer.seed,
         rig=measured.rig,
         cable=measured.cable,
@@ -58,15 +65,20 @@ def tune(config: DictConfig) -> None:
     _say(tuned, folder)
 
 
-def _subject(config: DictConfig, tuning: MeasurementSet) -> str:
+def _subject(config: DictConfig, parameters: Sequence[Parameter], tuning: MeasurementSet) -> str:
     """Return a fingerprint of everything that the objective and the search depend on."""
     text = OmegaConf.to_yaml(
         OmegaConf.create(
-            {"simulator": config.simulator, "optimizer": config.optimizer}, parent=config
+            {
+                "simulator": config.simulator,
+                "optimizer": config.optimizer,
+                "effects": list(config.effects),
+            },
+            parent=config,
         ),
         resolve=True,
     )
-    digest = hashlib.sha256(f"{text}{tuning.cable}".encode())
+    digest = hashlib.sha256(f"{text}{parameters}{tuning.cable}".encode())
     for trial in tuning.trials:
         for array in (trial.tool.t_s, trial.tool.pose, trial.waypoints_s, trial.waypoints_m):
             digest.update(array.tobytes())

@@ -7,13 +7,18 @@ from typing import Any
 import pytest
 from hydra import compose, initialize_config_dir
 from hydra.errors import MissingConfigException
-from hydra.utils import get_object
+from hydra.utils import get_object, instantiate
 from omegaconf import DictConfig, OmegaConf
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
+LIBRARIES = ("effect", "field")  # used by name, many at once: no group to choose one from
+GROUPS = sorted(p.name for p in CONF.iterdir() if p.is_dir() and p.name not in LIBRARIES)
 OPTIONS = sorted(
-    f"{path.parent.relative_to(CONF)}={path.stem}" for path in CONF.glob("*/**/*.yaml")
+    f"{path.parent.relative_to(CONF)}={path.stem}"
+    for group in GROUPS
+    for path in (CONF / group).glob("**/*.yaml")
 )
+ENTRIES = sorted(path for library in LIBRARIES for path in (CONF / library).glob("*.yaml"))
 
 
 def composed(*overrides: str) -> DictConfig:
@@ -36,7 +41,14 @@ def test_every_option_composes_and_its_targets_exist(option: str) -> None:
         assert callable(get_object(target))
 
 
-@pytest.mark.parametrize("group", sorted(p.name for p in CONF.iterdir() if p.is_dir()))
+@pytest.mark.parametrize("path", ENTRIES, ids=lambda path: path.stem)
+def test_every_effect_and_field_can_be_made(path: Path) -> None:
+    made = instantiate(OmegaConf.load(path), name=path.stem, _convert_="all")
+    assert made.name == path.stem
+    assert all(p.probes for p in made.parameters)
+
+
+@pytest.mark.parametrize("group", GROUPS)
 def test_an_unknown_option_lists_the_known_ones(group: str) -> None:
     with pytest.raises(MissingConfigException) as refusal:
         composed(f"{group}=nonesuch")

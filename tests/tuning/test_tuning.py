@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotcast.progress import silent
 from robotcast.fitting.parameter import Parameter
+from robotcast.progress import silent
 from robotcast.tuning.differential_evolution import DifferentialEvolution
 from robotcast.tuning.journal import Journal
 from robotcast.tuning.objective import Scores, full_vectors

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.errors import prediction_errors
 from robotcast.measurements.measurement_set import Trial
 from robotcast.progress import Progress, silent
-from robotcast.fitting.parameter import Parameter
 from robotcast.simulators.simulator import Simulator
 
 

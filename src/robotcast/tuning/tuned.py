@@ -3,15 +3,16 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
 import yaml
 
 from robotcast.files import atomic_file, write_text
+from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.errors import PredictionErrors
 from robotcast.measurements.measurement_set import Cable, Trial
-from robotcast.fitting.parameter import Parameter
 from robotcast.tuning.search import Batch
 
 AT_BOUND = 0.01  # of a parameter's range: closer to a bound than this is on it
@@ -23,12 +24,14 @@ class Tuned:
 
     Attributes
     ----------
-    values : parameter name → value, frozen ones included.
+    effects : names of the effects that act in the simulator.
+    values : parameter name → value, frozen ones and those of the effects included.
     errors : "tune" and "test" → errors on these casts.
     """
 
     simulator: str
     optimizer: str
+    effects: tuple[str, ...]
     seed: int
     rig: str
     cable: Cable
@@ -51,6 +54,7 @@ def write_tuned(folder: Path, tuned: Tuned) -> None:
     plain = {
         "simulator": tuned.simulator,
         "optimizer": tuned.optimizer,
+        "effects": list(tuned.effects),
         "seed": tuned.seed,
         "rig": tuned.rig,
         "cable": asdict(tuned.cable),
@@ -76,12 +80,21 @@ def write_tuned(folder: Path, tuned: Tuned) -> None:
 
 def read_values(folder: Path) -> tuple[Cable, dict[str, float]]:
     """Return the cable and the parameter values of a tuned simulator."""
+    plain = _read(folder)
+    values = {name: numbers["value"] for name, numbers in plain["parameters"].items()}
+    return Cable(**plain["cable"]), values
+
+
+def read_effects(folder: Path) -> list[str]:
+    """Return the names of the effects that act in a tuned simulator, in order."""
+    return _read(folder).get("effects", [])
+
+
+def _read(folder: Path) -> dict[str, Any]:
     path = folder / "tuned.yaml"
     if not path.exists():
         raise FileNotFoundError(f"{path} is missing: run the tune stage first")
-    plain = yaml.safe_load(path.read_text(encoding="utf-8"))
-    values = {name: numbers["value"] for name, numbers in plain["parameters"].items()}
-    return Cable(**plain["cable"]), values
+    return yaml.safe_load(path.read_text(encoding="utf-8"))
 
 
 def vector_of(parameters: Sequence[Parameter], values: Mapping[str, float]) -> np.ndarray:
