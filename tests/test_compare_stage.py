@@ -53,12 +53,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_measurement_set(
         MeasurementSet(CABLE, 0.6, 0.1, None, tuple(trials), "virtual"), folder / "set"
     )
-    values = {p.name: {"value": p.nominal} for p in simulator.parameters}
-    (folder / "tuned").mkdir()
-    (folder / "tuned" / "tuned.yaml").write_text(
-        yaml.safe_dump({"cable": vars(CABLE), "parameters": values})
-    )
+    values = {p.name: p.nominal for p in simulator.parameters}
+    write_parameters(folder / "tuned", [], values)
+    shift = {"camera_offset.dx": 0.0, "camera_offset.dy": SHIFT_M}
+    write_parameters(folder / "shifted", ["camera_offset"], values | shift)
     return folder
+
+
+def write_parameters(folder: Path, effects: list[str], values: dict[str, float]) -> None:
+    folder.mkdir()
+    parameters = {name: {"value": value} for name, value in values.items()}
+    plain = {"cable": vars(CABLE), "effects": effects, "parameters": parameters}
+    (folder / "tuned.yaml").write_text(yaml.safe_dump(plain))
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -85,6 +91,15 @@ def test_a_tuned_simulator_is_compared(folder: Path) -> None:
     page = (output / "index.html").read_text()
     assert "virtual rig" in page and "too few casts to say where the error sits" in page
     assert {p.name for p in output.iterdir()} == {"comparison.json", "index.html"}
+
+
+def test_an_effect_that_the_simulator_was_tuned_with_acts(folder: Path) -> None:
+    output = folder / "with_effect"
+    done = run(f"measurements={folder / 'set'}", f"tuned={folder / 'shifted'}", f"output={output}")
+    assert done.returncode == 0, done.stderr
+    found = json.loads((output / "comparison.json").read_text())
+    assert found["final_error_percent"] < 1
+    assert "with camera offset" in found["model"]
 
 
 @pytest.mark.slow
