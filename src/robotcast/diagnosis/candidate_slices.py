@@ -2,17 +2,16 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from robotcast.diagnosis.misfit import padded, sample_mask
 from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.ranges import ranges, thirds
 from robotcast.diagnosis.slices import Slice
 from robotcast.diagnosis.wording import Wording
 
-QUANTILES = (0.2, 0.25, 1 / 3, 0.4, 0.5, 0.6, 2 / 3, 0.75, 0.8)
-FEW_VALUES = 6  # a factor with no more different values is split between them
 MOVING = 0.1  # of a trial's highest speed: slower, and it has no heading
 LEAST_SHARE, MOST_SHARE = 0.05, 0.75  # of the samples
 LEAST_TRIALS = 3
@@ -37,60 +36,6 @@ def _worth_a_look(found: Slice, present: np.ndarray) -> bool:
     share = found.mask.sum() / present.sum()
     most = MOST_SHARE if found.directions is None else 1.0
     return LEAST_SHARE <= share <= most and found.mask.any(axis=1).sum() >= LEAST_TRIALS
-
-
-@dataclass(frozen=True)
-class _Range:
-    """A range of one quantity: above `low` and not above `high`."""
-
-    low: float
-    high: float
-    decimals: int
-
-    def holds(self, values: np.ndarray) -> np.ndarray:
-        return (values > self.low) & (values <= self.high)
-
-    def text(
-        self, unit: str, above: str = "above", below: str = "below", between: str = "between"
-    ) -> str:
-        """Say the range: "above 1.6 rad", "below …", "between … and …"."""
-        unit = f" {unit}" if unit not in ("", "1") else ""
-        low, high = (_number(bound, self.decimals) for bound in (self.low, self.high))
-        if math.isinf(self.high):
-            return f"{above} {low}{unit}"
-        if math.isinf(self.low):
-            return f"{below} {high}{unit}"
-        return f"{between} {low} and {high}{unit}"
-
-
-def _ranges(values: np.ndarray) -> list[_Range]:
-    """Return the lower and upper parts of values at round numbers, and the middle third."""
-    distinct = np.unique(values[np.isfinite(values)])
-    if len(distinct) < 2:
-        return []
-    decimals = max(0, math.ceil(-math.log10((distinct[-1] - distinct[0]) / 40)))
-    if len(distinct) <= FEW_VALUES:
-        cuts = (distinct[1:] + distinct[:-1]) / 2
-        thirds = cuts[[0, -1]]
-    else:
-        quantiles = np.nanquantile(values, QUANTILES)
-        cuts = np.unique(np.round(quantiles, decimals))
-        thirds = np.round(quantiles[[2, 6]], decimals)
-    ranges = [_Range(-math.inf, float(c), decimals) for c in cuts]
-    ranges += [_Range(float(c), math.inf, decimals) for c in cuts]
-    return [*ranges, _Range(float(thirds[0]), float(thirds[1]), decimals)]
-
-
-def _thirds(values: np.ndarray) -> list[_Range]:
-    ranges = _ranges(values)
-    if not ranges:
-        return []
-    middle = ranges[-1]
-    return [
-        _Range(-math.inf, middle.low, middle.decimals),
-        middle,
-        _Range(middle.high, math.inf, middle.decimals),
-    ]
 
 
 def _phases(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
@@ -124,7 +69,7 @@ def _places(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
     where = padded(records, [r.measured for r in records])
     for i in range(where.shape[-1]):
         axis = wording.axis(i)
-        for part in _ranges(where[..., i]):
+        for part in ranges(where[..., i]):
             side = axis.above if math.isinf(part.high) else axis.below
             side = f" {side}" if side and not np.isfinite([part.low, part.high]).all() else ""
             text = f"{axis.name} {part.text(axis.unit)}"
@@ -137,8 +82,8 @@ def _places(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
             )
     if where.shape[-1] == 2:
         first, second = wording.axis(0), wording.axis(1)
-        for row in _thirds(where[..., 0]):
-            for column in _thirds(where[..., 1]):
+        for row in thirds(where[..., 0]):
+            for column in thirds(where[..., 1]):
                 text = (
                     f"{first.name} {row.text(first.unit)}, {second.name} {column.text(second.unit)}"
                 )
@@ -154,7 +99,7 @@ def _places(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
 def _speeds(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
     speed = np.linalg.norm(_velocity(records), axis=-1)
     unit = f"{wording.axis(0).unit or 'units'}/s"
-    for part in _ranges(speed):
+    for part in ranges(speed):
         text = part.text(unit, "faster than", "slower than", "at between")
         yield Slice(
             name=f"moving {text}",
@@ -193,7 +138,7 @@ def _factors(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
     names = set.intersection(*(set(r.factors) for r in records))
     for name in (n for n in records[0].factors if n in names):
         values = np.array([r.factors[name] for r in records])
-        for part in _ranges(values):
+        for part in ranges(values):
             text = f"{name} {part.text(wording.factor_units.get(name, ''))}"
             yield Slice(
                 name=text,
@@ -220,7 +165,3 @@ def _velocity(records: Sequence[Record]) -> np.ndarray:
 
 def _numbers(records: Sequence[Record]) -> tuple[int, ...]:
     return tuple(r.trial for r in records)
-
-
-def _number(value: float, decimals: int) -> str:
-    return f"{value:.{decimals}f}".replace("-", "−")
