@@ -99,6 +99,7 @@ def _facts(config: DictConfig, measured: MeasurementSet, floor: float | None) ->
     return {
         "rig": measured.rig,
         "measurements": str(config.measurements),
+        "output": str(config.output),
         "casts": len(measured.trials),
         "actions": len({trial.action_id for trial in measured.trials}),
         "error_unit": CastModel.error_unit,

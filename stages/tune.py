@@ -1,7 +1,9 @@
 """Tune one simulator's parameters to one cable's casts with one optimizer."""
 
 import hashlib
+import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +12,27 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from stage import bar, console, output_folder, stage
 
+from robotcast.files import write_text
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.errors import prediction_errors
 from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.noise_floor import noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
+from robotcast.reporting.revisions.page import Tuning, revisions_page
 from robotcast.tuning.journal import Journal
 from robotcast.tuning.objective import WaypointError, full_vectors
-from robotcast.tuning.search import Found
+from robotcast.tuning.revisions import (
+    LEDGER,
+    keep_revision,
+    predicted_error,
+    read_revisions,
+    revision_of,
+    split_identity,
+)
+from robotcast.tuning.search import Batch, Found
 from robotcast.tuning.tuned import Tuned, write_predictions, write_trace, write_tuned
+from robotcast.tuning.watched import Watched
 
 
 def tune(config: DictConfig) -> None:
@@ -28,6 +42,20 @@ def tune(config: DictConfig) -> None:
     effects = build_effects(config.effects)
     simulator = instantiate(config.simulator.model, cable=measured.cable, effects=list(effects))
     folder = output_folder(config.paths.tuned)
+    floor_percent = noise_floor(measured).waypoint_percent
+    page = _RevisionsPage(
+        folder.parent,
+        Tuning(
+            cable=measured.cable.name,
+            rig=measured.rig,
+            split=split_identity(tuning, test),
+            simulator=config.simulator.name,
+            optimizer=config.optimizer.name,
+            effects=tuple(config.effects),
+            casts=len(tuning.trials),
+            noise_floor_percent=floor_percent,
+        ),
+    )
 
     objective = WaypointError(simulator, tuning.trials, measured.cable.length_m)
     journal = Journal(
@@ -35,7 +63,8 @@ def tune(config: DictConfig) -> None:
     )
     start = np.array([p.to_unit(np.asarray(p.nominal)) for p in objective.free])
     with bar(f"tune {config.simulator.name} with {config.optimizer.name}") as progress:
-        found: Found = instantiate(config.optimizer.search).run(journal, start, progress)
+        watched = Watched(journal, page.show)
+        found: Found = instantiate(config.optimizer.search).run(watched, start, progress)
 
     vector = full_vectors(simulator.parameters, found.unit_vector)
     errors, predicted = {}, {}
@@ -61,8 +90,36 @@ def tune(config: DictConfig) -> None:
     write_trace(folder, found.trace, len(tuning.trials))
     write_predictions(folder, predicted)
     write_tuned(folder, tuned)
+    revision = revision_of(tuned, tuning, test, predicted["test"][1], floor_percent)
+    keep_revision(folder, replace(revision, predicted_waypoint_error_percent=_promised(config)))
+    page.show(found.trace, finished=True)
     journal.close()
     _say(tuned, folder)
+
+
+class _RevisionsPage:
+    """The page beside the tuned folders that shows every revision, live while one is tuned."""
+
+    def __init__(self, folder: Path, tuning: Tuning) -> None:
+        self._folder = folder
+        self._tuning = tuning
+        self.show(())
+
+    def show(self, trace: Sequence[Batch], finished: bool = False) -> None:
+        tuning = replace(self._tuning, trace=trace, finished=finished)
+        revisions = read_revisions(self._folder / LEDGER)
+        write_text(self._folder / "revisions.html", revisions_page(revisions, tuning))
+
+
+def _promised(config: DictConfig) -> float | None:
+    """Return the error that a diagnosis of this very set promised for these effects."""
+    path = Path(config.paths.diagnosis) / "diagnosis.json"
+    if not path.exists():
+        return None
+    diagnosis = json.loads(path.read_text(encoding="utf-8"))
+    diagnosed = Path(diagnosis["measurements"]).resolve()
+    same = diagnosed == Path(config.paths.measurements).resolve()
+    return predicted_error(diagnosis, config.effects) if same else None
 
 
 def _subject(config: DictConfig, parameters: Sequence[Parameter], tuning: MeasurementSet) -> str:

@@ -39,6 +39,7 @@ def test_a_tuning_killed_three_times_gives_the_bytes_of_an_unbroken_one(
         process.kill()
         process.wait()
     assert start_tuning(killed).wait() == 0
-    for name in ("tuned.yaml", "trace.csv", "predictions.parquet"):
-        assert (killed / "tuned" / name).read_bytes() == (unbroken / "tuned" / name).read_bytes()
+    names = ("tuned.yaml", "trace.csv", "predictions.parquet", "revision.json")
+    for name in (*(f"tuned/{name}" for name in names), "revisions.jsonl", "revisions.html"):
+        assert (killed / name).read_bytes() == (unbroken / name).read_bytes(), name
     assert not list((killed / "unfinished").glob("*.jsonl"))

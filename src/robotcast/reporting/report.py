@@ -316,7 +316,7 @@ _COMMANDS = (
         "Learn which physical effect the model lacks.",
     ),
     (
-        "dvc exp run -S 'effects=[board_tilt]'",
+        "dvc exp run -S effects=board_tilt",
         "Add an effect to the model and run what follows; its error joins the ladder above.",
     ),
     (

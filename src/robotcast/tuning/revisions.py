@@ -68,7 +68,6 @@ class Revision:
 
 def revision_of(
     tuned: Tuned,
-    effects: Sequence[str],
     tuning: MeasurementSet,
     heldout: MeasurementSet,
     heldout_m: np.ndarray,
@@ -80,7 +79,7 @@ def revision_of(
     ----------
     heldout_m : ndarray of shape (n_casts, k_max, 2), predicted waypoints of the held-out casts.
     """
-    named = tuple(f"{effect}." for effect in effects)
+    named = tuple(f"{effect}." for effect in tuned.effects)
     test = tuned.errors["test"]
     return Revision(
         cable=tuned.cable.name,
@@ -90,7 +89,7 @@ def revision_of(
         heldout_casts=len(heldout.trials),
         simulator=tuned.simulator,
         optimizer=tuned.optimizer,
-        effects=tuple(sorted(effects)),
+        effects=tuple(sorted(tuned.effects)),
         tuning_waypoint_error_percent=tuned.errors["tune"].waypoint_percent,
         heldout_waypoint_error_percent=test.waypoint_percent,
         heldout_final_error_percent=test.final_percent,

@@ -1,7 +1,11 @@
 """One small diagnosis a state of the page, of the shape that diagnose writes."""
 
+import json
 import math
 from typing import Any
+
+from robotcast.diagnosis.compare import compare
+from tests.diagnosis.made_up_trials import SCALE, WORDS, made_up
 
 BOARD_TILT = {
     "effect": "board_tilt",
@@ -282,7 +286,17 @@ def with_gaps() -> dict[str, Any]:
     }  # fmt: skip
 
 
+def compared() -> dict[str, Any]:
+    """An effect found, with every cast laid beside the base model."""
+    made = made_up(groups=12)
+    found = compare(
+        made.records, made.predicted, scale=SCALE, error_unit="% of cable length", wording=WORDS
+    )
+    return {**effect(), "comparison": json.loads(json.dumps(found.as_dict()))}
+
+
 STATES = {
+    "compared": compared,
     "none": none,
     "effect": effect,
     "several": several,

@@ -7,6 +7,7 @@ import pytest
 from robotcast.reporting.diagnosis.page import diagnosis_page
 from tests.reporting.diagnosis.diagnosis_states import (
     STATES,
+    compared,
     confused,
     effect,
     none,
@@ -33,7 +34,8 @@ def test_every_state_is_one_page_that_needs_nothing_else(state: str) -> None:
     page = diagnosis_page(STATES[state]())
     links = set(re.findall(r'(?:src|href)="([^"]*)"', page))
     assert {link for link in links if not link.startswith(("data:", "#"))} <= {"actions.csv"}
-    assert "<script" not in page and "@import" not in page and "url(" not in page
+    assert "://" not in page.replace("http://www.w3.org/2000/svg", "")
+    assert "@import" not in page and "url(" not in page
     for anchor in (link for link in links if link.startswith("#")):
         assert f'id="{anchor[1:]}"' in page
     assert "nan" not in text_of(page).lower().split()
@@ -44,6 +46,7 @@ def test_verdict_evidence_and_the_command_stand_before_everything_else() -> None
     screen = first_screen(diagnosis_page(effect()))
     assert "The board is not level" in screen
     assert "effects=[board_tilt]" in screen and "python stages/tune.py" in screen
+    assert "paths.tuned=outputs/b/board_tilt" in screen
     assert "dvc exp run -S" in screen
     assert "predicted 1.31" in screen and "noise floor 0.76" in screen
     assert "1.04" in screen and "−67 %" in screen
@@ -64,7 +67,7 @@ def test_a_clean_bill_names_no_effect_to_add() -> None:
 
 def test_a_confused_pair_is_answered_with_casts_to_run() -> None:
     screen = first_screen(diagnosis_page(confused()))
-    assert "cannot tell" in screen
+    assert "hardly told from camera offset" in screen
     assert "board tilt and camera offset predict different paths" in screen
     assert "actions.csv" in screen and "−0.900" in screen
 
@@ -110,3 +113,22 @@ def test_a_model_of_another_kind_shows_its_own_unit() -> None:
     page = text_of(diagnosis_page({**effect(), "error_unit": "cm"}))
     assert "3.12 cm" in page.replace("\u202f", " ")
     assert "on held-out casts [cm]" in page
+
+
+def test_the_set_s_own_folder_stands_in_the_command_when_it_is_known() -> None:
+    screen = first_screen(diagnosis_page({**effect(), "measurements": "../sets/my set"}))
+    assert "paths.measurements=&#39;../sets/my set&#39;" in screen or "'../sets/my set'" in screen
+    assert "DIR" not in screen and "paths.tuned=outputs/my_set/board_tilt" in screen
+
+
+def test_where_the_base_model_fails_is_shown_and_casts_play_once_it_has_finished() -> None:
+    page = diagnosis_page(compared())
+    assert "Where the base model fails" in page and "<script>" in page
+    assert page.index("Every effect that was tested") < page.index("Where the base model fails")
+    reloading = diagnosis_page({**compared(), "finished": False, "doing": "screening"})
+    assert "Where the base model fails" in reloading and "<script" not in reloading
+
+
+def test_the_command_hands_the_diagnosis_to_tuning_so_that_its_promise_is_kept() -> None:
+    screen = first_screen(diagnosis_page({**effect(), "output": "data/diagnosis/cable1"}))
+    assert "paths.diagnosis=data/diagnosis/cable1" in screen

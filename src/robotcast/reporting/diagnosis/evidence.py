@@ -17,7 +17,7 @@ KICKERS: dict[State, str] = {
     "too few": "Too few data",
     "unknown": "Something is missing that has no name here",
     "none": "Nothing is missing that these casts could show",
-    "confused": "Your casts cannot tell which",
+    "confused": "Missing effect found, hardly told from another",
     "found": "Missing effect found",
 }
 
@@ -46,6 +46,9 @@ def state_of(diagnosis: Diagnosis) -> State:
 
 def kicker(diagnosis: Diagnosis, state: State) -> str:
     """Return the few words above the verdict."""
+    if state == "confused":
+        alike = " or ".join(effect_name(e) for e in rivals(diagnosis))
+        return f"Missing effect found, hardly told from {alike}"
     if state == "found" and len(diagnosis.found) > 1:
         return f"{len(diagnosis.found)} missing effects found"
     if state == "unknown" and diagnosis.found:
@@ -63,7 +66,8 @@ def rivals(diagnosis: Diagnosis) -> tuple[str, ...]:
 def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence, with effects under readable names."""
     sentence = readable(diagnosis, diagnosis.sentence or _headline(diagnosis))
-    return sentence.replace(" %", "\u00a0%")
+    so_far = "So far: " if diagnosis.sentence and not diagnosis.finished else ""
+    return f"{so_far}{sentence}".replace(" %", "\u00a0%")
 
 
 def readable(diagnosis: Diagnosis, sentence: str) -> str:

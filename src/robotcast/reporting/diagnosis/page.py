@@ -6,6 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
+from robotcast.reporting.comparison import blocks
 from robotcast.reporting.diagnosis.evidence import headline, kicker, rivals, state_of, tiles
 from robotcast.reporting.diagnosis.field import field_figure, focus, strongest
 from robotcast.reporting.diagnosis.reading import Diagnosis, NextTrial, read_diagnosis
@@ -54,7 +55,7 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
         shortly=shortly,
     )
     return made.from_string(template(_ROOM, "page.html")).render(
-        css=style(template(_ROOM, "diagnosis.css")),
+        css=style(template(_ROOM, "diagnosis.css"), blocks.blocks_style()),
         d=read,
         state=state,
         kicker=kicker(read, state),
@@ -71,6 +72,9 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
         missing=_missing(read),
         drafts=drafts(read.unexplained) if read.unexplained else (),
         next_table=next_table(read.next_trials),
+        where=_where(read),
+        casts=_casts(read),
+        script=blocks.blocks_script(),
         run=_run(read),
     )
 
@@ -126,6 +130,24 @@ def next_table(trials: tuple[NextTrial, ...]) -> NextTable:
     names = tuple(dict.fromkeys(name for t in trials for name in t.action))
     rows = tuple((tuple(number(t.action.get(n)) for n in names), t) for t in trials)
     return NextTable(tuple(_ACTIONS.get(n, (n, "")) for n in names), rows)
+
+
+def _where(read: Diagnosis) -> tuple[tuple[str, Markup], ...]:
+    """Return what the comparison shows of the base model's error, as (heading, block)."""
+    if read.comparison is None:
+        return ()
+    shown = (
+        ("The parts that hold most of the error", blocks.slices_block(read.comparison)),
+        ("Error over time", blocks.time_block(read.comparison)),
+        ("Error on the board", blocks.map_block(read.comparison)),
+        ("Error against every number of the action", blocks.factors_block(read.comparison)),
+    )
+    return tuple((heading, block) for heading, block in shown if block)
+
+
+def _casts(read: Diagnosis) -> Markup | None:
+    """Return every cast, measured and predicted; a page that reloads itself cannot play them."""
+    return blocks.casts_block(read.comparison) if read.comparison and read.finished else None
 
 
 def _run(read: Diagnosis) -> tuple[tuple[str, str], ...]:

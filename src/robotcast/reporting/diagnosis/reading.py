@@ -95,6 +95,7 @@ class Diagnosis:
     Attributes
     ----------
     verdict : effect ids, or ("none",), or ("unknown",); empty while it is not known.
+    output : the folder of the diagnosis, empty when not known.
     model : every effect of the last model of the ladder, those fixed in advance included.
     unit, error_name : "%" and "of cable length".
     doing : what the run is at, empty once it has finished.
@@ -107,6 +108,7 @@ class Diagnosis:
     unexplained: Unexplained | None
     rig: str
     measurements: str
+    output: str
     casts: int | None
     actions: int | None
     unit: str
@@ -145,6 +147,7 @@ def read_diagnosis(plain: Mapping[str, Any]) -> Diagnosis:
         unexplained=_unexplained(plain.get("unexplained")),
         rig=str(plain.get("rig") or ""),
         measurements=str(plain.get("measurements") or ""),
+        output=str(plain.get("output") or ""),
         casts=plain.get("casts"),
         actions=plain.get("actions"),
         unit=unit,

@@ -46,10 +46,18 @@ def add_command(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
     """Return the command that tunes the model with `effects` to the same measurement set."""
     folder = diagnosis.measurements if "/" in diagnosis.measurements else "DIR"
     tuned = f"{_outputs(diagnosis)}/{'+'.join(effects)}"
+    own = f"paths.diagnosis={shlex.quote(diagnosis.output)} " if diagnosis.output else ""
     return (
-        f"python stages/tune.py paths.measurements={shlex.quote(folder)} "
+        f"python stages/tune.py paths.measurements={shlex.quote(folder)} {own}"
         f"paths.tuned={tuned} 'effects=[{','.join(effects)}]'"
     )
+
+
+def pipeline_command(effects: Sequence[str]) -> str:
+    """Return the command that runs the pipeline with `effects`; to DVC a bare comma is a sweep."""
+    names = ",".join(effects)
+    chosen = f"effects={names}" if len(effects) == 1 else f"\"effects='{names}'\""
+    return f"dvc exp run -S {chosen}"
 
 
 def _outputs(diagnosis: Diagnosis) -> str:
@@ -72,7 +80,6 @@ def _wait(diagnosis: Diagnosis) -> list[Step]:
 
 def _add(diagnosis: Diagnosis) -> list[Step]:
     names = " and ".join(effect_name(e) for e in diagnosis.found)
-    chosen = f"effects=[{','.join(diagnosis.model)}]"
     steps = [
         Step(
             f"Add {names} and tune again. {_folder(diagnosis)}Watch the error fall in "
@@ -81,7 +88,7 @@ def _add(diagnosis: Diagnosis) -> list[Step]:
         ),
         Step(
             "Through the pipeline, so that generated casts and policies have it too:",
-            f"dvc exp run -S '{chosen}'",
+            pipeline_command(diagnosis.model),
         ),
     ]
     if diagnosis.next_trials:
@@ -90,28 +97,26 @@ def _add(diagnosis: Diagnosis) -> list[Step]:
 
 
 def _tell_apart(diagnosis: Diagnosis) -> list[Step]:
-    others = rivals(diagnosis)
-    both = " and ".join(effect_name(e) for e in (*diagnosis.found, *others))
-    steps = []
+    found = " and ".join(effect_name(e) for e in diagnosis.found)
+    others = " and ".join(effect_name(e) for e in rivals(diagnosis))
     if diagnosis.next_trials:
-        steps.append(
-            Step(
-                f"Run these casts: on them {both} predict different paths. Then diagnose again "
-                "with the new casts in the set.",
-                link=("actions.csv", "actions.csv: all of them"),
-                trials=3,
-            )
+        first = Step(
+            f"Run these casts: on them {found} and {others} predict different paths. Then "
+            "diagnose again with the new casts in the set.",
+            link=("actions.csv", "actions.csv: all of them"),
+            trials=3,
         )
     else:
-        steps.append(Step(f"No cast of the grid tells {both} apart: measure it in another way."))
-    steps.append(
-        Step(
-            f"Or settle it by hand: measure {effect_name(diagnosis.found[0])} on the rig. If it is "
-            f"there, add it. {_folder(diagnosis)}".strip(),
-            add_command(diagnosis, diagnosis.model),
+        first = Step(
+            f"To be sure, measure {found} on the rig itself: in these casts {others} would leave "
+            "almost the same trace."
         )
+    until = Step(
+        f"Until then {found} fits best: add it and tune again. {_folder(diagnosis)}Watch the "
+        f"error fall in {_outputs(diagnosis)}/revisions.html.",
+        add_command(diagnosis, diagnosis.model),
     )
-    return steps
+    return [first, until]
 
 
 def _write_an_effect(diagnosis: Diagnosis) -> list[Step]:

@@ -47,8 +47,8 @@ class Tuning:
     effects: tuple[str, ...]
     casts: int
     noise_floor_percent: float | None
-    trace: Sequence[Batch]
-    finished: bool
+    trace: Sequence[Batch] = ()
+    finished: bool = False
 
 
 def revisions_page(revisions: Sequence[Revision], tuning: Tuning) -> str:

@@ -44,7 +44,7 @@ class Comparable:
     def budgets_differ(self) -> bool:
         """Tell whether one revision was tuned with far more casts than another."""
         casts = [r.simulated_casts for r in self.revisions]
-        return max(casts) > 1.5 * min(casts)
+        return max(casts) > 1.2 * min(casts)
 
     def figure(self) -> Markup:
         """Draw the ladder."""
