@@ -58,7 +58,7 @@ class Start(Protocol):
 
 @dataclass(frozen=True)
 class _Batch:
-    """Casts of like duration and the vector that each is run under."""
+    """Casts and the vector that each is run under."""
 
     vector: np.ndarray  # (n_sim,) numbers of parameter vectors
     cast: np.ndarray  # (n_sim,) numbers of casts
@@ -109,16 +109,13 @@ def simulate_planar(
 
 
 def _batches(casts: Sequence[Cast], n_vectors: int, batch_size: int, threads: int) -> list[_Batch]:
-    """Return batches, longest casts first, so that the casts of one batch end together."""
+    """Deal the casts into batches that take equally long; those that end early are taken out."""
     order = np.argsort([-c.waypoints_s[-1] for c in casts], kind="stable")
     cast = np.repeat(order, n_vectors)
     vector = np.tile(np.arange(n_vectors), len(casts))
     rounds = math.ceil(len(cast) / (batch_size * threads))
-    size = math.ceil(len(cast) / max(rounds * threads, 1)) or 1
-    return [
-        _Batch(vector[first : first + size], cast[first : first + size])
-        for first in range(0, len(cast), size)
-    ]
+    n = min(rounds * threads, len(cast))
+    return [_Batch(vector[first::n], cast[first::n]) for first in range(n)]
 
 
 def _run_batch(
