@@ -1,6 +1,7 @@
 """A cast simulator as a `Model` that diagnosis can question."""
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from robotcast.diagnosis.model import Record
 from robotcast.effects.effect import Effect
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import MeasurementSet
-from robotcast.simulators.simulator import Simulator
+from robotcast.simulators.simulator import Cast, SimulatedCast, Simulator
 
 MakeSimulator = Callable[[Sequence[Effect]], Simulator]
 
@@ -29,7 +30,7 @@ class CastModel:
     ) -> None:
         self.effects: Mapping[str, Effect] = {effect.name: effect for effect in effects}
         self.scale = measured.cable.length_m
-        self._trials = {trial.trial: trial for trial in measured.trials}
+        self._casts: Mapping[int, Cast] = {trial.trial: trial for trial in measured.trials}
         self._make_simulator = make_simulator
         self._simulators: dict[tuple[str, ...], Simulator] = {}
         self.parameters: tuple[Parameter, ...] = self._simulator(()).parameters
@@ -38,8 +39,15 @@ class CastModel:
         self, records: Sequence[Record], active: Sequence[str], vectors: np.ndarray
     ) -> np.ndarray:
         """Predict waypoints (see `robotcast.diagnosis.model.Model`)."""
-        casts = [self._trials[record.trial] for record in records]
+        asked = [(self._casts[record.trial], record.times_s) for record in records]
+        casts = [SimulatedCast(cast.tool, times_s, cast.start_m) for cast, times_s in asked]
         return self._simulator(tuple(active)).simulate(casts, vectors).waypoints_m
+
+    def of_casts(self, casts: Mapping[int, Cast]) -> "CastModel":
+        """Return the same model, which predicts other casts, by their number."""
+        other = copy(self)
+        other._casts = casts
+        return other
 
     def _simulator(self, active: tuple[str, ...]) -> Simulator:
         if active not in self._simulators:

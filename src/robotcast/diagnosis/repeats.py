@@ -9,6 +9,9 @@ from robotcast.diagnosis.misfit import padded
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.time_grid import TimeGrid
 
+FAR = 20.0  # times the repeats' usual deviation: so far away, a trial is no repeat
+LEAST_USUAL = 0.005  # of the scale: repeats that agree better count as agreeing so well
+
 
 @dataclass(frozen=True)
 class RepeatScatter:
@@ -21,6 +24,7 @@ class RepeatScatter:
     over_time_percent : average deviation at every time of the grid, (n_times,), NaN where no two
         repeats share it.
     groups, trials : how many groups hold repeats, and the trials they make together.
+    strays : numbers of trials that lie too far from their repeats to be such; left out.
     """
 
     sample_percent: float | None
@@ -28,6 +32,7 @@ class RepeatScatter:
     over_time_percent: np.ndarray
     groups: int
     trials: int
+    strays: tuple[int, ...] = ()
 
 
 def repeated(records: Sequence[Record], rows: Sequence[int]) -> list[list[int]]:
@@ -41,8 +46,9 @@ def repeated(records: Sequence[Record], rows: Sequence[int]) -> list[list[int]]:
 def repeat_scatter(records: Sequence[Record], grid: TimeGrid, scale: float) -> RepeatScatter:
     """Estimate the noise floor from the trials that share a group."""
     measured = grid.place(padded(records, [r.measured for r in records]))
+    strays = _strays(records, measured, scale)
     averages, finals, deviations, trials = [], [], [], []
-    for rows in repeated(records, range(len(records))):
+    for rows in repeated(records, [row for row in range(len(records)) if row not in strays]):
         deviation = _deviations(measured[rows])
         deviation = deviation[np.isfinite(deviation).any(axis=1)]
         if len(deviation):
@@ -51,14 +57,43 @@ def repeat_scatter(records: Sequence[Record], grid: TimeGrid, scale: float) -> R
             deviations.append(deviation)
             trials.append(len(rows))
     if not trials:
-        return RepeatScatter(None, None, np.full(len(grid.times_s), np.nan), 0, 0)
+        nowhere = np.full(len(grid.times_s), np.nan)
+        return RepeatScatter(None, None, nowhere, 0, 0, tuple(records[r].trial for r in strays))
     return RepeatScatter(
         sample_percent=float(100 / scale * np.concatenate(averages).mean()),
         final_percent=float(100 / scale * np.median(np.concatenate(finals))),
         over_time_percent=100 / scale * mean_of_present(np.concatenate(deviations)),
         groups=len(trials),
         trials=sum(trials),
+        strays=tuple(records[row].trial for row in strays),
     )
+
+
+def _strays(records: Sequence[Record], measured: np.ndarray, scale: float) -> list[int]:
+    """Return the rows of trials that lie far from the middle of their repeats.
+
+    Of two repeats that far apart nobody knows which is wrong, so both go.
+
+    Parameters
+    ----------
+    measured : ndarray of shape (n_trials, n_times, d), NaN where a trial has no sample.
+    """
+    rows, far = [], []
+    for group in repeated(records, range(len(records))):
+        distance = np.linalg.norm(measured[group] - _median(measured[group]), axis=-1)
+        rows += group
+        far += mean_of_present(distance.T).tolist()
+    deviation = np.nan_to_num(np.array(far))
+    if not len(rows):
+        return []
+    limit = FAR * max(float(np.median(deviation)), LEAST_USUAL * scale)
+    return sorted(row for row, d in zip(rows, deviation.tolist(), strict=True) if d > limit)
+
+
+def _median(repeats: np.ndarray) -> np.ndarray:
+    """Return the median over axis 0 of what is not NaN; NaN where nothing is."""
+    seen = np.isfinite(repeats).any(axis=0)
+    return np.where(seen, np.nanmedian(np.where(seen, repeats, 0.0), axis=0), np.nan)
 
 
 def _deviations(repeats: np.ndarray) -> np.ndarray:

@@ -1,15 +1,21 @@
 """What a diagnosis says, as plain data for `diagnosis.json` and its page."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.limits import FEWEST_GROUPS, counted, is_ignored
+from robotcast.diagnosis.next_trials import NextTrial
+from robotcast.diagnosis.revision import Revision
 from robotcast.diagnosis.screen import Screened
 from robotcast.diagnosis.search import Found, Rung
 from robotcast.diagnosis.sizes import sizes
 from robotcast.diagnosis.unexplained import Unexplained
+from robotcast.diagnosis.wording import PLAIN, Wording
+
+UNTOUCHED = ("ignored by the model", "touches nothing")  # nothing that is computed says anything
 
 
 def verdict(found: Found, n_fixed: int, left: Unexplained | None) -> list[str]:
@@ -18,14 +24,20 @@ def verdict(found: Found, n_fixed: int, left: Unexplained | None) -> list[str]:
     return added or (["unknown"] if left else ["none"])
 
 
-def sentence(inquiry: Inquiry, found: Found, named: Sequence[str], left: Unexplained | None) -> str:
+def sentence(
+    inquiry: Inquiry,
+    found: Found,
+    named: Sequence[str],
+    left: Unexplained | None,
+    wording: Wording = PLAIN,
+) -> str:
     """Say the verdict in one sentence."""
     base, top = found.ladder[0], found.ladder[-1]
     before, after = (float(rung.errors.waypoint.mean()) for rung in (base, top))
-    unit = inquiry.model.error_unit
+    unit, trials = inquiry.model.error_unit, wording.trials
     if named == ["none"]:
         return (
-            f"No effect of the library makes the model predict held-out trials better: "
+            f"No effect of the library makes the model predict held-out {trials} better: "
             f"the error stays at {before:.2f} {unit}."
         )
     if named == ["unknown"]:
@@ -36,9 +48,37 @@ def sentence(inquiry: Inquiry, found: Found, named: Sequence[str], left: Unexpla
         )
     names = " and ".join(inquiry.model.effects[name].text for name in named)
     return (
-        f"The model lacks this: {names}. With it the error on held-out trials falls from "
+        f"The model lacks this: {names}. With it the error on held-out {trials} falls from "
         f"{before:.2f} to {after:.2f} {unit}."
     )
+
+
+def sentence_on_too_few(inquiry: Inquiry, wording: Wording) -> str:
+    """Say in one sentence that the trials confirm nothing."""
+    n, groups = len(inquiry.records), int(inquiry.groups.max()) + 1
+    return (
+        f"{counted(n, wording.trial, wording.trials)} of "
+        f"{counted(groups, wording.group, wording.groups)} "
+        f"{'is' if n == 1 else 'are'} too few to tell whether an effect is missing; "
+        f"{FEWEST_GROUPS} different {wording.groups} are the least."
+    )
+
+
+def unexplained(
+    inquiry: Inquiry,
+    left: Unexplained | None,
+    draw: Callable[[Inquiry, Unexplained], Mapping[str, Any] | None],
+) -> dict[str, Any] | None:
+    """Return what the missing force depends on, drawn by `draw`; None when nothing is left."""
+    if left is None:
+        return None
+    field = inquiry.model.effects[left.field]
+    return {
+        "depends_on": field.depends_on,
+        "text": f"What is missing acts like {field.text}.",
+        "heldout_waypoint_error_percent": float(left.rung.errors.waypoint.mean()),
+        "field": draw(inquiry, left),
+    }
 
 
 def ladder(found: Found) -> list[dict[str, Any]]:
@@ -57,18 +97,46 @@ def _rung(rung: Rung) -> dict[str, Any]:
     }
 
 
-def ranking(inquiry: Inquiry, found: Found) -> list[dict[str, Any]]:
+def ranking(
+    inquiry: Inquiry,
+    found: Found,
+    slices: Mapping[str, list[dict[str, Any]]] = {},
+    first: Mapping[str, float] = {},
+) -> list[dict[str, Any]]:
     """Return every effect of the first screen, the most promising first.
 
     Effects that cannot be judged stand last, each with the reason.
+
+    Parameters
+    ----------
+    slices : refitted effect → the slices of the error before and after it.
+    first : refitted effect → how often it comes first in resamples.
     """
     if not found.screens:
         return []
-    later = {name: one for screens in found.screens[1:] for name, one in screens.items()}
     rows = []
     for name, one in found.screens[0].items():
-        rows.append((_order(found, one), _row(inquiry, found, name, one, later.get(name))))
+        row = _row(inquiry, found, name, one)
+        row |= {"slices": slices.get(name, []), "first_in_resamples": first.get(name)}
+        rows.append((_order(found, one), row))
     return [row for _, row in sorted(rows, key=lambda pair: pair[0])]
+
+
+def held(inquiry: Inquiry, name: str) -> dict[str, Any]:
+    """Return the row of an effect that is held where it does nothing."""
+    return {
+        "effect": name,
+        "text": inquiry.model.effects[name].text,
+        "p_value": None,
+        "parameters": {},
+        "predicted_waypoint_error_percent": None,
+        "realised_waypoint_error_percent": None,
+        "power": None,
+        "confusable_with": [],
+        "status": "held at its null",
+        "slices": [],
+        "first_in_resamples": None,
+    }
 
 
 def _order(found: Found, one: Screened) -> tuple:
@@ -77,9 +145,7 @@ def _order(found: Found, one: Screened) -> tuple:
     return (one.status is not None, rank, one.effect not in found.refits, one.loss)
 
 
-def _row(
-    inquiry: Inquiry, found: Found, name: str, one: Screened, later: Screened | None
-) -> dict[str, Any]:
+def _row(inquiry: Inquiry, found: Found, name: str, one: Screened) -> dict[str, Any]:
     on_ladder = any(name in rung.revision.effects for rung in found.ladder)
     rung = found.refits.get(name)
     if on_ladder and name in found.ladder[-1].revision.effects:
@@ -96,19 +162,60 @@ def _row(
             first += n
     confusable = list(found.rivals.get(name, ()))
     confusable += [e for e, rivals in found.rivals.items() if name in rivals]
+    said = status not in UNTOUCHED
     return {
         "effect": name,
         "text": inquiry.model.effects[name].text,
-        "p_value": one.p_value,
+        "p_value": one.p_value if said else None,
         "parameters": shown,
-        "predicted_waypoint_error_percent": one.predicted,
+        "predicted_waypoint_error_percent": one.predicted if said else None,
         "realised_waypoint_error_percent": float(rung.errors.waypoint.mean()) if rung else None,
-        "power": one.power,
+        "power": one.power if said else None,
         "confusable_with": confusable,
         "status": status,
         "slices": [],
         "first_in_resamples": None,
     }
+
+
+def base_parameters(inquiry: Inquiry, base: Revision, vectors: np.ndarray | None) -> dict[str, Any]:
+    """Return the sizes of the base model's parameters; one that changes nothing may be any.
+
+    Parameters
+    ----------
+    vectors : of the folds' fits, (k, n); None when there were none.
+    """
+    own = sizes(inquiry, base, vectors)[: len(inquiry.model.parameters)]
+    rows = {}
+    for k, size in enumerate(own):
+        rows[size.parameter.name] = size.as_dict()
+        if is_ignored(base, k):
+            rows[size.parameter.name] |= {"low": size.parameter.lower, "high": size.parameter.upper}
+    return {"parameters": rows}
+
+
+def next_rows(inquiry: Inquiry, trials: Sequence[NextTrial], wording: Wording) -> list[dict]:
+    """Return the next trials: the numbers of their action, what they separate, and why."""
+    return [
+        {
+            **one.record.factors,
+            "separates": list(one.contest.names),
+            "difference_percent": one.difference_percent,
+            "why": _why(inquiry, one, wording),
+        }
+        for one in trials
+    ]
+
+
+def _why(inquiry: Inquiry, one: NextTrial, wording: Wording) -> str:
+    apart = f"{one.difference_percent:.1f} {inquiry.model.error_unit}"
+    name, *rivals = one.contest.names
+    if rivals:
+        return f"the two predict paths that lie {apart} apart on average"
+    if name == "unknown":
+        return f"the missing force, as it was fitted, moves this {wording.trial} by {apart}"
+    text = inquiry.model.effects[name].text
+    return f"if {text}, a small amount of it moves this {wording.trial} by {apart}"
 
 
 def confusion_set(found: Found) -> list[list[str]]:

@@ -27,6 +27,7 @@ class Wording:
     Attributes
     ----------
     trial, trials, sample, samples : what one trial and one of its samples are called.
+    group, groups : what trials repeat, "action".
     mover : what is tracked, "the free end".
     axes : of the signal, in order; empty when they have no names.
     factor_units : factor → unit.
@@ -36,6 +37,8 @@ class Wording:
     trials: str = "trials"
     sample: str = "sample"
     samples: str = "samples"
+    group: str = "action"
+    groups: str = "actions"
     mover: str = "the signal"
     axes: Sequence[Axis] = ()
     factor_units: Mapping[str, str] = field(default_factory=dict)
@@ -51,9 +54,13 @@ class Wording:
 
     def as_dict(self, d: int) -> dict[str, Any]:
         """Return the words as plain data for a signal of `d` components."""
+        nouns = ("trial", "trials", "sample", "samples", "group", "groups")
         return {
-            **{name: getattr(self, name) for name in ("trial", "trials", "sample", "samples")},
+            **{name: getattr(self, name) for name in nouns},
             "mover": self.mover,
             "axes": [asdict(self.axis(i)) for i in range(d)],
             "factor_units": dict(self.factor_units),
         }
+
+
+PLAIN = Wording()

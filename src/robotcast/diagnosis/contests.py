@@ -1,0 +1,84 @@
+"""What further trials should decide: between rivals, else whether a weakly seen effect is there."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.next_trials import Contest
+from robotcast.diagnosis.revision import Revision
+from robotcast.diagnosis.screen import Screened
+from robotcast.diagnosis.search import Found
+from robotcast.diagnosis.unexplained import Unexplained
+from robotcast.fitting.least_squares import fit_robustly
+
+ENOUGH_POWER = 0.8
+MOST_CONTESTS = 4
+ITERATIONS = 3  # of a fit that only has to show what a rival would predict
+
+
+def open_contests(
+    inquiry: Inquiry, found: Found, top: Revision, named: Sequence[str], left: Unexplained | None
+) -> list[Contest]:
+    """Return what is still to be decided, the most important first.
+
+    Parameters
+    ----------
+    top : the model that the search ended with.
+    named : effects that the verdict names.
+    """
+    rivals = [(name, rival) for name in named for rival in found.rivals.get(name, ())]
+    if rivals:
+        return [_between(inquiry, found, *pair) for pair in rivals[:MOST_CONTESTS]]
+    if left is not None:
+        field = left.rung.revision
+        return [Contest(("unknown",), top, (field.effects, field.fit.vector))]
+    screens = found.screens[-1] if found.screens else {}
+    weak = [one for one in screens.values() if one.power < ENOUGH_POWER and one.moved > 0]
+    weak.sort(key=lambda one: (one.power, one.p_value))
+    return [_whether_there(inquiry, top, one) for one in weak[:MOST_CONTESTS]]
+
+
+def _between(inquiry: Inquiry, found: Found, name: str, rival: str) -> Contest:
+    """Set an effect of the ladder against one that does as well in its place."""
+    at = next(k for k, rung in enumerate(found.ladder) if name in rung.revision.effects)
+    first, below = found.ladder[at].revision, found.ladder[at - 1].revision
+    effects = (*below.effects, rival)
+    rung = found.refits.get(rival)
+    if rung is not None and rung.revision.effects == effects:
+        second = rung.revision
+    else:
+        second = _fitted(inquiry, effects, _start(inquiry, found, below, rival))
+    return Contest((name, rival), first, (second.effects, second.fit.vector), second)
+
+
+def _start(inquiry: Inquiry, found: Found, below: Revision, rival: str) -> np.ndarray:
+    """Return where a fit with the rival starts: where its screen of that round ended."""
+    n = len(inquiry.parameters((*below.effects, rival)))
+    starts = [s[rival].start for s in found.screens if rival in s and len(s[rival].start) == n]
+    own = inquiry.nominal((rival,))[len(inquiry.model.parameters) :]
+    return starts[0] if starts else np.concatenate([below.fit.vector, own])
+
+
+def _fitted(inquiry: Inquiry, effects: tuple[str, ...], start: np.ndarray) -> Revision:
+    fit = fit_robustly(
+        inquiry.residuals(effects),
+        start,
+        inquiry.steps(effects),
+        inquiry.everything,
+        iterations=ITERATIONS,
+        free=inquiry.free(effects),
+    )
+    return Revision(effects, fit)
+
+
+def _whether_there(inquiry: Inquiry, top: Revision, one: Screened) -> Contest:
+    """Set the model as it is against the same model with a little of one effect."""
+    effects, first = (*top.effects, one.effect), len(top.fit.vector)
+    vector = np.concatenate([top.fit.vector, one.start[first:]])
+    for k, parameter in enumerate(inquiry.model.effects[one.effect].parameters, first):
+        if parameter.null is not None:
+            null = float(parameter.to_unit(np.asarray(parameter.null)))
+            probes = [float(parameter.to_unit(np.asarray(probe))) for probe in parameter.probes]
+            vector[k] = min(probes, key=lambda probe: abs(probe - null))
+    return Contest((one.effect,), top, (effects, vector))

@@ -1,0 +1,97 @@
+"""Which part of the base model's error every refitted effect takes away."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from robotcast.diagnosis.compare import Comparison, compare
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.misfit import padded
+from robotcast.diagnosis.revision import Revision
+from robotcast.diagnosis.search import Found, Rung
+from robotcast.diagnosis.slices import Slice, slice_errors
+from robotcast.diagnosis.wording import Wording
+
+
+class Explained:
+    """Predictions of fitted revisions beside the trials; each revision is simulated once."""
+
+    def __init__(self, inquiry: Inquiry, wording: Wording) -> None:
+        self._inquiry, self._wording = inquiry, wording
+        self._predicted: dict[tuple[tuple[str, ...], bytes], np.ndarray] = {}
+        self._compared: dict[tuple[tuple[str, ...], bytes], Comparison] = {}
+
+    def comparison(self, revision: Revision) -> Comparison:
+        """Compare a revision with all trials; diverged runs stay diverged."""
+        key = (revision.effects, revision.fit.vector.tobytes())
+        if key not in self._compared:
+            model = self._inquiry.model
+            self._compared[key] = compare(
+                self._inquiry.records,
+                self._prediction(revision),
+                scale=model.scale,
+                error_unit=model.error_unit,
+                wording=self._wording,
+            )
+        return self._compared[key]
+
+    def slices(self, found: Found) -> dict[str, list[dict[str, Any]]]:
+        """Return for every refitted effect the base model's slices before and after it."""
+        pairs = _before_and_after(found)
+        if not pairs:
+            return {}
+        slices = _usual_slices(self.comparison(found.ladder[0].revision))
+        return {
+            name: [
+                {"slice": some.name, "before_percent": b, "after_percent": a}
+                for some, b, a in zip(
+                    slices, self._errors(slices, before), self._errors(slices, after), strict=True
+                )
+            ]
+            for name, (before, after) in pairs.items()
+        }
+
+    def _errors(self, slices: Sequence[Slice], revision: Revision) -> list[float | None]:
+        inquiry = self._inquiry
+        predicted = self._prediction(revision)
+        return slice_errors(slices, inquiry.records, predicted, inquiry.model.scale)
+
+    def _prediction(self, revision: Revision) -> np.ndarray:
+        """Return what a revision predicts, (n_trials, k_max, d)."""
+        key = (revision.effects, revision.fit.vector.tobytes())
+        if key not in self._predicted:
+            inquiry, vector = self._inquiry, revision.fit.vector[None]
+            difference = inquiry.differences(revision.effects, vector, inquiry.everything)[0]
+            measured = padded(inquiry.records, [r.measured for r in inquiry.records])
+            self._predicted[key] = measured + difference
+        return self._predicted[key]
+
+
+def _usual_slices(base: Comparison) -> list[Slice]:
+    """Return the slices that hold most of the error, without trials named for their size."""
+    single = [f.slice.mask for f in base.findings if f.slice.kind == "trial"]
+    usual = ~np.any([*single, np.zeros_like(base.found.present)], axis=0)
+    return [
+        replace(f.slice, mask=f.slice.mask & usual)
+        for f in base.findings
+        if f.slice.kind != "trial"
+    ]
+
+
+def _before_and_after(found: Found) -> dict[str, tuple[Revision, Revision]]:
+    """Return every refitted effect's revisions without it and with it.
+
+    Effects that one rung adds together share the pair.
+    """
+    pairs: dict[str, tuple[Revision, Revision]] = {}
+    below: dict[frozenset[str], Rung] = {frozenset(r.revision.effects): r for r in found.ladder}
+    for name, rung in found.refits.items():
+        before = below.get(frozenset(rung.revision.effects) - {name})
+        if before is not None:
+            pairs[name] = (before.revision, rung.revision)
+    for before, after in zip(found.ladder, found.ladder[1:], strict=False):
+        for name in set(after.revision.effects) - set(before.revision.effects):
+            pairs[name] = (before.revision, after.revision)
+    return pairs

@@ -1,0 +1,213 @@
+"""Which trials to run next, so that models which the trials so far cannot tell apart differ.
+
+Two models that explain the trials so far will be refitted once the new trials are in. What
+counts is therefore not how far apart they predict a trial today, but what of it neither can take
+back by changing its parameters, given how well these are known (T-optimal designs, Atkinson and
+Fedorov 1975, with a linear model of each and what is known of its parameters as the prior). A
+trial that amplifies small changes of the parameters amplifies the scatter of its start alike, so
+its noise counts as larger.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.model import Model, Record
+from robotcast.diagnosis.revision import Revision
+from robotcast.fitting.least_squares import PRIOR_SD
+from robotcast.progress import Progress, silent
+
+CHOSEN = 8
+WORTHWHILE = 0.3  # of the noise: predictions that never lie further apart decide nothing
+LOOKED_INTO = 60  # candidates whose predictions differ most; of these the slopes are simulated
+
+
+@dataclass(frozen=True)
+class Further:
+    """Trials that could be run.
+
+    Attributes
+    ----------
+    model : predicts them, with the parameters and effects of the diagnosed model.
+    records : of their `measured` only the shape counts.
+    """
+
+    model: Model
+    records: tuple[Record, ...]
+
+
+@dataclass(frozen=True)
+class Contest:
+    """Two models that new trials shall tell apart.
+
+    Attributes
+    ----------
+    names : what they stand for, as reported.
+    first : a fitted model.
+    second : the other one, its effects with a unit vector (n,).
+    rival : the second model's fit, None when it is only supposed: then only the first is
+        refitted to new trials.
+    """
+
+    names: tuple[str, ...]
+    first: Revision
+    second: tuple[tuple[str, ...], np.ndarray]
+    rival: Revision | None = None
+
+
+@dataclass(frozen=True)
+class NextTrial:
+    """A trial worth running.
+
+    Attributes
+    ----------
+    contest : what it helps to decide most.
+    difference_percent : average distance of the two predictions, % of the scale.
+    """
+
+    record: Record
+    contest: Contest
+    difference_percent: float
+
+
+def next_trials(
+    inquiry: Inquiry,
+    contests: Sequence[Contest],
+    further: Further,
+    progress: Progress = silent,
+) -> list[NextTrial]:
+    """Choose the trials that separate the models of all contests, the most telling first.
+
+    One after another is taken, each time the one that helps the contest which is decided least.
+
+    Parameters
+    ----------
+    progress : told how many trials were simulated here so far.
+    """
+    if not contests or not further.records:
+        return []
+    bench = _Bench(inquiry, further, progress)
+    apart = np.array([bench.apart(contest) for contest in contests])
+    worthwhile = np.nanmax(apart, axis=1, initial=0.0) > WORTHWHILE * inquiry.noise
+    contests = [c for c, worth in zip(contests, worthwhile, strict=True) if worth]
+    apart = apart[worthwhile]
+    usable = np.isfinite(apart).all(axis=0)
+    if not contests or not usable.any():
+        return []
+    # every contest counts by its own largest difference
+    shares = np.where(usable, apart / np.nanmax(apart, axis=1)[:, None], -1)
+    rows = np.argsort(-shares.max(axis=0), kind="stable")[: min(LOOKED_INTO, int(usable.sum()))]
+    evidence = [_Evidence(inquiry, bench, contest, rows) for contest in contests]
+    known = np.all([e.known for e in evidence], axis=0)
+    chosen: list[NextTrial] = []
+    taken: list[int] = []
+    for _ in range(min(CHOSEN, int(known.sum()))):
+        least = int(np.argmin([e.value(taken) for e in evidence]))
+        left = [k for k in np.flatnonzero(known).tolist() if k not in taken]
+        best = max(left, key=lambda k: evidence[least].value([*taken, k]))
+        taken.append(best)
+        row = int(rows[best])
+        percent = 100 * float(apart[least, row]) / inquiry.model.scale
+        chosen.append(NextTrial(further.records[row], contests[least], percent))
+    return chosen
+
+
+class _Bench:
+    """Predicts the candidates, as residuals are weighed: in noise, every trial a mean square."""
+
+    def __init__(self, inquiry: Inquiry, further: Further, progress: Progress) -> None:
+        self._inquiry, self._further, self._progress = inquiry, further, progress
+        self.counts = np.array([len(r.times_s) for r in further.records])
+        self.rows = np.arange(len(self.counts))
+        self._simulated = 0
+
+    def predictions(
+        self, effects: Sequence[str], vectors: np.ndarray, rows: np.ndarray
+    ) -> np.ndarray:
+        """Return (n_vectors, m, k, d); 0 past a trial's samples, NaN where a run diverged."""
+        inquiry = self._inquiry
+        records = [self._further.records[row] for row in rows]
+        found = self._further.model.predict(records, effects, inquiry.values(effects, vectors))
+        self._simulated += len(vectors) * len(rows)
+        self._progress(self._simulated, 0)
+        counts = self.counts[rows]
+        weighed = found / (np.sqrt(counts) * inquiry.noise)[:, None, None]
+        weighed[:, np.arange(found.shape[2]) >= counts[:, None]] = 0
+        return weighed
+
+    def slopes(
+        self, effects: Sequence[str], vector: np.ndarray, rows: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the prediction (m, D) and its slopes (m, D, n) by the unit vector (n,)."""
+        steps = self._inquiry.steps(effects)
+        signed = np.where(vector > 0.5, -steps, steps)
+        vectors = np.vstack([vector, vector + np.diag(signed)])
+        values = _flat(self.predictions(effects, vectors, rows))
+        return values[0], np.moveaxis((values[1:] - values[0]) / signed[:, None, None], 0, -1)
+
+    def apart(self, contest: Contest) -> np.ndarray:
+        """Return the average distance of both predictions of every candidate, (n_candidates,)."""
+        first, (effects, vector) = contest.first, contest.second
+        here = self.predictions(first.effects, first.fit.vector[None], self.rows)[0]
+        there = self.predictions(effects, vector[None], self.rows)[0]
+        distance = np.linalg.norm(here - there, axis=-1).sum(axis=1)
+        return distance / np.sqrt(self.counts) * self._inquiry.noise
+
+
+def _flat(predictions: np.ndarray) -> np.ndarray:
+    return predictions.reshape(*predictions.shape[:2], -1)
+
+
+class _Evidence:
+    """What trials tell of one contest, in units of noise.
+
+    `value` of some candidates is the least weighted square by which the two models differ on
+    them when both may change their parameters, each change weighed by what the trials so far
+    say against it.
+    """
+
+    def __init__(self, inquiry: Inquiry, bench: _Bench, contest: Contest, rows: np.ndarray) -> None:
+        first, rival = contest.first, contest.rival
+        here, slopes = bench.slopes(first.effects, first.fit.vector, rows)
+        prior = [_known(inquiry, first)]
+        parts = [slopes[..., inquiry.free(first.effects)]]
+        amplified = np.linalg.norm(slopes.reshape(len(rows), -1), axis=1)
+        if rival is None:
+            effects, vector = contest.second
+            there = _flat(bench.predictions(effects, vector[None], rows))[0]
+        else:
+            there, slopes = bench.slopes(rival.effects, rival.fit.vector, rows)
+            prior.append(_known(inquiry, rival))
+            parts.append(-slopes[..., inquiry.free(rival.effects)])
+        noise = np.maximum(1.0, amplified / np.nanmedian(amplified))[:, None]
+        difference = (here - there) / noise
+        gain = np.concatenate(parts, axis=-1) / noise[..., None]
+        self.known = np.isfinite(difference).all(axis=-1) & np.isfinite(gain).all(axis=(1, 2))
+        self._square = (difference**2).sum(axis=-1)
+        self._pull = np.einsum("idn,id->in", gain, difference)
+        self._hold = np.einsum("idn,idm->inm", gain, gain)
+        n = sum(len(p) for p in prior)
+        self._prior, at = np.zeros((n, n)), 0
+        for block in prior:
+            self._prior[at : at + len(block), at : at + len(block)] = block
+            at += len(block)
+
+    def value(self, taken: Sequence[int]) -> float:
+        rows = list(taken)
+        pull = self._pull[rows].sum(axis=0)
+        hold = self._prior + self._hold[rows].sum(axis=0)
+        return float(self._square[rows].sum() - pull @ np.linalg.solve(hold, pull))
+
+
+def _known(inquiry: Inquiry, revision: Revision) -> np.ndarray:
+    """Return what the trials so far say on a revision's free parameters, as a precision.
+
+    Where the model misses by more than noise, they say less than noise alone would allow.
+    """
+    fit, free = revision.fit, inquiry.free(revision.effects)
+    slopes = fit.jacobian[..., free]
+    precision = np.einsum("i,idn,idm->nm", fit.weights, slopes, slopes)
+    excess = float((fit.weights * (fit.residual**2).sum(axis=1)).mean())
+    return precision / max(1.0, excess) + np.eye(int(free.sum())) / PRIOR_SD**2

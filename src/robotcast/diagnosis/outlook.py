@@ -1,0 +1,54 @@
+"""How much of a diagnosis is still to come, for a progress bar."""
+
+from collections.abc import Mapping
+
+STEPS: Mapping[str, float] = {  # how a step's note begins → the runs that a trial usually takes
+    "fitting the model": 345.0,
+    "looking at": 6.0,
+    "refitting with": 40.0,
+    "judging": 52.0,
+    "trying a field": 12.0,
+    "fitting the field": 67.0,
+    "choosing": 30.0,
+}
+REFITS, JUDGED = 10, 2  # in one search for a further effect
+OTHER = 40.0
+
+
+class Outlook:
+    """Tells from the steps taken and those planned how many runs there will be in all.
+
+    How much a step takes depends on the model; what the steps so far took, beside what they
+    usually take, corrects the plan. Every effect that is found adds a round, so the total grows.
+    """
+
+    def __init__(self, trials: int, candidates: int, fields: int) -> None:
+        self._trials, self._candidates = trials, candidates
+        self._left = dict.fromkeys(STEPS, 1) | {
+            "looking at": candidates,
+            "refitting with": REFITS,
+            "judging": JUDGED,
+            "trying a field": fields,
+        }
+        self._taken, self._now, self._before = 0.0, 0.0, 0
+
+    def step(self, note: str, simulated: int) -> None:
+        """Begin a step after so many runs."""
+        self._taken, self._before = self._taken + self._now, simulated
+        kind = next((kind for kind in STEPS if note.startswith(kind)), "")
+        self._now = STEPS.get(kind, OTHER)
+        if not kind:
+            return
+        if kind == "looking at" and not self._left[kind]:
+            again = {kind: self._candidates, "refitting with": REFITS, "judging": JUDGED}
+            self._left |= again
+        earlier = list(STEPS)[: list(STEPS).index(kind)]
+        self._left |= dict.fromkeys(earlier, 0)  # left out, if it has not come by now
+        self._left[kind] = max(self._left[kind] - 1, 0)
+
+    def total(self, simulated: int) -> int:
+        """Return how many runs there will be in all."""
+        pace = self._before / self._taken if self._before else float(self._trials)
+        ahead = sum(STEPS[kind] * n for kind, n in self._left.items())
+        now = max(self._before + pace * self._now, float(simulated))
+        return max(int(now + pace * ahead), simulated)

@@ -1,0 +1,127 @@
+"""A puck that is pushed over a board and slows down: a model that costs nothing to run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.wording import Axis, Wording
+from robotcast.fitting.parameter import Parameter
+
+WORDS = Wording(
+    trial="push",
+    trials="pushes",
+    sample="position",
+    samples="positions",
+    mover="the puck",
+    axes=(Axis("x", "m"), Axis("y", "m")),
+    factor_units={"speed": "m/s", "heading": "rad"},
+)
+TIMES_S = np.arange(16) * 0.15
+NOISE_M = 0.004
+DRAG_PER_S, GAIN = 1.1, 0.95
+
+
+def strength(name: str, unit: str, most: float, probe: float) -> Parameter:
+    return Parameter(name, unit, -most, most, nominal=0.0, null=0.0, probes=(-probe, probe))
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """A candidate of the puck; what it does stands in `Puck`."""
+
+    name: str
+    text: str
+    parameters: tuple[Parameter, ...]
+    depends_on: str | None = None
+
+
+TILT = Mechanism(
+    "tilt",
+    "the board is not level",
+    (strength("ax", "m/s²", 1.0, 0.03), strength("ay", "m/s²", 1.0, 0.03)),
+)
+LATE = Mechanism("late_clock", "the clock is late", (strength("tau", "s", 0.3, 0.02),))
+SHIFT = Mechanism(
+    "shift",
+    "the camera is shifted",
+    (strength("dx", "m", 0.3, 0.01), strength("dy", "m", 0.3, 0.01)),
+)
+TURN = Mechanism("turn", "the camera is turned", (strength("phi", "rad", 0.3, 0.01),))
+DEAD = Mechanism("dead", "something the model does not know", (strength("k", "1", 1.0, 0.1),))
+FAINT = Mechanism("faint", "something far too small", (strength("k", "1", 1.0, 0.1),))
+NULLED = Mechanism("nulled", "something that is held", (strength("k", "1", 1.0, 0.0),))
+
+
+class Puck:
+    """x(t) = x₀ + d g v (1 − e^(−c t)) / c along the heading d; a `Model`.
+
+    Parameters
+    ----------
+    ignored : adds a parameter of the base model that changes nothing.
+    """
+
+    scale, error_unit = 1.0, "% of a metre"
+
+    def __init__(self, *effects: Mechanism, ignored: bool = False) -> None:
+        self.effects = {effect.name: effect for effect in effects}
+        self.parameters = (
+            Parameter("drag", "1/s", 0.3, 3.0, 1.0, scale="log"),
+            Parameter("gain", "1", 0.7, 1.3, 1.0),
+            *([Parameter("board_colour", "1", 0.0, 1.0, 0.5)] if ignored else []),
+        )
+
+    def predict(
+        self, records: Sequence[Record], active: Sequence[str], vectors: np.ndarray
+    ) -> np.ndarray:
+        k_max = max(len(r.times_s) for r in records)
+        seen = np.full((len(vectors), len(records), k_max, 2), np.nan)
+        for row, vector in zip(seen, vectors, strict=True):
+            own = self._own(active, vector)
+            for path, record in zip(row, records, strict=True):
+                path[: len(record.times_s)] = _path(record, vector[0], vector[1], own)
+        return seen
+
+    def _own(self, active: Sequence[str], vector: np.ndarray) -> dict[str, np.ndarray]:
+        own, at = {}, len(self.parameters)
+        for name in active:
+            n = len(self.effects[name].parameters)
+            own[name], at = vector[at : at + n], at + n
+        return own
+
+
+def _path(record: Record, drag: float, gain: float, own: dict[str, np.ndarray]) -> np.ndarray:
+    late = own["late_clock"][0] if "late_clock" in own else 0.0
+    t = np.maximum(record.times_s - late, 0.0)[:, None]
+    speed, heading = record.factors["speed"], record.factors["heading"]
+    way = np.array([np.cos(heading), np.sin(heading)])
+    grown = (1 - np.exp(-drag * t)) / drag
+    path = gain * speed * way * grown
+    path = path + own.get("tilt", np.zeros(2)) * (t - grown) / drag
+    path = path * (1 + 1e-7 * own.get("faint", np.zeros(1)))
+    if "turn" in own:
+        cosine, sine = np.cos(own["turn"][0]), np.sin(own["turn"][0])
+        path = path @ np.array([[cosine, sine], [-sine, cosine]])
+    return path + own.get("shift", np.zeros(2))
+
+
+def pushes(
+    seed: int = 0,
+    groups: int = 20,
+    repeats: int = 2,
+    heading: tuple[float, float] = (-1.5, 1.5),
+    **hidden: Sequence[float],
+) -> tuple[Record, ...]:
+    """Return measured pushes of a puck with `hidden` effects (name → values of parameters)."""
+    rng = np.random.default_rng(seed)
+    own = {name: np.array(values, dtype=float) for name, values in hidden.items()}
+    records: list[Record] = []
+    for group in range(groups):
+        factors = {"speed": rng.uniform(0.4, 1.2), "heading": rng.uniform(*heading)}
+        for _ in range(repeats):
+            bare = Record(len(records), group, TIMES_S, np.zeros((len(TIMES_S), 2)), factors)
+            path = _path(bare, DRAG_PER_S, GAIN, own)
+            noise = NOISE_M * rng.normal(size=(1, 2)) + NOISE_M / 2 * rng.normal(size=path.shape)
+            records.append(Record(bare.trial, group, TIMES_S, path + noise, factors))
+    return tuple(records)

@@ -1,0 +1,156 @@
+"""What a whole diagnosis says of a puck: of good data, of bad data and of dead parameters."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robotcast.diagnosis.diagnose import Case, diagnose
+from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.next_trials import Further
+from tests.diagnosis.sliding_puck import (
+    DEAD,
+    DRAG_PER_S,
+    FAINT,
+    GAIN,
+    LATE,
+    NULLED,
+    SHIFT,
+    TILT,
+    TURN,
+    WORDS,
+    Mechanism,
+    Puck,
+    pushes,
+)
+
+TILTED = (0.06, -0.04)
+LIVE = (TILT, LATE, SHIFT, TURN)
+
+
+def diagnosed(
+    records: Sequence[Record], *effects: Mechanism, ignored: bool = False, **given: Any
+) -> dict[str, Any]:
+    effects = effects or LIVE
+    model = Puck(*effects, ignored=ignored)
+    case = Case(model, records, [e.name for e in effects], wording=WORDS, **given)
+    return diagnose(case, lambda said: None)
+
+
+def row_of(said: dict[str, Any], effect: str) -> dict[str, Any]:
+    return next(row for row in said["ranking"] if row["effect"] == effect)
+
+
+@pytest.fixture(scope="module")
+def tilted() -> dict[str, Any]:
+    return diagnosed(pushes(tilt=TILTED))
+
+
+def test_the_missing_effect_is_named_with_its_size(tilted: dict[str, Any]) -> None:
+    assert tilted["verdict"] == ["tilt"] and tilted["conclusive"]
+    assert "held-out pushes" in tilted["sentence"]
+    sizes = row_of(tilted, "tilt")["parameters"]
+    for name, true in zip(("ax", "ay"), TILTED, strict=True):
+        assert sizes[name]["low"] < true < sizes[name]["high"]
+    json.dumps(tilted, allow_nan=False)
+
+
+def test_every_refitted_effect_shows_what_it_mends(tilted: dict[str, Any]) -> None:
+    assert any(r["status"] == "refitted" for r in tilted["ranking"])
+    for row in tilted["ranking"]:
+        refitted = row["status"] in ("confirmed", "refitted")
+        assert bool(row["slices"]) == refitted
+        assert (row["first_in_resamples"] is not None) == refitted
+    confirmed = row_of(tilted, "tilt")
+    assert confirmed["first_in_resamples"] > 0.95
+    assert all(s["after_percent"] < 0.3 * s["before_percent"] for s in confirmed["slices"])
+
+
+def test_the_base_model_s_parameters_have_intervals() -> None:
+    said = diagnosed(pushes())["base"]["parameters"]
+    assert said["drag"]["low"] < DRAG_PER_S < said["drag"]["high"]
+    assert said["gain"]["low"] < GAIN < said["gain"]["high"]
+
+
+def test_nothing_is_named_where_nothing_is_missing() -> None:
+    said = diagnosed(pushes())
+    assert said["verdict"] == ["none"] and said["conclusive"] and said["notes"] == []
+
+
+def test_what_cannot_act_is_said_and_never_ranked() -> None:
+    said = diagnosed(pushes(tilt=TILTED), DEAD, FAINT, NULLED, TILT, ignored=True)
+    status = {row["effect"]: row["status"] for row in said["ranking"]}
+    assert list(status) == ["tilt", "dead", "faint", "nulled"]
+    assert status["dead"] == "ignored by the model"
+    assert status["faint"] == "touches nothing"
+    assert status["nulled"] == "held at its null"
+    for name in ("dead", "faint", "nulled"):
+        row = row_of(said, name)
+        assert row["p_value"] is row["power"] is row["predicted_waypoint_error_percent"] is None
+    notes = " ".join(said["notes"])
+    assert "The model ignores board colour" in notes and "Nulled is held" in notes
+    colour = said["base"]["parameters"]["board_colour"]
+    assert (colour["low"], colour["high"]) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("groups", [1, 2, 3])
+def test_a_few_trials_confirm_nothing_and_say_so(groups: int) -> None:
+    said = diagnosed(pushes(groups=groups, repeats=1, tilt=TILTED))
+    assert said["verdict"] == ["none"] and not said["conclusive"]
+    assert "too few to tell" in said["sentence"]
+    assert "At least 8 different actions" in said["notes"][0]
+    assert {row["status"] for row in said["ranking"]} <= {"screened", "your casts cannot tell"}
+    assert said["comparison"]["trials"] and said["base"]["parameters"]
+
+
+def test_without_repeats_the_page_says_how_to_know_the_noise() -> None:
+    said = diagnosed(pushes(groups=30, repeats=1, tilt=TILTED))
+    assert said["verdict"] == ["tilt"] and said["noise_floor_percent"] is None
+    assert "repeat five actions three times each" in said["notes"][0]
+
+
+def test_one_trial_half_a_metre_off_is_named_and_decides_nothing() -> None:
+    for clean, verdict in ((pushes(tilt=TILTED), ["tilt"]), (pushes(), ["none"])):
+        astray = replace(clean[7], measured=clean[7].measured + np.array([0.3, 0.4]))
+        said = diagnosed([*clean[:7], astray, *clean[8:]])
+        assert said["verdict"] == verdict
+        note = next(n for n in said["notes"] if n.startswith("Push 7 is off by"))
+        assert "(0.5 m)" in note or "(0.51 m)" in note
+        floor = diagnosed(clean)["noise_floor_percent"]
+        assert said["noise_floor_percent"] == pytest.approx(floor, rel=0.2)
+
+
+def test_a_known_noise_floor_is_taken_where_nothing_was_repeated() -> None:
+    said = diagnosed(pushes(groups=12, repeats=1), floor=0.5)
+    assert said["noise_floor_percent"] == 0.5 and said["notes"] == []
+
+
+def test_it_is_told_step_by_step_and_ends_with_everything() -> None:
+    told: list[dict[str, Any]] = []
+    seen: list[tuple[int, int, str]] = []
+    records, model = pushes(groups=10), Puck(*LIVE)
+    case = Case(model, records, list(model.effects), wording=WORDS)
+    diagnose(case, told.append, lambda done, total, note="": seen.append((done, total, note)))
+    assert [t["finished"] for t in told] == [False] * (len(told) - 1) + [True]
+    assert told[0]["ladder"] == [] and told[0]["verdict"] == []
+    assert told[0]["doing"] == "fitting the model as it is"
+    assert all(note and total >= done for done, total, note in seen)
+    assert seen[-1][0] == told[-1]["simulated_casts"]
+    assert len({json.dumps(t) for t in told}) == len(told)
+
+
+def narrow(seed: int = 0, **hidden: Sequence[float]) -> tuple[Record, ...]:
+    """Pushes nearly straight ahead: a turned camera and one shifted sideways look alike."""
+    return pushes(seed, groups=20, repeats=2, heading=(-0.05, 0.05), **hidden)
+
+
+def test_the_next_trials_would_move_what_is_hardly_seen() -> None:
+    wide = Further(Puck(*LIVE), pushes(5, groups=60, repeats=1))
+    said = diagnosed(narrow(), further=lambda: wide)
+    weak = {r["effect"] for r in said["ranking"] if r["power"] is not None and r["power"] < 0.8}
+    assert len(said["next_actions"]) in range(0, 9)
+    for trial in said["next_actions"]:
+        assert set(trial["separates"]) <= weak and trial["difference_percent"] > 0.1
