@@ -14,7 +14,7 @@ import pytest
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, PlannedCast
 from robotcast.measurements.measurement_set import Cable
-from robotcast.rigs.collect import choose_casts, collect_casts
+from robotcast.rigs.collect import choose_casts, collect_casts, number_further
 from robotcast.rigs.session import exclusive, number_requests, read_session
 
 ROOT = Path(__file__).parents[2]
@@ -164,3 +164,19 @@ def test_a_collector_killed_at_any_moment_loses_no_cast_and_repeats_none(tmp_pat
         finished = stands
     assert collect(tmp_path / "killed").wait() == 0
     assert contents(tmp_path / "killed") == contents(tmp_path / "undisturbed")
+
+
+def test_actions_of_a_file_are_added_to_a_session_and_never_cast_twice_by_chance(tmp_path):
+    rig, folder = NoteRig(), tmp_path / "s"
+    collect_casts(rig, asked(0, 1), folder, LIMITS)
+    given = [Action.from_array(row) for row in (ACTIONS[1], ACTIONS[3], ACTIONS[1])]
+
+    def collect(actions: list[Action]) -> int:
+        chosen = number_further(actions, read_session(folder).casts)
+        return collect_casts(rig, chosen, folder, LIMITS).added
+
+    assert collect(given) == 3
+    assert collect(given) == 0
+    assert collect([given[1], Action.from_array(ACTIONS[4])]) == 1
+    ids = [cast.action_id for cast in read_session(folder).casts]
+    assert ids == [0, 1, 5000, 5001, 5002, 5000]

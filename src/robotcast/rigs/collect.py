@@ -27,6 +27,7 @@ from robotcast.rigs.session import (
 )
 
 REPEATS_OF_ONE = 3
+FIRST_FURTHER = 5_000  # ids of actions that are of no grid, which numbers its own from 0
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,23 @@ def choose_casts(
     order = np.random.default_rng(seed).permutation(len(actions))[:casts]
     again = np.repeat(order, REPEATS_OF_ONE)[:repeats]
     return [(int(row), Action.from_array(actions[row])) for row in (*order, *again)]
+
+
+def number_further(
+    actions: Sequence[Action], casts: Sequence[CastRequest]
+) -> list[tuple[int, Action]]:
+    """Give actions that are of no grid the ids under which a session of `casts` may hold them.
+
+    An action that the session was asked for before keeps its id, so that a call that was cut
+    off can go on; one that stands there twice is cast twice.
+    """
+    known = {c.action: c.action_id for c in casts if c.action_id >= FIRST_FURTHER}
+    new = max(known.values(), default=FIRST_FURTHER - 1) + 1
+    for action in actions:
+        if action not in known:
+            known[action] = new
+            new += 1
+    return [(known[action], action) for action in actions]
 
 
 def collect_casts(
