@@ -1,15 +1,18 @@
 """A model put beside the trials: residuals, errors, and a count of what was simulated."""
 
 from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from robotcast.diagnosis.model import Model, Record
-from robotcast.fitting.least_squares import Residuals, difference_steps
+from robotcast.fitting.least_squares import Fit, Residuals, difference_steps, fit_robustly
 from robotcast.fitting.parameter import Parameter
 from robotcast.progress import Progress, silent
 
+LOST = 100.0  # of the scale: by how much a run that diverged misses in a fit
 LEAST_NOISE = 0.003  # of the scale: residuals are weighed against at least this much noise
 
 
@@ -32,8 +35,20 @@ class Inquiry:
         self.model = model
         self.records = tuple(records)
         self.noise = max(noise or 0.0, LEAST_NOISE * model.scale)
-        self.simulated = 0
-        self._progress = progress
+        self._runs = _Runs(progress)
+
+    @property
+    def simulated(self) -> int:
+        """How many trials were simulated so far."""
+        return self._runs.done
+
+    def beginnings(self, share: float) -> "Inquiry":
+        """Return the same inquiry into this share of every trial's samples, the first ones."""
+        other = copy(self)
+        for name in ("everything", "groups", "_padded"):
+            other.__dict__.pop(name, None)
+        other.records = tuple(_beginning(record, share) for record in self.records)
+        return other
 
     @cached_property
     def everything(self) -> np.ndarray:
@@ -76,10 +91,30 @@ class Inquiry:
             lost = (np.isnan(difference) & np.isfinite(self._measured(trials))).any(axis=(2, 3))
             weighed = np.nan_to_num(difference) / np.sqrt(counts)[:, None, None]
             weighed[lost] = 0
-            weighed[lost, 0, 0] = self.model.scale
+            weighed[lost, 0, 0] = LOST * self.model.scale
             return weighed.reshape(len(vectors), len(trials), -1) / self.noise
 
         return evaluate
+
+    def fit(
+        self,
+        active: Sequence[str],
+        start: np.ndarray,
+        iterations: int,
+        *,
+        trials: np.ndarray | None = None,
+        known: Fit | None = None,
+    ) -> Fit:
+        """Fit the model with these effects (see `fit_robustly`), to all trials by default."""
+        return fit_robustly(
+            self.residuals(active),
+            start,
+            self.steps(active),
+            self.everything if trials is None else trials,
+            iterations=iterations,
+            known=known,
+            free=self.free(active),
+        )
 
     def differences(
         self, active: Sequence[str], vectors: np.ndarray, trials: np.ndarray
@@ -87,8 +122,7 @@ class Inquiry:
         """Return predicted − measured, (n_vectors, m, k_max, d); NaN as in `Model.predict`."""
         chosen = [self.records[i] for i in trials]
         predicted = self.model.predict(chosen, active, self.values(active, vectors))
-        self.simulated += len(vectors) * len(trials)
-        self._progress(self.simulated, 0)
+        self._runs.add(len(vectors) * len(trials))
         measured = self._measured(trials)
         difference = np.full((len(vectors), *measured.shape), np.nan)
         k = min(predicted.shape[2], measured.shape[1])
@@ -133,3 +167,20 @@ class Inquiry:
         for row, record in zip(padded, self.records, strict=True):
             row[: len(record.times_s)] = record.measured
         return padded
+
+
+class _Runs:
+    """Counts simulated trials and tells."""
+
+    def __init__(self, progress: Progress) -> None:
+        self.done = 0
+        self._progress = progress
+
+    def add(self, runs: int) -> None:
+        self.done += runs
+        self._progress(self.done, 0)
+
+
+def _beginning(record: Record, share: float) -> Record:
+    k = max(2, round(share * len(record.times_s)))
+    return replace(record, times_s=record.times_s[:k], measured=record.measured[:k])

@@ -73,7 +73,7 @@ class Model(Protocol):
     def predict(
         self, records: Sequence[Record], active: Sequence[str], vectors: np.ndarray
     ) -> np.ndarray:
-        """Predict the signals of every trial under every parameter vector.
+        """Predict the signals of every trial, at its `times_s`, under every parameter vector.
 
         Parameters
         ----------

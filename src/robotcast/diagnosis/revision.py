@@ -7,11 +7,13 @@ import numpy as np
 from scipy.stats import qmc
 
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.fitting.least_squares import Fit, fit_robustly, trial_losses
+from robotcast.fitting.least_squares import Fit, trial_losses
 
-STARTS = 4  # local fits of the base model, from the best of a first look
-LOOKED_AT = 192  # parameter vectors of that first look
 FOLDS = 4
+EARLY = 0.65  # share of every trial that the search for a start sees: chaos comes late
+LOOKED_AT = 256  # parameter vectors of a first look, on a few trials
+FEW, SOME = 13, 26  # trials of the first look and of the fits that follow it
+BEGUN, LEFT, ENDED = 6, 3, 2  # fits that start, that go on, and that see whole trials
 
 
 @dataclass(frozen=True)
@@ -44,33 +46,43 @@ class HeldOut:
 
 
 def fit_base(inquiry: Inquiry, effects: Sequence[str], seed: int, iterations: int) -> Revision:
-    """Fit from several starts: the best of a first look at a third of the trials."""
+    """Fit from many starts, by elimination: on beginnings of some trials, then on all.
+
+    What a chaotic model does late in a trial has a valley for every way in which it tips over;
+    the beginnings lead smoothly to the right one.
+    """
     effects = tuple(effects)
-    residuals, trials = inquiry.residuals(effects), inquiry.everything
-    nominal, free, steps = inquiry.nominal(effects), inquiry.free(effects), inquiry.steps(effects)
+    early = inquiry.beginnings(EARLY)
+    some = _spread(inquiry.everything, SOME)
+    begun = [early.fit(effects, start, 3, trials=some) for start in _starts(early, effects, seed)]
+    begun.sort(key=lambda fit: fit.loss)
+    left = [early.fit(effects, fit.vector, 5, trials=some) for fit in begun[:LEFT]]
+    left.sort(key=lambda fit: fit.loss)
+    whole = [inquiry.fit(effects, fit.vector, 4) for fit in left[:ENDED]]
+    best = min(whole, key=lambda fit: fit.loss)
+    return Revision(effects, inquiry.fit(effects, best.vector, iterations))
+
+
+def _starts(early: Inquiry, effects: tuple[str, ...], seed: int) -> np.ndarray:
+    """Return the best vectors (BEGUN, n) of a Latin hypercube about the nominal one."""
+    nominal, free = early.nominal(effects), early.free(effects)
     cube = qmc.LatinHypercube(len(nominal), rng=np.random.default_rng(seed)).random(LOOKED_AT)
     looked = np.where(free, np.clip(nominal + 0.8 * (cube - 0.5), 0.02, 0.98), nominal)
     looked[0] = nominal
-    losses = trial_losses(residuals(looked, trials[::4])).mean(axis=1)
-    starts = looked[np.argsort(losses, kind="stable")[:STARTS]]
-    fits = [
-        fit_robustly(residuals, start, steps, trials, iterations=4, free=free) for start in starts
-    ]
-    best = min(fits, key=lambda fit: fit.loss)
-    return refit(inquiry, Revision(effects, best), iterations)
+    few = _spread(early.everything, FEW)
+    losses = trial_losses(early.residuals(effects)(looked, few)).mean(axis=1)
+    return looked[np.argsort(losses, kind="stable")[:BEGUN]]
+
+
+def _spread(trials: np.ndarray, n: int) -> np.ndarray:
+    """Return n of the trials, evenly spaced."""
+    return trials[:: max(1, len(trials) // n)]
 
 
 def refit(inquiry: Inquiry, revision: Revision, iterations: int) -> Revision:
     """Go on with the fit of a revision."""
-    fit = fit_robustly(
-        inquiry.residuals(revision.effects),
-        revision.fit.vector,
-        inquiry.steps(revision.effects),
-        inquiry.everything,
-        iterations=iterations,
-        free=inquiry.free(revision.effects),
-    )
-    return Revision(revision.effects, fit)
+    effects = revision.effects
+    return Revision(effects, inquiry.fit(effects, revision.fit.vector, iterations))
 
 
 def folds(groups: np.ndarray, seed: int) -> list[np.ndarray]:
@@ -88,15 +100,7 @@ def held_out(inquiry: Inquiry, revision: Revision, seed: int, iterations: int) -
         rest = np.setdiff1d(inquiry.everything, fold)
         whole = revision.fit
         known = Fit(whole.vector, whole.loss, whole.residual[rest], whole.jacobian[rest])
-        fit = fit_robustly(
-            inquiry.residuals(revision.effects),
-            whole.vector,
-            inquiry.steps(revision.effects),
-            rest,
-            iterations=iterations,
-            known=known,
-            free=inquiry.free(revision.effects),
-        )
+        fit = inquiry.fit(revision.effects, whole.vector, iterations, trials=rest, known=known)
         waypoint[fold], final[fold] = inquiry.errors(revision.effects, fit.vector, fold)
         vectors.append(fit.vector)
     return HeldOut(waypoint, final, np.array(vectors))

@@ -9,7 +9,7 @@ from robotcast.diagnosis.gain import Gain, gain
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
 from robotcast.diagnosis.screen import Screened, alike, screen
-from robotcast.fitting.least_squares import Fit, fit_robustly
+from robotcast.fitting.least_squares import Fit
 
 CONTENDERS = 7  # effects of a screen that are refitted for a few iterations
 LEADERS = 3  # of these, refitted to the end
@@ -158,15 +158,7 @@ def _refits(
 def _refit(
     inquiry: Inquiry, effects: tuple[str, ...], start: np.ndarray, iterations: int
 ) -> Revision:
-    fit = fit_robustly(
-        inquiry.residuals(effects),
-        start,
-        inquiry.steps(effects),
-        inquiry.everything,
-        iterations=iterations,
-        free=inquiry.free(effects),
-    )
-    return Revision(effects, fit)
+    return Revision(effects, inquiry.fit(effects, start, iterations))
 
 
 def _rematch(inquiry: Inquiry, top: Rung, rival: Revision, effort: Effort) -> Rung:

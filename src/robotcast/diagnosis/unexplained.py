@@ -10,7 +10,6 @@ from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision, held_out
 from robotcast.diagnosis.screen import screen
 from robotcast.diagnosis.search import Effort, Rung
-from robotcast.fitting.least_squares import fit_robustly
 
 FLEXIBLE = 0.25  # of the excess over the noise floor that a field must take away
 ITERATIONS = 3
@@ -51,14 +50,7 @@ def look_for_the_unknown(
     best = min(usable, key=lambda one: one.loss)
     effects = (*top.revision.effects, best.effect)
     tell("fitting the field")
-    fit = fit_robustly(
-        inquiry.residuals(effects),
-        best.start,
-        inquiry.steps(effects),
-        inquiry.everything,
-        iterations=ITERATIONS,
-        free=inquiry.free(effects),
-    )
+    fit = inquiry.fit(effects, best.start, ITERATIONS)
     revision = Revision(effects, fit)
     rung = Rung(revision, held_out(inquiry, revision, effort.seed, 1), best.predicted)
     saved = gain(top.errors.waypoint, rung.errors.waypoint, inquiry.groups, floor)

@@ -1,8 +1,11 @@
 """Robust nonlinear least squares over trials, with every evaluation batched.
 
-Levenberg–Marquardt on finite-difference Jacobians (Nocedal and Wright 2006, ch. 10). A trial
-counts by the root of its mean square (a pseudo-Huber loss over whole trials), because a few
-whip-like trials miss by ten times the rest and would otherwise decide the fit.
+Levenberg–Marquardt on finite-difference Jacobians (Nocedal and Wright 2006, ch. 10), for models
+that are chaotic on some trials. Two things make it work there. A trial counts by the logarithm
+of its mean square (a Cauchy loss over whole trials), because a few whip-like trials jump by ten
+times the rest where the whip tips over. Differences are central and taken along the axes of the
+last curvature, each as long as the trials tell parameters apart along it: an axis along which
+the model is stiff is probed where it is linear, a soft one beyond the noise.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,10 +15,11 @@ import numpy as np
 
 from robotcast.fitting.parameter import Parameter
 
-DAMPINGS = (1e-4, 1e-2, 1e-1, 1.0, 10.0)  # tried side by side, in units of the curvature
+DAMPINGS = (1e-4, 1e-2, 1e-1, 0.5, 2.0, 10.0)  # tried side by side, in units of the curvature
 DIFFERENCE = 0.02  # of a parameter's range; of an effect's strength, from its probes
+REACH = 0.15  # of a parameter's range: no difference is taken over more
 PRIOR_SD = 1.0  # of a parameter's range: holds what the trials do not tell at its start
-ENOUGH = 2e-3  # a step that lowers the loss by less than this share ends the fit
+ENOUGH = 1e-3  # two steps that lower the loss by less than this share end the fit
 
 Residuals = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(unit vectors (n_vectors, n), numbers of trials (m,)) → (n_vectors, m, D) residuals.
@@ -32,7 +36,7 @@ class Fit:
     Attributes
     ----------
     vector : ndarray of shape (n,), in [0, 1].
-    loss : mean over trials of √(1 + mean square) − 1.
+    loss : mean over trials of ½ ln(1 + mean square).
     residual : ndarray of shape (n_trials, D).
     jacobian : ndarray of shape (n_trials, D, n), of the residuals, near `vector`.
     """
@@ -49,13 +53,13 @@ class Fit:
 
 
 def trial_losses(residual: np.ndarray) -> np.ndarray:
-    """Return √(1 + mean square) − 1 of every trial, (..., n_trials); ∞ where it diverged."""
-    return np.sqrt(1 + (residual**2).sum(axis=-1)) - 1
+    """Return ½ ln(1 + mean square) of every trial, (..., n_trials)."""
+    return 0.5 * np.log1p((residual**2).sum(axis=-1))
 
 
 def trial_weights(residual: np.ndarray) -> np.ndarray:
     """Return the weights of the equivalent weighted least squares, (n_trials,)."""
-    return 1 / np.sqrt(1 + (residual**2).sum(axis=-1))
+    return 1 / (1 + (residual**2).sum(axis=-1))
 
 
 def difference_steps(parameters: Sequence[Parameter]) -> np.ndarray:
@@ -69,20 +73,6 @@ def _difference(parameter: Parameter) -> float:
     null, probes = np.asarray(parameter.null), np.asarray(parameter.probes)
     reach = np.abs(parameter.to_unit(probes) - parameter.to_unit(null))
     return float(0.25 * reach.max())
-
-
-def jacobian(
-    residuals: Residuals, vector: np.ndarray, steps: np.ndarray, trials: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the residuals (n_trials, D) at `vector` and their Jacobian (n_trials, D, n).
-
-    Each difference goes towards the middle of the range, so that none leaves it.
-    """
-    signed = np.where(vector > 0.5, -steps, steps)
-    rows = np.vstack([vector, vector + np.diag(signed)])
-    values = residuals(rows, trials)
-    slopes = (values[1:] - values[0]) / signed[:, None, None]
-    return values[0], np.moveaxis(slopes, 0, -1)
 
 
 def fit_robustly(
@@ -99,41 +89,72 @@ def fit_robustly(
 
     Parameters
     ----------
+    steps : differences of the first Jacobian, (n,).
     trials : numbers of the trials that the fit sees, (m,).
     known : a fit of these trials that ended at `start`; its Jacobian serves the first step.
     free : bool (n,), which parameters may change; all by default.
     """
     free = np.ones(len(start), bool) if free is None else free
-    if known is None:
-        known = _evaluate(residuals, start, steps, trials)
-    best, fresh = known, True
+    best = known
+    small = 0
     for iteration in range(iterations):
-        if not fresh:
-            best = _evaluate(residuals, best.vector, steps, trials)
+        if best is None or iteration:
+            best = _differentiated(residuals, best, start, steps, trials, free)
+        before = _whole_loss(best.residual[None], best.vector[None], start)[0]
         tried = _proposals(best, start, free)
         values = residuals(tried, trials)
         losses = _whole_loss(values, tried, start)
         chosen = int(np.argmin(losses))
-        before = _whole_loss(best.residual[None], best.vector[None], start)[0]
-        if not losses[chosen] < before:
+        if losses[chosen] < before:
+            best = _moved(best, tried[chosen], values[chosen])
+        small = small + 1 if losses[chosen] > before * (1 - ENOUGH) else 0
+        if small == 2:
             break
-        best = replace(
-            best,
-            vector=tried[chosen],
-            residual=values[chosen],
-            loss=float(trial_losses(values[chosen]).mean()),
-        )
-        fresh = False
-        if losses[chosen] > before * (1 - ENOUGH) and iteration:
-            break
+    if best is None:
+        raise ValueError("a fit needs at least one iteration")
     return best
 
 
-def _evaluate(
-    residuals: Residuals, vector: np.ndarray, steps: np.ndarray, trials: np.ndarray
+def _moved(fit: Fit, vector: np.ndarray, residual: np.ndarray) -> Fit:
+    return replace(fit, vector=vector, residual=residual, loss=float(trial_losses(residual).mean()))
+
+
+def _differentiated(
+    residuals: Residuals,
+    last: Fit | None,
+    start: np.ndarray,
+    steps: np.ndarray,
+    trials: np.ndarray,
+    free: np.ndarray,
 ) -> Fit:
-    residual, slopes = jacobian(residuals, vector, steps, trials)
-    return Fit(vector, float(trial_losses(residual).mean()), residual, slopes)
+    """Return a fit with a fresh Jacobian, at the best of the points that it took."""
+    vector = start if last is None else last.vector
+    axes = np.diag(steps)[free] if last is None else _axes(last, free)
+    rows = np.clip(np.vstack([vector, vector + axes, vector - axes]), 0.0, 1.0)
+    values = residuals(rows, trials)
+    apart = rows[1:] - vector
+    moved = (values[1:] - values[0]).reshape(len(apart), -1)
+    slopes = np.linalg.lstsq(apart, moved, rcond=None)[0].T
+    slopes = slopes.reshape(*values[0].shape, len(vector))
+    losses = _whole_loss(values, rows, start)
+    chosen = int(np.argmin(losses))
+    loss = float(trial_losses(values[chosen]).mean())
+    return Fit(rows[chosen], loss, values[chosen], slopes)
+
+
+def _axes(fit: Fit, free: np.ndarray) -> np.ndarray:
+    """Return the curvature's axes (n_free, n), each moving the residuals by about the noise."""
+    curvature = _curvature(fit)[np.ix_(free, free)]
+    values, vectors = np.linalg.eigh(curvature)
+    lengths = np.sqrt(fit.weights.sum() / np.maximum(values, 1e-9))
+    axes = np.zeros((len(values), len(fit.vector)))
+    axes[:, free] = (vectors * np.minimum(lengths, REACH)).T
+    return axes
+
+
+def _curvature(fit: Fit) -> np.ndarray:
+    weighted = fit.jacobian * fit.weights[:, None, None]
+    return np.einsum("idn,idm->nm", weighted, fit.jacobian)
 
 
 def _whole_loss(residual: np.ndarray, vectors: np.ndarray, start: np.ndarray) -> np.ndarray:
@@ -144,9 +165,8 @@ def _whole_loss(residual: np.ndarray, vectors: np.ndarray, start: np.ndarray) ->
 def _proposals(fit: Fit, start: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Return one step for every damping, (n_dampings, n), clipped to the range."""
     weighted = fit.jacobian * fit.weights[:, None, None]
-    curvature = np.einsum("idn,idm->nm", weighted, fit.jacobian)
-    curvature += np.eye(len(start)) / PRIOR_SD**2
     slope = np.einsum("idn,id->n", weighted, fit.residual) + (fit.vector - start) / PRIOR_SD**2
+    curvature = _curvature(fit) + np.eye(len(start)) / PRIOR_SD**2
     curvature, slope = curvature[np.ix_(free, free)], slope[free]
     proposals = np.tile(fit.vector, (len(DAMPINGS), 1))
     for row, damping in zip(proposals, DAMPINGS, strict=True):
