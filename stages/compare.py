@@ -11,7 +11,7 @@ import numpy as np
 from effects import build_effects
 from hydra.utils import instantiate
 from omegaconf import DictConfig
-from stage import bar, console, output_folder, stage
+from stage import bar, console, output_folder, require, stage
 
 from robotcast.cast_model.model import CastModel
 from robotcast.cast_model.records import cast_records
@@ -34,9 +34,7 @@ ITERATIONS = 8  # of the fit, after its several starts
 
 
 def compare_stage(config: DictConfig) -> None:
-    for name in ("measurements", "output"):
-        if config[name] is None:
-            raise ValueError(f"{name}=DIR is needed")
+    require(config, "measurements", "output")
     measured = read_measurement_set(Path(config.measurements))
     if measured.notice:
         console.print(measured.notice, style="yellow", markup=False)

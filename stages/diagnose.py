@@ -12,7 +12,7 @@ from effects import build_effects, build_fields, known_effects
 from grids import build_envelope, build_grid, build_limits
 from hydra.utils import instantiate
 from omegaconf import DictConfig
-from stage import bar, console, output_folder, stage
+from stage import bar, console, output_folder, require, stage
 
 from robotcast.cast_model.field_drawing import draw_field
 from robotcast.cast_model.further import further_casts
@@ -36,9 +36,7 @@ FURTHER = 150  # casts of the collected grid, of which the next to run are chose
 
 
 def diagnose_stage(config: DictConfig) -> None:
-    for name in ("measurements", "output"):
-        if config[name] is None:
-            raise ValueError(f"{name}=DIR is needed")
+    require(config, "measurements", "output")
     measured = read_measurement_set(Path(config.measurements))
     if measured.notice:
         console.print(measured.notice, style="yellow", markup=False)
@@ -101,6 +99,7 @@ def _facts(config: DictConfig, measured: MeasurementSet) -> dict[str, Any]:
         "rig": measured.rig,
         "measurements": str(config.measurements),
         "output": str(config.output),
+        "pipeline": True,
         "notes": notes,
     }
 

@@ -48,6 +48,13 @@ def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
     return hydra.main(version_base=None, config_path=CONFIGURATION, config_name="config")(run)
 
 
+def require(config: DictConfig, *names: str) -> None:
+    """Refuse a call that names no folder for one of these settings."""
+    for name in names:
+        if config[name] is None:
+            raise ValueError(f"{name}=DIR is needed")
+
+
 def output_folder(default: str) -> Path:
     """Return where to write: `default`, or the job's own folder in a Hydra multirun."""
     if HydraConfig.get().mode == RunMode.MULTIRUN:

@@ -5,25 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robotcast.cast_model.wording import CAST_WORDING
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.wording import Axis, Wording
 
 SCALE = 0.5
 NOISE = 0.005
 TIMES_S = np.arange(25) * 0.1
 PHASES = {"swing": 0.0, "coast": 1.0, "rest": 1.8}
-WORDS = Wording(
-    trial="cast",
-    trials="casts",
-    sample="waypoint",
-    samples="waypoints",
-    mover="the free end",
-    axes=(
-        Axis("x", "m", "far from the robot", "near the robot"),
-        Axis("y", "m", "on the left", "on the right"),
-    ),
-    factor_units={"alpha": "rad", "vmax": "m/s"},
-)
+WORDS = CAST_WORDING
 
 
 @dataclass(frozen=True)

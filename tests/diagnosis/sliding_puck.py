@@ -1,6 +1,6 @@
 """A puck that is pushed over a board and slows down: a model that costs nothing to run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,6 +49,7 @@ SHIFT = Mechanism(
     (strength("dx", "m", 0.3, 0.01), strength("dy", "m", 0.3, 0.01)),
 )
 TURN = Mechanism("turn", "the camera is turned", (strength("phi", "rad", 0.3, 0.01),))
+SHEAR = Mechanism("shear", "the camera shears its picture", (strength("k", "1", 0.3, 0.01),))
 DEAD = Mechanism("dead", "something the model does not know", (strength("k", "1", 1.0, 0.1),))
 FAINT = Mechanism("faint", "something far too small", (strength("k", "1", 1.0, 0.1),))
 NULLED = Mechanism("nulled", "something that is held", (strength("k", "1", 1.0, 0.0),))
@@ -103,6 +104,8 @@ def _path(record: Record, drag: float, gain: float, own: dict[str, np.ndarray]) 
     if "turn" in own:
         cosine, sine = np.cos(own["turn"][0]), np.sin(own["turn"][0])
         path = path @ np.array([[cosine, sine], [-sine, cosine]])
+    if "shear" in own:
+        path = path + np.stack([0 * path[:, 0], own["shear"][0] * path[:, 0]], axis=1)
     return path + own.get("shift", np.zeros(2))
 
 
@@ -115,13 +118,24 @@ def pushes(
 ) -> tuple[Record, ...]:
     """Return measured pushes of a puck with `hidden` effects (name → values of parameters)."""
     rng = np.random.default_rng(seed)
+    factors = [
+        {"speed": rng.uniform(0.4, 1.2), "heading": rng.uniform(*heading)} for _ in range(groups)
+    ]
+    return pushed([f for f in factors for _ in range(repeats)], seed, **hidden)
+
+
+def pushed(
+    factors: Sequence[Mapping[str, float]], seed: int = 0, **hidden: Sequence[float]
+) -> tuple[Record, ...]:
+    """Return measured pushes with these factors; equal ones are repeats."""
+    rng = np.random.default_rng(seed)
     own = {name: np.array(values, dtype=float) for name, values in hidden.items()}
+    groups: list[Mapping[str, float]] = []
     records: list[Record] = []
-    for group in range(groups):
-        factors = {"speed": rng.uniform(0.4, 1.2), "heading": rng.uniform(*heading)}
-        for _ in range(repeats):
-            bare = Record(len(records), group, TIMES_S, np.zeros((len(TIMES_S), 2)), factors)
-            path = _path(bare, DRAG_PER_S, GAIN, own)
-            noise = NOISE_M * rng.normal(size=(1, 2)) + NOISE_M / 2 * rng.normal(size=path.shape)
-            records.append(Record(bare.trial, group, TIMES_S, path + noise, factors))
+    for some in factors:
+        groups += [] if some in groups else [some]
+        number, group = len(records), groups.index(some)
+        path = _path(Record(number, group, TIMES_S, TIMES_S[:, None], some), DRAG_PER_S, GAIN, own)
+        noise = NOISE_M * rng.normal(size=(1, 2)) + NOISE_M / 2 * rng.normal(size=path.shape)
+        records.append(Record(number, group, TIMES_S, path + noise, some))
     return tuple(records)

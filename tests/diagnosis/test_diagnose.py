@@ -18,12 +18,14 @@ from tests.diagnosis.sliding_puck import (
     GAIN,
     LATE,
     NULLED,
+    SHEAR,
     SHIFT,
     TILT,
     TURN,
     WORDS,
     Mechanism,
     Puck,
+    pushed,
     pushes,
 )
 
@@ -154,3 +156,21 @@ def test_the_next_trials_would_move_what_is_hardly_seen() -> None:
     assert len(said["next_actions"]) in range(0, 9)
     for trial in said["next_actions"]:
         assert set(trial["separates"]) <= weak and trial["difference_percent"] > 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hidden", ["turn", "shear"])
+def test_the_suggested_trials_tell_a_confused_pair_apart(hidden: str) -> None:
+    """Straight ahead a turned picture and a sheared one look alike; to the side they do not."""
+    effects = (TILT, SHIFT, TURN, SHEAR)
+    size: dict[str, Any] = {hidden: (0.03,)}
+    alike = pushes(0, heading=(0.1, 0.3), **size)
+    wide = Further(Puck(*effects), pushes(5, groups=60, repeats=1))
+    said = diagnosed(alike, *effects, further=lambda: wide)
+    assert any({"turn", "shear"} <= set(some) for some in said["confusion_set"])
+    chosen = [{n: t[n] for n in ("speed", "heading")} for t in said["next_actions"]]
+    assert chosen and all(abs(some["heading"]) > 0.5 for some in chosen)
+    assert all(len(t["separates"]) == 2 for t in said["next_actions"])
+    told = [dict(record.factors) for record in alike]
+    again = diagnosed(pushed([*told, *chosen], 1, **size), *effects)
+    assert again["verdict"] == [hidden]

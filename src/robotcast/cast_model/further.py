@@ -38,7 +38,7 @@ def further_casts(
         times_s = np.arange(0.0, planned.end_s + max(coast_s, 0.0), measured.period_s)
         casts[number] = SimulatedCast(planned.tool, times_s)
         nowhere = np.full((len(times_s), 2), np.nan)
-        numbers = planned.action.as_array().tolist()
+        numbers = (planned.action.as_array() + 0.0).tolist()  # no −0
         factors: dict[str, float] = dict(zip(ACTION_COLUMNS, numbers, strict=True))
         records.append(Record(number, number, times_s, nowhere, factors))
     return Further(model.of_casts(casts), tuple(records))

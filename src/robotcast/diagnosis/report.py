@@ -215,7 +215,7 @@ def _why(inquiry: Inquiry, one: NextTrial, wording: Wording) -> str:
     if name == "unknown":
         return f"the missing force, as it was fitted, moves this {wording.trial} by {apart}"
     text = inquiry.model.effects[name].text
-    return f"if {text}, a small amount of it moves this {wording.trial} by {apart}"
+    return f"{text}: a little of it moves this {wording.trial} by {apart}"
 
 
 def confusion_set(found: Found) -> list[list[str]]:

@@ -91,7 +91,7 @@ def _floor(across: Scale, floor: float, unit: str, bottom: float) -> Markup:
     right = at < (across.start + across.end) / 2
     return tag(
         "g",
-        hint(f"{label}: how far repeats of one cast lie from each other. No model can do better."),
+        hint(f"{label}: how far repeats lie from each other. No model can do better."),
         tag(
             "rect",
             x=across.start,

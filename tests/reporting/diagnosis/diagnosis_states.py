@@ -124,6 +124,9 @@ BASE = {
 
 def effect() -> dict[str, Any]:
     return {
+        "words": WORDS.as_dict(2),
+        "conclusive": True,
+        "pipeline": True,
         "verdict": ["board_tilt"],
         "sentence": "The board is not level: adding board_tilt lowers the error on held-out casts "
         "from 3.12 % to 1.04 % of cable length.",
@@ -255,7 +258,10 @@ def running() -> dict[str, Any]:
 
 
 def just_started() -> dict[str, Any]:
-    return {"finished": False, "doing": "fitting the base model", "measurements": "b"}
+    return {
+        "words": WORDS.as_dict(2), "finished": False, "doing": "fitting the base model",
+        "measurements": "b",
+    }  # fmt: skip
 
 
 def too_few() -> dict[str, Any]:
@@ -263,6 +269,7 @@ def too_few() -> dict[str, Any]:
         **effect(),
         "verdict": ["none"],
         "sentence": "Three casts are too few to judge any effect.",
+        "conclusive": False,
         "confusion_set": [], "casts": 3, "actions": 3, "noise_floor_percent": None,
         "notes": [
             "The set has 3 casts; at least 8 of different actions are needed to hold some back.",

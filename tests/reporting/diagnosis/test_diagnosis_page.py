@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from robotcast.diagnosis.wording import Wording
 from robotcast.reporting.diagnosis.page import diagnosis_page
 from tests.reporting.diagnosis.diagnosis_states import (
     STATES,
@@ -99,7 +100,7 @@ def test_effects_that_cannot_be_judged_are_told_apart_from_absent_ones() -> None
     assert "friction patch" not in rows and "resting curvature" not in rows
     words = text_of(page)
     assert "friction patch (simulating it changes no prediction" in words
-    assert "resting curvature (the simulator does not react" in words
+    assert "resting curvature (the model does not react" in words
 
 
 def test_text_from_data_cannot_break_the_page() -> None:
@@ -107,6 +108,20 @@ def test_text_from_data_cannot_break_the_page() -> None:
     page = diagnosis_page(plain)
     assert "a &lt; b &amp; &lt;b&gt;" in page
     assert "<script>" not in page
+
+
+def test_a_model_of_another_kind_is_spoken_of_in_its_own_words() -> None:
+    words = Wording(trial="drop", trials="drops", group="ball", groups="balls").as_dict(1)
+    for state in (effect, none, several, unknown, running, too_few):
+        own = {**state(), "words": words, "pipeline": False, "error_unit": "cm", "notes": []}
+        own["sentence"] = own["sentence"].replace("cast", "drop").replace("Cast", "Drop")
+        own["ranking"], own["next_actions"] = own["ranking"][:1], []
+        page = diagnosis_page({**own, "unexplained": None})
+        assert "cast" not in text_of(page).lower()
+        assert "stages/" not in page and "dvc" not in page
+    assert "fixed=[&#39;board_tilt&#39;]" in diagnosis_page(
+        {**effect(), "words": words, "pipeline": False}
+    )
 
 
 def test_a_model_of_another_kind_shows_its_own_unit() -> None:

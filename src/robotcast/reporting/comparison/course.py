@@ -6,15 +6,13 @@ from typing import Any
 
 from markupsafe import Markup
 
-from robotcast.reporting.comparison.labels import tick_label
+from robotcast.reporting.comparison.axes import axes
 from robotcast.reporting.comparison.plane import upright
 from robotcast.reporting.inline_svg import (
     BLUE,
-    FAINT,
     GREEN,
     INK,
     LINE,
-    SOFT,
     Scale,
     drawing,
     line,
@@ -38,7 +36,8 @@ def course_figure(comparison: Mapping[str, Any]) -> Markup:
     up = Scale(0.0, top, _HEIGHT - _BOTTOM, _TOP)
     noise = [math.nan if v is None else v for v in course["noise"]]
     parts = [
-        *_axes(across, up, comparison["error_unit"]),
+        *axes(across, up, "time [s]", (9, 5), 11.0),
+        upright(11.0, (up.start + up.end) / 2, f"error [{comparison['error_unit']}]"),
         *_phases(comparison["phases"], across),
         _band(across, up, times, course["lower"], course["upper"]),
         _curve(across, up, times, noise, GREEN, 1.6, "5 4"),
@@ -47,30 +46,6 @@ def course_figure(comparison: Mapping[str, Any]) -> Markup:
     if len(times) == 1:
         parts.append(tag("circle", cx=across(times[0]), cy=up(course["mean"][0]), r=4, fill=BLUE))
     return drawing(_WIDTH, _HEIGHT, "Error over time", *parts)
-
-
-def _axes(across: Scale, up: Scale, unit: str) -> list[Markup]:
-    parts = []
-    for value in up.ticks(5):
-        parts += [
-            line(across.start, up(value), across.end, up(value), stroke=FAINT),
-            text(
-                across.start - 6, up(value) + 4, tick_label(value), "end", font_size=11, fill=SOFT
-            ),
-        ]
-    for value in across.ticks(9):
-        x = across(value)
-        parts += [
-            line(x, up.start, x, up.start + 4),
-            text(x, up.start + 17, tick_label(value), "middle", font_size=11, fill=SOFT),
-        ]
-    middle = (across.start + across.end) / 2
-    parts += [
-        line(across.start, up.start, across.end, up.start),
-        text(middle, up.start + 34, "time [s]", "middle", font_size=11.5, fill=SOFT),
-        upright(11.0, (up.start + up.end) / 2, f"error [{unit}]"),
-    ]
-    return parts
 
 
 def _phases(phases: Sequence[Mapping[str, Any]], across: Scale) -> list[Markup]:

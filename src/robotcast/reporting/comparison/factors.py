@@ -6,19 +6,17 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from robotcast.reporting.comparison.labels import factor_label, tick_label
+from robotcast.reporting.comparison.axes import axes
+from robotcast.reporting.comparison.labels import factor_label
 from robotcast.reporting.inline_svg import (
     BLUE,
-    FAINT,
     SOFT,
     VERMILION,
     Scale,
     drawing,
     hint,
-    line,
     nice_top,
     tag,
-    text,
 )
 from robotcast.reporting.numbers import error
 
@@ -46,7 +44,10 @@ def _panel(comparison: Mapping[str, Any], name: str, top: float) -> Markup:
     up = Scale(0.0, top, _HEIGHT - _BOTTOM, _TOP)
     running = zip(trend["running_values"], trend["running_median"], strict=True)
     way = "L".join(f"{across(v):.1f} {up(min(e, top)):.1f}" for v, e in running)
-    parts = [*_axes(across, up, factor_label(name, unit)), *_points(comparison, trend, across, up)]
+    parts = [
+        *axes(across, up, factor_label(name, unit), (4, 4), 10.5),
+        *_points(comparison, trend, across, up),
+    ]
     if way:
         parts.append(
             tag(
@@ -59,26 +60,6 @@ def _panel(comparison: Mapping[str, Any], name: str, top: float) -> Markup:
             )
         )
     return drawing(_WIDTH, _HEIGHT, f"Error against {name}", *parts)
-
-
-def _axes(across: Scale, up: Scale, label: str) -> list[Markup]:
-    parts = []
-    for value in up.ticks(4):
-        parts += [
-            line(across.start, up(value), across.end, up(value), stroke=FAINT),
-            text(
-                across.start - 5, up(value) + 4, tick_label(value), "end", font_size=10.5, fill=SOFT
-            ),
-        ]
-    for value in across.ticks(4):
-        x = across(value)
-        parts.append(text(x, up.start + 14, tick_label(value), "middle", font_size=10.5, fill=SOFT))
-    middle = (across.start + across.end) / 2
-    parts += [
-        line(across.start, up.start, across.end, up.start),
-        text(middle, up.start + 31, label, "middle", font_size=12),
-    ]
-    return parts
 
 
 def _points(

@@ -16,7 +16,7 @@ KICKERS: dict[State, str] = {
     "running": "Still running",
     "too few": "Too few data",
     "unknown": "Something is missing that has no name here",
-    "none": "Nothing is missing that these casts could show",
+    "none": "Nothing is missing that these {trials} could show",
     "confused": "Missing effect found, hardly told from another",
     "found": "Missing effect found",
 }
@@ -37,7 +37,7 @@ def state_of(diagnosis: Diagnosis) -> State:
         return "running"
     if diagnosis.unexplained or "unknown" in diagnosis.verdict:
         return "unknown"
-    if not diagnosis.ladder:
+    if not diagnosis.conclusive or not diagnosis.ladder:
         return "too few"
     if diagnosis.found:
         return "confused" if rivals(diagnosis) else "found"
@@ -53,11 +53,11 @@ def kicker(diagnosis: Diagnosis, state: State) -> str:
         return f"{len(diagnosis.found)} missing effects found"
     if state == "unknown" and diagnosis.found:
         return "An effect found, and more that has no name here"
-    return KICKERS[state]
+    return KICKERS[state].format(trials=diagnosis.words["trials"])
 
 
 def rivals(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return the effects that the casts cannot tell from those that the verdict names."""
+    """Return the effects that the trials cannot tell from those that the verdict names."""
     named = set(diagnosis.found)
     others = [e for s in diagnosis.confusion_sets if named & set(s) for e in s]
     return tuple(dict.fromkeys(e for e in others if e not in named))
@@ -86,7 +86,7 @@ def _headline(diagnosis: Diagnosis) -> str:
         return f"No verdict yet: {diagnosis.doing}."
     if diagnosis.found:
         return f"The model lacks {' and '.join(effect_name(e) for e in diagnosis.found)}."
-    return f"{KICKERS[state]}."
+    return f"{kicker(diagnosis, state)}."
 
 
 def tiles(diagnosis: Diagnosis) -> tuple[Tile, ...]:
@@ -94,8 +94,8 @@ def tiles(diagnosis: Diagnosis) -> tuple[Tile, ...]:
     shown = [_fall(diagnosis), _floor(diagnosis)]
     ranked = [r for r in (diagnosis.ranked(e) for e in diagnosis.found) if r]
     if ranked:
-        shown += [_chance(ranked), _stability(ranked[0])]
-    else:
+        shown += [_chance(ranked), _stability(ranked[0], diagnosis.words["trials"])]
+    elif diagnosis.conclusive:
         shown.append(_noticed(diagnosis))
     return tuple(tile for tile in shown if tile)
 
@@ -118,8 +118,9 @@ def _floor(diagnosis: Diagnosis) -> Tile | None:
     if floor is None and not diagnosis.finished:
         return None
     if floor is None:
-        return Tile("unknown", "noise floor", "No cast was repeated, so noise cannot be measured.")
-    why = "How far repeats of one cast lie from each other. No model can do better."
+        why = f"No {diagnosis.words['trial']} was repeated, so noise cannot be measured."
+        return Tile("unknown", "noise floor", why)
+    why = f"How far repeats of one {diagnosis.words['trial']} lie apart. No model can do better."
     return Tile(error(floor, diagnosis.unit), "noise floor from repeats", why)
 
 
@@ -131,10 +132,10 @@ def _chance(ranked: list[Ranked]) -> Tile | None:
     return Tile(odds(max(known)), "by chance alone", why)
 
 
-def _stability(first: Ranked) -> Tile | None:
+def _stability(first: Ranked, trials: str) -> Tile | None:
     if first.first_in_resamples is None:
         return None
-    why = "The casts were drawn anew many times; this is how often the effect came out first."
+    why = f"The {trials} were drawn anew many times; so often the effect came out first."
     return Tile(share(first.first_in_resamples), "of resamples rank it first", why)
 
 
@@ -144,7 +145,8 @@ def _noticed(diagnosis: Diagnosis) -> Tile | None:
         return None
     seen = sum(p >= ENOUGH_POWER for p in powers)
     why = (
-        "For these effects the power is at least 80 %: had one of them mattered, these casts "
-        "would most likely have shown it. Of the others nothing is known."
+        "For these effects the power is at least 80 %: had one of them mattered, these "
+        f"{diagnosis.words['trials']} would most likely have shown it. Of the others nothing is "
+        "known."
     )
     return Tile(f"{seen} of {len(powers)}", "effects would have been noticed", why)

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from robotcast.diagnosis.wording import PLAIN
 from robotcast.reporting.ladder import Rung
 from robotcast.reporting.names import effect_name
 from robotcast.reporting.numbers import error
@@ -97,10 +98,16 @@ class Diagnosis:
     verdict : effect ids, or ("none",), or ("unknown",); empty while it is not known.
     output : the folder of the diagnosis, empty when not known.
     model : every effect of the last model of the ladder, those fixed in advance included.
+    words : what trials and their groups are called (`Wording.as_dict`).
+    conclusive : False when the trials are too few to confirm anything.
+    pipeline : whether the stages know the model, so that their commands help.
     unit, error_name : "%" and "of cable length".
     doing : what the run is at, empty once it has finished.
     """
 
+    words: Mapping[str, Any]
+    conclusive: bool
+    pipeline: bool
     verdict: tuple[str, ...]
     sentence: str
     model: tuple[str, ...]
@@ -140,6 +147,9 @@ def read_diagnosis(plain: Mapping[str, Any]) -> Diagnosis:
     unit, _, rest = str(plain.get("error_unit") or "%").partition(" ")
     finished = bool(plain.get("finished", True))
     return Diagnosis(
+        words=plain.get("words") or PLAIN.as_dict(0),
+        conclusive=bool(plain.get("conclusive", True)),
+        pipeline=bool(plain.get("pipeline")),
         verdict=tuple(plain.get("verdict") or ()),
         sentence=str(plain.get("sentence") or ""),
         model=_model(plain),

@@ -71,6 +71,11 @@ def _folder(diagnosis: Diagnosis) -> str:
     return "" if "/" in diagnosis.measurements else "DIR is the folder of this measurement set. "
 
 
+def _add_command(diagnosis: Diagnosis) -> str:
+    """Return the command of `add_command` for all that was found; none without the stages."""
+    return add_command(diagnosis, diagnosis.model) if diagnosis.pipeline else ""
+
+
 def _wait(diagnosis: Diagnosis) -> list[Step]:
     return [
         Step(f"Nothing yet. The run is at: {readable(diagnosis, diagnosis.doing)}."),
@@ -80,6 +85,8 @@ def _wait(diagnosis: Diagnosis) -> list[Step]:
 
 def _add(diagnosis: Diagnosis) -> list[Step]:
     names = " and ".join(effect_name(e) for e in diagnosis.found)
+    if not diagnosis.pipeline:
+        return [_let_act(diagnosis, names)]
     steps = [
         Step(
             f"Add {names} and tune again. {_folder(diagnosis)}Watch the error fall in "
@@ -92,25 +99,38 @@ def _add(diagnosis: Diagnosis) -> list[Step]:
         ),
     ]
     if diagnosis.next_trials:
-        steps.append(Step("To be surer, run more casts:", link=("#next", "which casts")))
+        trials = diagnosis.words["trials"]
+        steps.append(Step(f"To be surer, run more {trials}:", link=("#next", f"which {trials}")))
     return steps
+
+
+def _let_act(diagnosis: Diagnosis, names: str) -> Step:
+    """Say how to go on with a model that the stages do not know."""
+    return Step(
+        f"Let {names} act from the start and diagnose again: the error falls, and what else is "
+        "missing shows. In the code:",
+        f"fixed={list(diagnosis.model)}",
+    )
 
 
 def _tell_apart(diagnosis: Diagnosis) -> list[Step]:
     found = " and ".join(effect_name(e) for e in diagnosis.found)
     others = " and ".join(effect_name(e) for e in rivals(diagnosis))
+    trials = diagnosis.words["trials"]
     if diagnosis.next_trials:
         first = Step(
-            f"Run these casts: on them {found} and {others} predict different paths. Then "
-            "diagnose again with the new casts in the set.",
+            f"Run these {trials}: on them {found} and {others} predict different paths. Then "
+            f"diagnose again with the new {trials} in the set.",
             link=("actions.csv", "actions.csv: all of them"),
             trials=3,
         )
     else:
         first = Step(
-            f"To be sure, measure {found} on the rig itself: in these casts {others} would leave "
+            f"To be sure, measure {found} itself: in these {trials} {others} would leave "
             "almost the same trace."
         )
+    if not diagnosis.pipeline:
+        return [first, _let_act(diagnosis, found)]
     until = Step(
         f"Until then {found} fits best: add it and tune again. {_folder(diagnosis)}Watch the "
         f"error fall in {_outputs(diagnosis)}/revisions.html.",
@@ -122,45 +142,45 @@ def _tell_apart(diagnosis: Diagnosis) -> list[Step]:
 def _write_an_effect(diagnosis: Diagnosis) -> list[Step]:
     steps = []
     if diagnosis.found:
-        steps.append(
-            Step(
-                f"Keep what was found. {_folder(diagnosis)}".strip(),
-                add_command(diagnosis, diagnosis.model),
-            )
-        )
+        folder = _folder(diagnosis) if diagnosis.pipeline else ""
+        text = f"Keep what was found. {folder}".strip()
+        steps.append(Step(text, _add_command(diagnosis)))
     if diagnosis.unexplained and diagnosis.unexplained.field:
         steps.append(Step("Look at the missing force and guess its law:", link=("#field", "field")))
-    steps.append(
-        Step(
-            "Write it as an effect: one class and one YAML file; a start is written below.",
-            link=("#write", "how to write it"),
-        )
-    )
+    if diagnosis.pipeline:
+        text = "Write it as an effect: one class and one YAML file; a start is written below."
+        steps.append(Step(text, link=("#write", "how to write it")))
+    else:
+        steps.append(Step("Write it as one more candidate of your model."))
     steps.append(Step("Diagnose again. The new effect is tested like every other."))
     if diagnosis.next_trials:
-        steps.append(Step("Or measure more where it shows:", link=("#next", "next casts")))
+        steps.append(Step("Or measure more where it shows:", link=("#next", _next(diagnosis))))
     return steps
+
+
+def _next(diagnosis: Diagnosis) -> str:
+    return f"next {diagnosis.words['trials']}"
 
 
 def _carry_on(diagnosis: Diagnosis) -> list[Step]:
     steps = [Step("Use the model as it is: no effect of the library would make it better.")]
     if diagnosis.next_trials:
-        steps.append(
-            Step(
-                "Some effects could hide in these casts. These casts would show them:",
-                link=("#next", "next casts"),
-            )
+        text = (
+            f"Some effects could hide in these {diagnosis.words['trials']}. Others would show them:"
         )
+        steps.append(Step(text, link=("#next", _next(diagnosis))))
     if diagnosis.comparison:
         steps.append(Step("See where the error that is left lies:", link=("#where", "where")))
     return steps
 
 
 def _measure_more(diagnosis: Diagnosis) -> list[Step]:
+    words = diagnosis.words
     steps = [
         Step(
-            "Measure more: at least 30 casts of different actions, and three repeats of each of "
-            "five of them, so that the noise floor is known. Then diagnose again."
+            f"Measure more: at least 30 {words['trials']} of different {words['groups']}, and "
+            "three repeats of each of five of them, so that the noise floor is known. Then "
+            "diagnose again."
         )
     ]
     if diagnosis.next_trials:
