@@ -10,7 +10,6 @@ from robotcast.diagnosis.revision import Revision
 from robotcast.diagnosis.screen import Screened
 from robotcast.diagnosis.search import Found
 from robotcast.diagnosis.unexplained import Unexplained
-from robotcast.fitting.least_squares import fit_robustly
 
 ENOUGH_POWER = 0.8
 MOST_CONTESTS = 4
@@ -61,15 +60,7 @@ def _start(inquiry: Inquiry, found: Found, below: Revision, rival: str) -> np.nd
 
 
 def _fitted(inquiry: Inquiry, effects: tuple[str, ...], start: np.ndarray) -> Revision:
-    fit = fit_robustly(
-        inquiry.residuals(effects),
-        start,
-        inquiry.steps(effects),
-        inquiry.everything,
-        iterations=ITERATIONS,
-        free=inquiry.free(effects),
-    )
-    return Revision(effects, fit)
+    return Revision(effects, inquiry.fit(effects, start, ITERATIONS))
 
 
 def _whether_there(inquiry: Inquiry, top: Revision, one: Screened) -> Contest:
