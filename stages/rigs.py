@@ -54,7 +54,7 @@ def build_virtual_rig(config: DictConfig, scatter: StartScatter | None = None) -
         {
             **nominal,
             "exposure_s": camera["picture"]["exposure_s"],
-            "endpoint_height_m": end_radius,
+            "endpoint_height_m": cable.radius_m,
             "fiducials": fiducials.as_dict(),
         }
     )

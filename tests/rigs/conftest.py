@@ -64,7 +64,7 @@ def rig() -> VirtualRig:
         exposure_s=picture.exposure_s,
         focal_widths=0.7,
         endpoint_radius_m=TRUTH.endpoint_radius_m,
-        endpoint_height_m=TRUTH.endpoint_radius_m,
+        endpoint_height_m=CABLE.radius_m,
         endpoint_bgr=picture.endpoint_bgr,
         board_bgr=picture.board_bgr,
         fiducials=fiducials,

@@ -41,7 +41,7 @@ def test_a_bent_cable_on_the_board_stays_where_friction_holds_it(cable, truth):
     run.settle()
     motion = run.drive(kept(1.0, truth), moving_s=1.0)
     assert np.abs(motion.end_m[-1] - motion.end_m[0]).max() < 0.001
-    assert motion.end_m[-1, 2] == pytest.approx(truth.endpoint_radius_m, abs=2e-4)
+    assert motion.end_m[-1, 2] == pytest.approx(cable.radius_m, abs=2e-4)
 
 
 def test_the_held_end_follows_its_path_to_a_hundredth_of_a_millimetre(cable, truth):

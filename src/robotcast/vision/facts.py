@@ -18,7 +18,7 @@ class TrackerFacts:
     period_s : a waypoint is wanted every `period_s` from t = 0.
     exposure_s : exposure time; frame k is exposed from video_t0_s + k / fps on.
     focal_widths : the lens's nominal focal length in image widths.
-    endpoint_radius_m, endpoint_height_m : the bright ball and how high its centre lies.
+    endpoint_radius_m, endpoint_height_m : the bright round end and how high its centre lies.
     endpoint_bgr, board_bgr : colours of the ball and the board, grey levels.
     """
 

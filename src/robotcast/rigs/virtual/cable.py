@@ -28,7 +28,7 @@ class CableTruth:
     bending_damping_s : Kelvin–Voigt time, moment = EI (κ + τ dκ/dt).
     hysteresis_n_m : Coulomb moment that opposes bending.
     tightest_bend_m : smallest radius of curvature, where the cable's inside is squeezed.
-    endpoint_radius_m : of the bright ball at the free end.
+    endpoint_radius_m : of the bright round weight at the free end.
     segments : rigid pieces of the chain.
     step_s : time step; halving 1 ms moves the resting end by less than the resets scatter it.
     contact_s : time constant of a contact.
@@ -172,9 +172,11 @@ def _add_endpoint(body: mujoco.MjsBody, cable: Cable, truth: CableTruth, length:
         explicitinertial=True,
         mass=cable.endpoint_mass_kg,
         ipos=[0, 0, 0],
-        inertia=[0.4 * cable.endpoint_mass_kg * radius**2] * 3,
+        inertia=[0.5 * cable.endpoint_mass_kg * radius**2] * 3,
     )
-    _add_ball(end, radius, 0.0, truth)
+    # A flat underside, level with the cable's. On a ball as thick as the weight is wide the end
+    # would be held up and roll sideways, which drags it by 1–2 % of the cable's length a cast.
+    _add_ball(end, cable.radius_m, 0.0, truth)
 
 
 def _add_ball(body: mujoco.MjsBody, radius: float, along: float, truth: CableTruth) -> None:

@@ -18,8 +18,7 @@ SMOOTH_BALL = 0.5
 class Air(Pushing):
     """Drag ½ ρ C A v² on every piece of a fuzzy cable, whatever its heading, A = 2 r l.
 
-    The ball at the end is smooth: C = 0.5 on its own π R². It adds a few per cent, and nobody
-    who measures a cable is told R.
+    The end is smooth and round: C = 0.5 on its own π r². It adds less than a per cent.
     """
 
     drag: float

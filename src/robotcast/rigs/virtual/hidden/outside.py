@@ -19,7 +19,7 @@ class RubberBand(Built):
     y_m: float
 
     def build(self, spec: mujoco.MjSpec, cable: Cable, truth: CableTruth) -> None:
-        here = [self.x_m, self.y_m, truth.endpoint_radius_m]
+        here = [self.x_m, self.y_m, cable.radius_m]
         spec.worldbody.add_site(name="band_anchor", pos=here)
         spec.body("endpoint").add_site(name="band_end")
         band = spec.add_tendon(
@@ -64,8 +64,8 @@ class Draught(Pushing):
 
 @dataclass(frozen=True)
 class SwingingEnd(Built):
-    """A share of the end's mass hangs from the ball on an arm that swings freely: a pendulum
-    more. The bob slides on the board as the ball does.
+    """A share of the end's mass hangs from it on an arm that swings freely: a pendulum more.
+    The bob slides on the board as the end does.
     """
 
     share: float
@@ -82,12 +82,12 @@ class SwingingEnd(Built):
             explicitinertial=True,
             mass=mass,
             ipos=[self.arm_m, 0, 0],
-            inertia=[0.4 * mass * radius**2] * 3,
+            inertia=[0.5 * mass * radius**2] * 3,
         )
         bob.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
         bob.add_geom(
             type=mujoco.mjtGeom.mjGEOM_SPHERE,
-            size=[radius, 0, 0],
+            size=[cable.radius_m, 0, 0],
             pos=[self.arm_m, 0, 0],
             mass=0,
             contype=CABLE_BIT,
