@@ -84,6 +84,8 @@ def bar(title: str) -> Iterator[Callable[..., None]]:
         task = shown.add_task(title, total=None, note="")
 
         def progress(done: int, total: int, note: str = "") -> None:
-            shown.update(task, completed=done, total=total, note=note)
+            # set past `update`, which forgets the rate whenever the total changes
+            shown.tasks[0].total = total
+            shown.update(task, completed=done, note=note)
 
         yield progress

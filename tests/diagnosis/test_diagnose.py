@@ -1,6 +1,7 @@
 """What a whole diagnosis says of a puck: of good data, of bad data and of dead parameters."""
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -120,7 +121,7 @@ def test_one_trial_half_a_metre_off_is_named_and_decides_nothing() -> None:
         said = diagnosed([*clean[:7], astray, *clean[8:]])
         assert said["verdict"] == verdict
         note = next(n for n in said["notes"] if n.startswith("Push 7 is off by"))
-        assert "(0.5 m)" in note or "(0.51 m)" in note
+        assert re.search(r"\(0\.(49|5|51) m\)", note)
         floor = diagnosed(clean)["noise_floor_percent"]
         assert said["noise_floor_percent"] == pytest.approx(floor, rel=0.2)
 
@@ -139,8 +140,8 @@ def test_it_is_told_step_by_step_and_ends_with_everything() -> None:
     assert [t["finished"] for t in told] == [False] * (len(told) - 1) + [True]
     assert told[0]["ladder"] == [] and told[0]["verdict"] == []
     assert told[0]["doing"] == "fitting the model as it is"
-    assert all(note and total >= done for done, total, note in seen)
-    assert seen[-1][0] == told[-1]["simulated_casts"]
+    assert all(note and total > done for done, total, note in seen[:-1])
+    assert seen[-1] == (told[-1]["simulated_casts"],) * 2 + ("",)
     assert len({json.dumps(t) for t in told}) == len(told)
 
 

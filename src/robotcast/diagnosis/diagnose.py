@@ -14,7 +14,7 @@ from robotcast.diagnosis.next_trials import Further, NextTrial, next_trials
 from robotcast.diagnosis.outlook import Outlook
 from robotcast.diagnosis.plain import plain
 from robotcast.diagnosis.repeats import repeat_scatter
-from robotcast.diagnosis.revision import Revision, fit_base, held_out
+from robotcast.diagnosis.revision import Revision, fit_base
 from robotcast.diagnosis.screen import screen
 from robotcast.diagnosis.search import Effort, Found, Rung, search
 from robotcast.diagnosis.stability import first_in_resamples
@@ -116,14 +116,11 @@ class _Run:
         inquiry, effort = self.inquiry, self._case.effort
         self._step(self._found, "fitting the model as it is")
         base = self._base = fit_base(inquiry, self._case.fixed, effort.seed, effort.base)
-        ladder: tuple[Rung, ...] = ()
-        if inquiry.groups.max() > 1:
-            ladder = (Rung(base, held_out(inquiry, base, effort.seed, effort.fold)),)
         screens = {}
         for name in self._candidates:
-            self._step(Found(ladder, (dict(screens),)), f"looking at {name}")
+            self._step(Found(screens=(dict(screens),)), f"looking at {name}")
             screens[name] = screen(inquiry, base, name)
-        self._found = Found(ladder, (screens,))
+        self._found = Found(screens=(screens,))
         return base
 
     def choose_next(self, top: Revision, further: Callable[[], Further]) -> None:
@@ -138,6 +135,7 @@ class _Run:
         """Return everything, once nothing is left to do."""
         self._findings()  # simulates what is still to be compared
         self._doing = ""
+        self._bar(self._runs, self._runs)
         return self._say()
 
     @property

@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 
 STEPS: Mapping[str, float] = {  # how a step's note begins → the runs that a trial usually takes
-    "fitting the model": 345.0,
+    "fitting the model": 900.0,
     "looking at": 6.0,
-    "refitting with": 40.0,
-    "judging": 52.0,
+    "refitting with": 56.0,
+    "judging": 88.0,
     "trying a field": 12.0,
-    "fitting the field": 67.0,
+    "fitting the field": 100.0,
     "choosing": 30.0,
 }
 REFITS, JUDGED = 10, 2  # in one search for a further effect
@@ -51,4 +51,4 @@ class Outlook:
         pace = self._before / self._taken if self._before else float(self._trials)
         ahead = sum(STEPS[kind] * n for kind, n in self._left.items())
         now = max(self._before + pace * self._now, float(simulated))
-        return max(int(now + pace * ahead), simulated)
+        return max(int(now + pace * ahead), simulated + 1)

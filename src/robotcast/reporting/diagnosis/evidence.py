@@ -67,7 +67,7 @@ def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence, with effects under readable names."""
     sentence = readable(diagnosis, diagnosis.sentence or _headline(diagnosis))
     so_far = "So far: " if diagnosis.sentence and not diagnosis.finished else ""
-    return f"{so_far}{sentence}".replace(" %", "\u00a0%")
+    return f"{so_far}{sentence}".replace(" %", "\u00a0%").replace("held-out", "held\u2011out")
 
 
 def readable(diagnosis: Diagnosis, sentence: str) -> str:
@@ -91,7 +91,7 @@ def _headline(diagnosis: Diagnosis) -> str:
 
 def tiles(diagnosis: Diagnosis) -> tuple[Tile, ...]:
     """Return the numbers that carry the verdict, the most telling first."""
-    shown = [_fall(diagnosis), _floor(diagnosis)]
+    shown = [_fall(diagnosis) or _fitted(diagnosis), _floor(diagnosis)]
     ranked = [r for r in (diagnosis.ranked(e) for e in diagnosis.found) if r]
     if ranked:
         shown += [_chance(ranked), _stability(ranked[0], diagnosis.words["trials"])]
@@ -111,6 +111,15 @@ def _fall(diagnosis: Diagnosis) -> Tile | None:
         return Tile(error(known[0], unit), label, f"Error {held}.")
     fall = f"{error(known[0], unit)} → {error(known[-1], unit)}"
     return Tile(fall, label, f"Error {held}: first and last model.")
+
+
+def _fitted(diagnosis: Diagnosis) -> Tile | None:
+    if diagnosis.comparison is None:
+        return None
+    percent = diagnosis.comparison["waypoint_error_percent"]
+    label = f"error on the {diagnosis.words['trials']} it was fitted to"
+    why = "A model always fits these better than others: no measure of how well it predicts."
+    return Tile(error(percent, diagnosis.unit), label, why)
 
 
 def _floor(diagnosis: Diagnosis) -> Tile | None:

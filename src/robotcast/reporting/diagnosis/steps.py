@@ -121,7 +121,7 @@ def _tell_apart(diagnosis: Diagnosis) -> list[Step]:
         first = Step(
             f"Run these {trials}: on them {found} and {others} predict different paths. Then "
             f"diagnose again with the new {trials} in the set.",
-            link=("actions.csv", "actions.csv: all of them"),
+            link=_all_of_them(diagnosis),
             trials=3,
         )
     else:
@@ -184,5 +184,12 @@ def _measure_more(diagnosis: Diagnosis) -> list[Step]:
         )
     ]
     if diagnosis.next_trials:
-        steps.append(Step("Start with these:", link=("actions.csv", "actions.csv"), trials=3))
+        steps.append(Step("Start with these:", link=_all_of_them(diagnosis), trials=3))
     return steps
+
+
+def _all_of_them(diagnosis: Diagnosis) -> tuple[str, str]:
+    """Return where all of the next trials stand."""
+    if diagnosis.pipeline:
+        return "actions.csv", "actions.csv: all of them"
+    return "#next", "all of them"
