@@ -45,7 +45,7 @@ def diagnose_stage(config: DictConfig) -> None:
     facts = _facts(config, measured)
     with bar("diagnose") as progress:
         said = diagnose(
-            _case(config, measured), lambda said: _write(folder, _joined(facts, said)), progress
+            case_of(config, measured), lambda said: _write(folder, _joined(facts, said)), progress
         )
     if said["next_actions"]:
         write_actions(said["next_actions"], folder / ACTIONS)
@@ -55,7 +55,7 @@ def diagnose_stage(config: DictConfig) -> None:
     console.print(f"open {folder / 'index.html'}", markup=False)
 
 
-def _case(config: DictConfig, measured: MeasurementSet) -> Case:
+def case_of(config: DictConfig, measured: MeasurementSet) -> Case:
     """Return the question: the model, the casts, and the effects to try."""
 
     def make_simulator(effects: Sequence[Effect]) -> Simulator:
@@ -66,7 +66,7 @@ def _case(config: DictConfig, measured: MeasurementSet) -> Case:
     build_effects((*config.effects, *config.exclude))  # a name that nobody knows is refused here
     candidates = [name for name in known_effects() if name not in left_out]
     effects = (*build_effects((*config.effects, *candidates)), *build_fields())
-    model = CastModel(measured, make_simulator, effects)
+    model = CastModel(measured, make_simulator, effects, held=config.simulator.weighed)
     return Case(
         model=model,
         records=cast_records(measured),

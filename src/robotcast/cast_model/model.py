@@ -1,7 +1,8 @@
 """A cast simulator as a `Model` that diagnosis can question."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,19 +22,26 @@ class CastModel:
     ----------
     make_simulator : makes the simulator with some effects active.
     effects : the candidates, fields included.
+    held : names of the simulator's parameters that stay at their nominal values.
     """
 
     error_unit = "% of cable length"
 
     def __init__(
-        self, measured: MeasurementSet, make_simulator: MakeSimulator, effects: Sequence[Effect]
+        self,
+        measured: MeasurementSet,
+        make_simulator: MakeSimulator,
+        effects: Sequence[Effect],
+        held: Collection[str] = (),
     ) -> None:
         self.effects: Mapping[str, Effect] = {effect.name: effect for effect in effects}
         self.scale = measured.cable.length_m
         self._casts: Mapping[int, Cast] = {trial.trial: trial for trial in measured.trials}
         self._make_simulator = make_simulator
         self._simulators: dict[tuple[str, ...], Simulator] = {}
-        self.parameters: tuple[Parameter, ...] = self._simulator(()).parameters
+        self.parameters: tuple[Parameter, ...] = tuple(
+            replace(p, frozen=p.frozen or p.name in held) for p in self._simulator(()).parameters
+        )
 
     def predict(
         self, records: Sequence[Record], active: Sequence[str], vectors: np.ndarray

@@ -66,7 +66,8 @@ def _fitted(inquiry: Inquiry, effects: tuple[str, ...], start: np.ndarray) -> Re
 def _whether_there(inquiry: Inquiry, top: Revision, one: Screened) -> Contest:
     """Set the model as it is against the same model with a little of one effect."""
     effects, first = (*top.effects, one.effect), len(top.fit.vector)
-    vector = np.concatenate([top.fit.vector, one.start[first:]])
+    own = one.start[-len(inquiry.model.effects[one.effect].parameters) :]
+    vector = np.concatenate([top.fit.vector, own])
     for k, parameter in enumerate(inquiry.model.effects[one.effect].parameters, first):
         if parameter.null is not None:
             null = float(parameter.to_unit(np.asarray(parameter.null)))

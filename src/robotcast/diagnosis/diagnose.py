@@ -100,16 +100,15 @@ class _Run:
         self._found = search(
             self.inquiry, self._candidates, case.fixed, self._floor, case.effort, self._step
         )
-        top = self._found.ladder[-1]
-        self._left = look_for_the_unknown(
+        self._found, self._left = look_for_the_unknown(
             self.inquiry,
-            top,
+            self._found,
             self._fields,
             self._floor,
             case.effort,
             lambda note: self._step(self._found, note),
         )
-        return top.revision
+        return self._found.ladder[-1].revision
 
     def look_only(self) -> Revision:
         """Fit the model and look at every effect, where nothing can be held back for a test."""

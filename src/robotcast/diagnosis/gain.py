@@ -6,6 +6,7 @@ import numpy as np
 from scipy.stats import t as student
 
 SIGNIFICANT = 1e-3  # p-value below which a gain on held-out trials is more than luck
+LEAST_EXCESS = 0.05  # of an error: a floor is not known better than that
 WORTHWHILE = 0.10  # of the excess over the noise floor that an effect must take away
 
 
@@ -33,16 +34,23 @@ class Gain:
 def gain(before: np.ndarray, after: np.ndarray, groups: np.ndarray, floor: float | None) -> Gain:
     """Compare two revisions' held-out errors (n_trials,), % of the scale.
 
-    Groups are the sampling unit. Square roots of errors are compared, so that the few trials
-    that miss by far do not decide alone.
+    Square roots of errors are compared, so that the few trials that miss by far do not decide
+    alone.
+    """
+    p_value = worse(np.sqrt(before) - np.sqrt(after), groups)
+    percent = float((before - after).mean())
+    whole = float(before.mean())
+    excess = max(whole - (floor or 0.0), LEAST_EXCESS * whole, 1e-9)
+    return Gain(percent, percent / excess, p_value)
+
+
+def worse(extra: np.ndarray, groups: np.ndarray) -> float:
+    """Return the one-sided p-value that what is extra (n_trials,) is not above zero.
+
+    Groups are the sampling unit.
     """
     n = groups.max() + 1
-    count = np.bincount(groups, minlength=n)
-    saved = np.bincount(groups, np.sqrt(before) - np.sqrt(after), n) / count
-    if n < 3 or saved.std() == 0:
-        p_value = 1.0
-    else:
-        p_value = float(student.sf(saved.mean() / (saved.std(ddof=1) / np.sqrt(n)), n - 1))
-    percent = float((before - after).mean())
-    excess = max(float(before.mean()) - (floor or 0.0), 1e-9)
-    return Gain(percent, percent / excess, p_value)
+    mean = np.bincount(groups, extra, n) / np.bincount(groups, minlength=n)
+    if n < 3 or mean.std() == 0:
+        return 1.0
+    return float(student.sf(mean.mean() / (mean.std(ddof=1) / np.sqrt(n)), n - 1))

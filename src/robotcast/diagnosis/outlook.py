@@ -8,7 +8,7 @@ STEPS: Mapping[str, float] = {  # how a step's note begins → the runs that a t
     "refitting with": 56.0,
     "judging": 88.0,
     "trying a field": 12.0,
-    "fitting the field": 100.0,
+    "fitting": 100.0,
     "choosing": 30.0,
 }
 REFITS, JUDGED = 10, 2  # in one search for a further effect

@@ -20,7 +20,6 @@ from robotcast.fitting.least_squares import Fit, trial_losses
 
 TOUCHES = 0.02  # of the noise: an effect that moves every trial by less touches nothing
 LEFT = 0.05  # share of a sensitivity that must be left after projection to be told apart
-ALIKE = 0.9  # cosine of projected sensitivities above which two effects are confusable
 STEP_SHARES = (0.25, 0.5, 1.0)  # of the linear step, tried by simulating it
 RIDGE = 1.0  # of a parameter's range, as the fit's prior
 
@@ -35,7 +34,6 @@ class Screened:
     start : unit vector where a refit starts: the best of the simulated linear steps.
     loss : the fit's loss there.
     predicted : average error of the linear prediction, % of the scale.
-    projected : ndarray of shape (n_trials, D, n_strengths), weighted projected sensitivity.
     left : share of the sensitivity that the tuned parameters cannot imitate.
     power : chance that the test at 0.001 finds the effect at its smallest probe.
     moved : the largest root mean square by which the probes move a trial, in noise units.
@@ -46,7 +44,6 @@ class Screened:
     start: np.ndarray
     loss: float
     predicted: float
-    projected: np.ndarray
     left: float
     power: float
     moved: float
@@ -75,20 +72,10 @@ def screen(inquiry: Inquiry, revision: Revision, effect: str) -> Screened:
         start=start,
         loss=loss,
         predicted=best.predicted,
-        projected=best.projected,
         left=best.left,
         power=best.power,
         moved=max(one.moved for one in tries),
     )
-
-
-def alike(one: Screened, other: Screened) -> bool:
-    """Tell whether the trials can hardly tell two effects apart."""
-    if one.status or other.status:
-        return False
-    first, second = (s.projected.reshape(-1, s.projected.shape[2]) for s in (one, other))
-    bases = [np.linalg.svd(m, full_matrices=False)[0] for m in (first, second)]
-    return bool(np.linalg.svd(bases[0].T @ bases[1], compute_uv=False)[-1] > ALIKE)
 
 
 @dataclass(frozen=True)
@@ -97,7 +84,6 @@ class _Try:
     step: np.ndarray
     p_value: float
     predicted: float
-    projected: np.ndarray
     left: float
     power: float
     moved: float
@@ -138,7 +124,7 @@ def _try(
     percent = inquiry.percent(inquiry.difference_of(after, inquiry.everything), inquiry.everything)
     size = np.linalg.norm(sensitivity, axis=0).max()
     left = float(np.linalg.norm(rest, axis=0).max() / size) if size else 0.0
-    return _Try(vector, -whole, p_value, float(percent[0].mean()), projected, left, power, moved)
+    return _Try(vector, -whole, p_value, float(percent[0].mean()), left, power, moved)
 
 
 def _sensitivity(

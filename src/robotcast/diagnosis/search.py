@@ -5,17 +5,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from robotcast.diagnosis.gain import Gain, gain
+from robotcast.diagnosis.gain import Gain, gain, worse
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
-from robotcast.diagnosis.screen import Screened, alike, screen
-from robotcast.fitting.least_squares import Fit
+from robotcast.diagnosis.screen import Screened, screen
+from robotcast.fitting.least_squares import Fit, trial_losses
 
-CONTENDERS = 7  # effects of a screen that are refitted for a few iterations
+CONTENDERS = 6  # effects of a screen that are refitted for a few iterations
 LEADERS = 3  # of these, refitted to the end
 FINALISTS = 2  # of these, judged on held-out trials
 MOST_EFFECTS = 3
-EQUAL = 0.05  # p-value above which two revisions predict held-out trials equally well
+HOPE = 0.005  # share of the loss that a first look must take away for a refit
+EQUAL = 0.05  # p-value above which two revisions explain the trials equally well
+AT_THE_FLOOR = 1.05  # of the noise floor: with less error than this nothing is missing
 
 
 @dataclass(frozen=True)
@@ -50,9 +52,9 @@ class Found:
 class Effort:
     """How hard a search tries: iterations of fits on all trials and without a fold."""
 
-    base: int = 8
-    refit: int = 6
-    fold: int = 2
+    base: int = 6
+    refit: int = 4
+    fold: int = 1
     seed: int = 0
 
 
@@ -77,11 +79,16 @@ def search(
     tell(found, "fitting the model as it is")
     base = fit_base(inquiry, fixed, effort.seed, effort.base)
     found = replace(found, ladder=(_rung(inquiry, base, effort),))
-    while len(found.ladder) <= MOST_EFFECTS:
+    while len(found.ladder) <= MOST_EFFECTS and not at_the_floor(found.ladder[-1], floor):
         found, added = _round(inquiry, found, candidates, floor, effort, tell)
         if not added:
             break
     return _without_needless(inquiry, found, len(fixed), floor, effort, tell)
+
+
+def at_the_floor(rung: Rung, floor: float | None) -> bool:
+    """Tell whether half of the held-out trials miss by no more than repeats differ."""
+    return floor is not None and float(np.median(rung.errors.waypoint)) < AT_THE_FLOOR * floor
 
 
 def _rung(
@@ -110,28 +117,29 @@ def _round(
     fitted = _refits(inquiry, top.revision, usable, effort, lambda text: tell(found, text))
     if not fitted:
         return found, False
-    top = _rematch(inquiry, top, fitted[0][1], effort)
+    top = _rematch(inquiry, top, fitted[0].revision, effort)
     found = replace(found, ladder=(*found.ladder[:-1], top))
     rungs = []
-    for one, revision in fitted[:FINALISTS]:
-        tell(found, f"judging {one.effect} on casts held out")
-        rung = _rung(inquiry, revision, effort, one.predicted)
+    for one in fitted[:FINALISTS]:
+        tell(found, f"judging {one.screened.effect} on trials held out")
+        rung = _rung(inquiry, one.revision, effort, one.screened.predicted)
         rungs.append(replace(rung, gain=_gain(inquiry, top, rung, floor)))
     refits = {rung.revision.effects[-1]: rung for rung in rungs}
     found = replace(found, refits=found.refits | refits)
     paying = [rung for rung in rungs if rung.gain and rung.gain.pays]
     if not paying:
         return found, False
-    best = min(paying, key=lambda rung: rung.errors.waypoint.mean())
+    best = min(paying, key=lambda rung: np.sqrt(rung.errors.waypoint).mean())
     name = best.revision.effects[-1]
-    rivals = [
-        other.revision.effects[-1]
-        for other in paying
-        if other is not best and _gain(inquiry, other, best, floor).p_value > EQUAL
-    ]
-    rivals += [s.effect for s in usable if s.effect != name and alike(s, screens[name])]
-    rivals_of = found.rivals | {name: tuple(dict.fromkeys(rivals))}
-    return replace(found, ladder=(*found.ladder, best), rivals=rivals_of), True
+    rivals = _rivals(inquiry, fitted, best.revision)
+    ladder, rivals_of = (*found.ladder, best), found.rivals | {name: rivals}
+    return replace(found, ladder=ladder, rivals=rivals_of), True
+
+
+@dataclass(frozen=True)
+class _Refitted:
+    screened: Screened
+    revision: Revision
 
 
 def _refits(
@@ -140,19 +148,35 @@ def _refits(
     usable: Sequence[Screened],
     effort: Effort,
     tell: Callable[[str], object],
-) -> list[tuple[Screened, Revision]]:
-    """Refit with the most promising effects, a few iterations first, the leaders to the end."""
+) -> list[_Refitted]:
+    """Refit with the most promising effects, the leaders to the end; the best comes first."""
+    hopeful = [s for s in usable if s.loss < (1 - HOPE) * revision.fit.loss]
     fitted = []
-    for one in sorted(usable, key=lambda s: s.loss)[:CONTENDERS]:
+    for one in sorted(hopeful, key=lambda s: s.loss)[:CONTENDERS]:
         tell(f"refitting with {one.effect}")
-        fitted.append((one, _refit(inquiry, (*revision.effects, one.effect), one.start, 2)))
-    fitted.sort(key=lambda pair: pair[1].fit.loss)
-    leaders = []
-    for one, begun in fitted[:LEADERS]:
+        fitted.append(
+            _Refitted(one, _refit(inquiry, (*revision.effects, one.effect), one.start, 1))
+        )
+    fitted.sort(key=lambda f: f.revision.fit.loss)
+    for k, (one, begun) in enumerate((f.screened, f.revision) for f in fitted[:LEADERS]):
         tell(f"refitting with {one.effect}")
-        vector, effects = begun.fit.vector, begun.effects
-        leaders.append((one, _refit(inquiry, effects, vector, effort.refit)))
-    return sorted(leaders, key=lambda pair: pair[1].fit.loss)
+        fitted[k] = _Refitted(one, refit(inquiry, begun, effort.refit))
+    return sorted(fitted, key=lambda f: f.revision.fit.loss)
+
+
+def _rivals(inquiry: Inquiry, fitted: Sequence[_Refitted], best: Revision) -> tuple[str, ...]:
+    """Return the effects that explain the trials about as well as the best one.
+
+    Their refits see the same trials as the best one's, so that losses compare them, trial by
+    trial: sensitivities that point the same way are not enough to confuse two effects when a
+    refit tells them apart.
+    """
+    names = []
+    for one in fitted:
+        extra = trial_losses(one.revision.fit.residual) - trial_losses(best.fit.residual)
+        if one.revision is not best and worse(extra, inquiry.groups) > EQUAL:
+            names.append(one.screened.effect)
+    return tuple(names)
 
 
 def _refit(

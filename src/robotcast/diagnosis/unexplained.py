@@ -1,15 +1,15 @@
 """What is left when no named effect pays: which field takes most of it away."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robotcast.diagnosis.gain import Gain, gain
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision, held_out
-from robotcast.diagnosis.screen import screen
-from robotcast.diagnosis.search import Effort, Rung
+from robotcast.diagnosis.screen import Screened, screen
+from robotcast.diagnosis.search import Effort, Found, Rung, at_the_floor
 
 FLEXIBLE = 0.25  # of the excess over the noise floor that a field must take away
 ITERATIONS = 3
@@ -30,33 +30,73 @@ class Unexplained:
     rung: Rung
     gain: Gain
 
+    @property
+    def enough(self) -> bool:
+        """Tell whether the field takes away so much that something must be missing."""
+        return self.gain.pays and self.gain.share > FLEXIBLE
+
 
 def look_for_the_unknown(
     inquiry: Inquiry,
-    top: Rung,
+    found: Found,
     fields: Sequence[str],
     floor: float | None,
     effort: Effort,
     tell: Callable[[str], object],
-) -> Unexplained | None:
-    """Fit the most promising field; None when none takes away enough."""
+) -> tuple[Found, Unexplained | None]:
+    """Fit the most promising field to what the search left over.
+
+    Returns
+    -------
+    found : as it was; without the named effects where the field does as well alone: they had
+        only stood in for something that the library does not hold.
+    left : None when no field takes away enough.
+    """
+    base, top = found.ladder[0], found.ladder[-1]
+    if at_the_floor(top, floor):
+        return found, None
+    one = _most_promising(inquiry, top.revision, fields, tell)
+    if one is None:
+        return found, None
+    left = _with_field(inquiry, top, one, floor, effort, tell)
+    if not left.enough:
+        return found, None
+    if top is not base:
+        alone = _with_field(inquiry, base, one, floor, effort, tell)
+        extra = gain(alone.rung.errors.waypoint, left.rung.errors.waypoint, inquiry.groups, floor)
+        if not extra.pays:
+            return replace(found, ladder=(base,), rivals={}), alone
+    return found, left
+
+
+def _most_promising(
+    inquiry: Inquiry, revision: Revision, fields: Sequence[str], tell: Callable[[str], object]
+) -> Screened | None:
     looked = []
     for name in fields:
         tell(f"trying a field that depends on {inquiry.model.effects[name].depends_on}")
-        looked.append(screen(inquiry, top.revision, name))
+        looked.append(screen(inquiry, revision, name))
     usable = [one for one in looked if one.status is None]
-    if not usable:
-        return None
-    best = min(usable, key=lambda one: one.loss)
-    effects = (*top.revision.effects, best.effect)
-    tell("fitting the field")
-    fit = inquiry.fit(effects, best.start, ITERATIONS)
-    revision = Revision(effects, fit)
-    rung = Rung(revision, held_out(inquiry, revision, effort.seed, 1), best.predicted)
-    saved = gain(top.errors.waypoint, rung.errors.waypoint, inquiry.groups, floor)
-    if not (saved.pays and saved.share > FLEXIBLE):
-        return None
-    return Unexplained(best.effect, rung, saved)
+    return min(usable, key=lambda one: one.loss, default=None)
+
+
+def _with_field(
+    inquiry: Inquiry,
+    below: Rung,
+    one: Screened,
+    floor: float | None,
+    effort: Effort,
+    tell: Callable[[str], object],
+) -> Unexplained:
+    """Fit a field on top of a rung and judge it on trials held out."""
+    tell(f"fitting {inquiry.model.effects[one.effect].text}")
+    effects = (*below.revision.effects, one.effect)
+    n = len(inquiry.model.effects[one.effect].parameters)
+    start = np.concatenate([below.revision.fit.vector, one.start[-n:]])
+    revision = Revision(effects, inquiry.fit(effects, start, ITERATIONS))
+    rung = Rung(revision, held_out(inquiry, revision, effort.seed, effort.fold), one.predicted)
+    saved = gain(below.errors.waypoint, rung.errors.waypoint, inquiry.groups, floor)
+    return Unexplained(one.effect, rung, saved)
 
 
 def strengths(inquiry: Inquiry, found: Unexplained) -> np.ndarray:
