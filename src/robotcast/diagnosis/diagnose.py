@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from robotcast.diagnosis import limits, report
@@ -15,7 +15,7 @@ from robotcast.diagnosis.outlook import Outlook
 from robotcast.diagnosis.plain import plain
 from robotcast.diagnosis.repeats import repeat_scatter
 from robotcast.diagnosis.revision import Revision, fit_base
-from robotcast.diagnosis.screen import screen
+from robotcast.diagnosis.screen import Screened, screen
 from robotcast.diagnosis.search import Effort, Found, Rung, search
 from robotcast.diagnosis.stability import first_in_resamples
 from robotcast.diagnosis.time_grid import TimeGrid
@@ -108,19 +108,26 @@ class _Run:
             case.effort,
             lambda note: self._step(self._found, note),
         )
-        return self._found.ladder[-1].revision
+        top = self._found.ladder[-1].revision
+        if not self._found.screens:  # the model is as good as noise: say what would have shown
+            self._look(top)
+        return top
 
     def look_only(self) -> Revision:
         """Fit the model and look at every effect, where nothing can be held back for a test."""
         inquiry, effort = self.inquiry, self._case.effort
         self._step(self._found, "fitting the model as it is")
-        base = self._base = fit_base(inquiry, self._case.fixed, effort.seed, effort.base)
-        screens = {}
+        self._base = fit_base(inquiry, self._case.fixed, effort.seed, effort.base)
+        self._look(self._base)
+        return self._base
+
+    def _look(self, revision: Revision) -> None:
+        """Screen every effect and leave it at that."""
+        screens: dict[str, Screened] = {}
         for name in self._candidates:
-            self._step(Found(screens=(dict(screens),)), f"looking at {name}")
-            screens[name] = screen(inquiry, base, name)
-        self._found = Found(screens=(screens,))
-        return base
+            self._step(replace(self._found, screens=(dict(screens),)), f"looking at {name}")
+            screens[name] = screen(self.inquiry, revision, name)
+        self._found = replace(self._found, screens=(screens,))
 
     def choose_next(self, top: Revision, further: Callable[[], Further]) -> None:
         """Look for the trials that would decide what is still open."""

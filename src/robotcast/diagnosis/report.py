@@ -179,7 +179,9 @@ def _row(inquiry: Inquiry, found: Found, name: str, one: Screened) -> dict[str, 
 
 
 def base_parameters(inquiry: Inquiry, base: Revision, vectors: np.ndarray | None) -> dict[str, Any]:
-    """Return the sizes of the base model's parameters; one that changes nothing may be any.
+    """Return the sizes of the base model's parameters.
+
+    One that changes nothing may be any; one that is held has no interval.
 
     Parameters
     ----------
@@ -188,9 +190,12 @@ def base_parameters(inquiry: Inquiry, base: Revision, vectors: np.ndarray | None
     own = sizes(inquiry, base, vectors)[: len(inquiry.model.parameters)]
     rows = {}
     for k, size in enumerate(own):
-        rows[size.parameter.name] = size.as_dict()
-        if is_ignored(base, k):
-            rows[size.parameter.name] |= {"low": size.parameter.lower, "high": size.parameter.upper}
+        parameter = size.parameter
+        row = rows[parameter.name] = size.as_dict()
+        if parameter.frozen:
+            row |= {"low": None, "high": None}
+        elif is_ignored(base, k):
+            row |= {"low": parameter.lower, "high": parameter.upper}
     return {"parameters": rows}
 
 

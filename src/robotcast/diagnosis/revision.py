@@ -45,16 +45,30 @@ class HeldOut:
     vectors: np.ndarray
 
 
-def fit_base(inquiry: Inquiry, effects: Sequence[str], seed: int, iterations: int) -> Revision:
+def fit_base(
+    inquiry: Inquiry,
+    effects: Sequence[str],
+    seed: int,
+    iterations: int,
+    about: np.ndarray | None = None,
+) -> Revision:
     """Fit from many starts, by elimination: on beginnings of some trials, then on all.
 
     What a chaotic model does late in a trial has a valley for every way in which it tips over;
     the beginnings lead smoothly to the right one.
+
+    Parameters
+    ----------
+    about : a unit vector (n,), one of the starts; the others take their effects from it. The
+        nominal one by default.
     """
     effects = tuple(effects)
+    about = inquiry.nominal(effects) if about is None else about
     early = inquiry.beginnings(EARLY)
     some = _spread(inquiry.everything, SOME)
-    begun = [early.fit(effects, start, 3, trials=some) for start in _starts(early, effects, seed)]
+    begun = [
+        early.fit(effects, start, 3, trials=some) for start in _starts(early, effects, about, seed)
+    ]
     begun.sort(key=lambda fit: fit.loss)
     left = [early.fit(effects, fit.vector, 5, trials=some) for fit in begun[:LEFT]]
     left.sort(key=lambda fit: fit.loss)
@@ -63,12 +77,13 @@ def fit_base(inquiry: Inquiry, effects: Sequence[str], seed: int, iterations: in
     return Revision(effects, inquiry.fit(effects, best.vector, iterations))
 
 
-def _starts(early: Inquiry, effects: tuple[str, ...], seed: int) -> np.ndarray:
-    """Return the best vectors (BEGUN, n) of a Latin hypercube about the nominal one."""
+def _starts(early: Inquiry, effects: tuple[str, ...], about: np.ndarray, seed: int) -> np.ndarray:
+    """Return the best vectors (BEGUN, n) of a Latin hypercube of the model's own parameters."""
     nominal, free = early.nominal(effects), early.free(effects)
+    free[len(early.model.parameters) :] = False
     cube = qmc.LatinHypercube(len(nominal), rng=np.random.default_rng(seed)).random(LOOKED_AT)
-    looked = np.where(free, np.clip(nominal + 0.8 * (cube - 0.5), 0.02, 0.98), nominal)
-    looked[0] = nominal
+    looked = np.where(free, np.clip(nominal + 0.8 * (cube - 0.5), 0.02, 0.98), about)
+    looked[0] = about
     few = _spread(early.everything, FEW)
     losses = trial_losses(early.residuals(effects)(looked, few)).mean(axis=1)
     return looked[np.argsort(losses, kind="stable")[:BEGUN]]

@@ -83,7 +83,8 @@ def search(
         found, added = _round(inquiry, found, candidates, floor, effort, tell)
         if not added:
             break
-    return _without_needless(inquiry, found, len(fixed), floor, effort, tell)
+    found = _without_needless(inquiry, found, len(fixed), floor, effort, tell)
+    return _settled(inquiry, found, floor, effort, tell)
 
 
 def at_the_floor(rung: Rung, floor: float | None) -> bool:
@@ -223,6 +224,31 @@ def _without_needless(
             first = replace(rung, gain=_gain(inquiry, found.ladder[0], rung, floor))
             return replace(found, ladder=(found.ladder[0], first))
     return found
+
+
+def _settled(
+    inquiry: Inquiry,
+    found: Found,
+    floor: float | None,
+    effort: Effort,
+    tell: Callable[[Found, str], object],
+) -> Found:
+    """Fit the last rung from many starts, as the base was.
+
+    The base's own parameters had stood in for what was missing, and may be far from where they
+    belong once it is there.
+    """
+    *below, top = found.ladder
+    if not below or at_the_floor(top, floor):
+        return found
+    tell(found, "fitting the model with what was found")
+    effects, vector = top.revision.effects, top.revision.fit.vector
+    again = fit_base(inquiry, effects, effort.seed, effort.base, about=vector)
+    if again.fit.loss >= top.revision.fit.loss:
+        return found
+    rung = _rung(inquiry, again, effort, top.predicted)
+    rung = replace(rung, gain=_gain(inquiry, below[-1], rung, floor))
+    return replace(found, ladder=(*below, rung))
 
 
 def _dropped(inquiry: Inquiry, revision: Revision, name: str, effort: Effort) -> Revision:

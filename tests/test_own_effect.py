@@ -1,0 +1,64 @@
+"""An effect written after the README's page lowers the error where the library fails."""
+
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from hydra import compose, initialize_config_dir
+from hydra.utils import instantiate
+from omegaconf import OmegaConf
+
+from robotcast.cast_model.model import CastModel
+from robotcast.cast_model.records import cast_records
+from robotcast.diagnosis.gain import gain
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.revision import Revision, fit_base, held_out
+from robotcast.diagnosis.screen import screen
+from robotcast.effects.effect import Effect
+from robotcast.measurements.noise_floor import noise_floor
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.simulators.simulator import Simulator
+
+ROOT = Path(__file__).resolve().parents[1]
+CASTING = ROOT.parent / "shared" / "data" / "casting" / "f"
+NAME = "endpoint_pull"
+
+
+@pytest.fixture
+def own_effect(monkeypatch: pytest.MonkeyPatch) -> Effect:
+    """The class and the file of the README, taken from its page."""
+    page = (ROOT / "README.md").read_text(encoding="utf-8")
+    code = re.search(rf"```python\n# src/robotcast/effects/{NAME}\.py\n(.*?)```", page, re.S)
+    text = re.search(rf"```yaml\n# conf/effect/{NAME}\.yaml\n(.*?)```", page, re.S)
+    assert code and text
+    module = ModuleType(f"robotcast.effects.{NAME}")
+    exec(code.group(1), module.__dict__)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    return instantiate(OmegaConf.create(text.group(1)), name=NAME, _convert_="all")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not CASTING.exists(), reason="needs ../shared/data/casting")
+def test_the_readmes_effect_explains_what_the_library_does_not_hold(own_effect: Effect) -> None:
+    measured = read_measurement_set(CASTING)
+    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
+        config = compose("config")
+
+    def make_simulator(effects: Sequence[Effect]) -> Simulator:
+        return instantiate(config.simulator.model, cable=measured.cable, effects=list(effects))
+
+    model = CastModel(measured, make_simulator, [own_effect], held=config.simulator.weighed)
+    floor = noise_floor(measured).waypoint_percent
+    assert floor is not None
+    inquiry = Inquiry(model, cast_records(measured), floor / 100 * model.scale)
+    base = fit_base(inquiry, (), 0, 3)
+    start = screen(inquiry, base, NAME).start
+    better = Revision((NAME,), inquiry.fit((NAME,), start, 8))
+    before, after = (held_out(inquiry, r, 0, 1).waypoint for r in (base, better))
+    assert gain(before, after, inquiry.groups, floor).pays
+    assert np.median(after) < 1.25 * floor
+    assert after.mean() < 0.6 * before.mean()
