@@ -5,11 +5,12 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro hidden-effects test quick format
+.PHONY: help install repro hidden-effects hidden-effects-few test quick format
 
 help:
 	@echo "make repro    set up, then run the pipeline (what changed since the last run)"
 	@echo "make hidden-effects  draw, diagnose and score the hidden-effect benchmark (hours)"
+	@echo "make hidden-effects-few  the same on four small sets (minutes)"
 	@echo "make test     set up, then ruff, pyright and every test"
 	@echo "make quick    ruff, pyright and the fast tests"
 	@echo "make format   format the code"
@@ -28,6 +29,11 @@ repro: $(INSTALLED)
 
 hidden-effects: $(INSTALLED)
 	$(BIN)/dvc repro benchmarks/hidden_effects/dvc.yaml
+
+hidden-effects-few: $(INSTALLED)
+	for stage in draw diagnose rivals oracle score; do \
+		$(BIN)/python stages/hidden_$$stage.py hidden_effects=few || exit 1; \
+	done
 
 test: $(INSTALLED)
 	$(BIN)/ruff check

@@ -8,15 +8,15 @@
 
 from pathlib import Path
 
-import polars as pl
 from grids import build_limits
 from omegaconf import DictConfig
 from rigs import rig_with_cable
 from stage import console, stage
 
-from robotcast.casts.action import ACTION_COLUMNS, Action
+from robotcast.casts.action_file import read_actions
 from robotcast.hidden_effects.further import further_casts
-from robotcast.hidden_effects.generate import answer_path, processes
+from robotcast.hidden_effects.generate import processes
+from robotcast.hidden_effects.layout import answer_path
 from robotcast.hidden_effects.seal import unseal
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
@@ -39,21 +39,13 @@ def hidden_cast(config: DictConfig) -> None:
             read_measurement_set(folder),
             answer,
             rig_with_cable(config, answer["drawn"]["cable"]),
-            _read_actions(Path(settings.actions)),
+            read_actions(Path(settings.actions)),
             Eye(**settings.eye),
             build_limits(config),
             pool,
         )
     write_measurement_set(grown, Path(config.output))
     console.print(f"{config.output}: {len(grown.trials)} casts")
-
-
-def _read_actions(path: Path) -> list[Action]:
-    table = pl.read_csv(path)
-    missing = [name for name in ACTION_COLUMNS if name not in table.columns]
-    if missing:
-        raise ValueError(f"{path}: expected a column {missing[0]}, got {', '.join(table.columns)}")
-    return [Action(*row) for row in table.select(ACTION_COLUMNS).rows()]
 
 
 if __name__ == "__main__":

@@ -8,18 +8,18 @@ from pathlib import Path
 from omegaconf import DictConfig
 from stage import bar, stage
 
+from robotcast.hidden_effects.layout import diagnosis_folder, measured_sets
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
 def hidden_diagnose(config: DictConfig) -> None:
     folder = Path(config.hidden_effects.folder)
-    sets = sorted(path for path in (folder / "sets").glob("*") if path.is_dir())
-    if not sets:
-        raise FileNotFoundError(f"{folder / 'sets'} holds no set: run stages/hidden_draw.py first")
+    sets = measured_sets(folder)
     with bar("diagnose sets") as progress:
         for done, measurements in enumerate(sets):
             progress(done, len(sets), measurements.name)
-            output = folder / "diagnoses" / measurements.name
+            output = diagnosis_folder(measurements.name, folder)
             if not _finished(output):
                 _diagnose(measurements, output)
         progress(len(sets), len(sets))

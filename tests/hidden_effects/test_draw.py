@@ -14,11 +14,10 @@ from robotcast.hidden_effects.further import further_casts
 from robotcast.hidden_effects.generate import (
     RIG,
     Bench,
-    answers_folder,
     generate_cases,
     measure_case,
-    sets_folder,
 )
+from robotcast.hidden_effects.layout import answers_folder, sets_folder
 from robotcast.hidden_effects.mechanisms import LIBRARY, MECHANISMS, OUTSIDE, make_effect
 from robotcast.hidden_effects.seal import seal, unseal
 from robotcast.measurements.reader import read_measurement_set
@@ -65,7 +64,7 @@ def bench(rig) -> Bench:
 def tilt(**changes) -> Case:
     case = Case("case-001", "single", "cable1", 5, {"friction": 1.1}, {"board_tilt": {}}, "strong")
     place = {"board_tilt": {"sx": 0.0, "sy": 1.0}}
-    return replace(case, hidden=place, wanted_percent=1.0, **changes)
+    return replace(case, hidden=place, wanted_percent=0.7, **changes)
 
 
 def test_the_same_seed_draws_the_same_cases_and_another_seed_others():
@@ -151,7 +150,7 @@ def test_a_case_moves_the_paths_as_far_as_wanted_and_its_answer_says_by_what(ben
     assert hidden["effect"] == "board_tilt"
     assert hidden["parameters"]["sx"] == 0
     assert 0 < hidden["parameters"]["sy"] < 0.08
-    assert answer["shift_percent"] == pytest.approx(1.0, rel=0.25)
+    assert answer["shift_percent"] == pytest.approx(0.7, rel=0.25)
     assert measured.rig == RIG
     assert [t.action_id for t in measured.trials] == [0, 1, 2, 0]
     assert measured.noise_m == bench.eye.noise_m
@@ -204,4 +203,4 @@ def test_further_casts_join_the_set_with_what_its_case_hides(bench):
     assert grown.trials[:4] == measured.trials
     assert [(t.trial, t.action_id) for t in grown.trials[4:]] == [(4, 3), (5, 4), (6, 3)]
     moved = grown.trials[4].endpoint_m - more([]).trials[4].endpoint_m
-    assert moved[1] > 0.005
+    assert moved[1] > 0.003

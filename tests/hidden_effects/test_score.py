@@ -8,11 +8,17 @@ import numpy as np
 import pytest
 
 from robotcast.hidden_effects.figures import confusion_counts, power_bins
+from robotcast.hidden_effects.layout import (
+    answer_path,
+    diagnosis_folder,
+    oracle_path,
+    rivals_path,
+)
 from robotcast.hidden_effects.outcome import read_outcomes
 from robotcast.hidden_effects.report import write_results
 from robotcast.hidden_effects.score import criteria, named_by
 from robotcast.hidden_effects.seal import seal
-from robotcast.hidden_effects.tables import case_rows, criteria_rows, method_rows
+from robotcast.hidden_effects.tables import case_rows, criteria_rows, method_rows, size_rows
 
 TILT = {"effect": "board_tilt", "parameters": {"sx": 0.0, "sy": 0.02}, "shift_percent": 3.0}
 DRAG = {"effect": "air_drag", "parameters": {"C": 7.0}, "shift_percent": 3.0}
@@ -21,14 +27,18 @@ PATCH = {
     "parameters": {"k": 0.5, "x0": 0.9, "y0": 0.1, "w": 0.2},
     "shift_percent": 1.0,
 }
+GRAIN = {"effect": "anisotropic_friction", "parameters": {"a": 0.5}, "shift_percent": 3.0}
 BAND = {"effect": "rubber_band", "parameters": {"stiffness": 0.1}, "shift_percent": 3.0}
 
 
 class Bench:
-    """A folder of answers and diagnoses."""
+    """A folder of answers, and of what was said about them."""
 
     def __init__(self, folder: Path) -> None:
-        self.answers, self.diagnoses = folder / "answers", folder / "diagnoses"
+        self.folder = folder
+
+    def diagnosis(self, case: str) -> Path:
+        return diagnosis_folder(case, self.folder) / "diagnosis.json"
 
     def add(
         self,
@@ -36,21 +46,25 @@ class Bench:
         kind: str,
         hidden: list[dict],
         said: dict[str, Any] | None = None,
-        baselines: dict[str, Any] | None = None,
+        rivals: dict[str, Any] | None = None,
+        oracle: dict[str, Any] | None = None,
     ) -> None:
         """Seal an answer, and write what was said about it."""
         drawn = {"kind": kind, "cable": "cable1", "strength": "strong" if hidden else ""}
         shift = max((one["shift_percent"] for one in hidden), default=0.0)
         answer = {"drawn": drawn, "effects": hidden, "shift_percent": shift, "casts": 52}
-        seal(answer, self.answers / f"{case}.sealed")
-        for name, content in (("diagnosis", said), ("baselines", baselines)):
+        seal(answer, answer_path(case, self.folder))
+        for path, content in (
+            (self.diagnosis(case), said),
+            (rivals_path(case, self.folder), rivals),
+            (oracle_path(case, self.folder), oracle),
+        ):
             if content is not None:
-                path = self.diagnoses / case / f"{name}.json"
                 path.parent.mkdir(parents=True, exist_ok=True)
                 path.write_text(json.dumps(content))
 
     def outcomes(self):
-        return read_outcomes(self.answers, self.diagnoses)
+        return read_outcomes(self.folder)
 
 
 def verdict(*names: str, errors=(4.0, 1.2), ranking=(), **changes) -> dict[str, Any]:
@@ -76,22 +90,28 @@ def ranked(effect: str, **intervals: tuple[float, float]) -> dict[str, Any]:
     return {"effect": effect, "parameters": parameters}
 
 
-def beside(p_value=1e-6, errors=(4.0, 1.0), brute="board_tilt", named="air_drag") -> dict[str, Any]:
+def beside(brute: str | None = "board_tilt", named: str = "air_drag") -> dict[str, Any]:
+    """What the rivals say of a case."""
+    forced = {
+        "effect": brute,
+        "heldout_waypoint_error_percent": 1.1,
+        "simulated_casts": 8000,
+    }
     return {
         "random": named,
         "largest_sensitivity": named,
-        "brute_force": {
-            "effect": brute,
-            "heldout_waypoint_error_percent": 1.1,
-            "simulated_casts": 8000,
-        },
-        "oracle": {
-            "effects": ["board_tilt"],
-            "base_heldout_waypoint_error_percent": errors[0],
-            "heldout_waypoint_error_percent": errors[1],
-            "p_value": p_value,
-            "simulated_casts": 500,
-        },
+        "brute_force": forced if brute else None,
+    }
+
+
+def told(p_value: float = 1e-6, errors=(4.0, 1.0), sizes=()) -> dict[str, Any]:
+    """What the oracle says of a case."""
+    return {
+        "base_heldout_waypoint_error_percent": errors[0],
+        "heldout_waypoint_error_percent": errors[1],
+        "p_value": p_value,
+        "sizes": list(sizes),
+        "simulated_casts": 500,
     }
 
 
@@ -100,12 +120,14 @@ def bench(tmp_path) -> Bench:
     """Every kind of case once or twice: some diagnosed well, some badly, one not at all."""
     made = Bench(tmp_path)
     good = ranked("board_tilt", sx=(-0.01, 0.01), sy=(0.015, 0.025))
-    made.add("case-001", "single", [TILT], verdict("board_tilt", ranking=[good]), beside())
+    said = verdict("board_tilt", ranking=[good])
+    made.add("case-001", "single", [TILT], said, beside(), told(sizes=[good]))
     wrong = verdict("tool_lag", errors=(4.0, 3.4), confusion_set=[["tool_lag", "air_drag"]])
-    made.add("case-002", "single", [DRAG], wrong, beside(brute="air_drag"))
-    made.add("case-003", "single", [PATCH], verdict("none"), beside(p_value=0.2, brute="none"))
-    made.add("case-004", "control", [], verdict("none", errors=(1.0,)), beside(brute="tool_lag"))
-    made.add("case-005", "control", [], verdict("unknown"))
+    near = ranked("air_drag", C=(6.5, 6.9))
+    made.add("case-002", "single", [DRAG], wrong, beside("air_drag"), told(sizes=[near]))
+    made.add("case-003", "single", [PATCH], verdict("none"), beside("none"), told(p_value=0.2))
+    made.add("case-004", "control", [], verdict("none", errors=(1.0,)), beside("tool_lag"))
+    made.add("case-005", "control", [], verdict("unknown"), beside(None))
     explained = verdict("unknown", unexplained={"depends_on": "place", "text": "…"})
     made.add("case-006", "outside", [BAND], explained)
     made.add("case-007", "outside", [BAND], verdict("board_tilt"))
@@ -130,6 +152,7 @@ def test_the_criteria_count_what_they_say(bench):
         "truth among the confusable": (2, 2, 0),
         "held-out drop relative to the oracle's": (pytest.approx(3.4), 6.0, 0),
         "intervals that cover the true size": (2, 3, 0),
+        "intervals that cover the true size, of the oracle": (2, 3, 0),
         "simulated casts relative to brute force": (4000, 32000, 0),
     }
 
@@ -173,7 +196,21 @@ def test_methods_stand_beside_the_diagnosis(bench):
         "oracle": "2 of 2 (100 %)",
     }
     assert table["brute force"]["false alarms on controls"] == "1 of 1 (100 %)"
-    assert table["brute force"]["simulated casts"] == "32000"
+    assert table["diagnosis"]["simulated casts a case"] == "1000"
+    assert table["brute force"]["simulated casts a case"] == "8000"
+    assert table["oracle"]["simulated casts a case"] == "500"
+
+
+def test_sizes_are_compared_effect_by_effect_where_the_rig_follows_the_library(bench):
+    head, *rows = size_rows(bench.outcomes())
+    assert head[2:] == ["diagnosis: interval holds", "oracle: interval holds"]
+    assert rows == [
+        ["air_drag", "1", "–", "0 of 1 (0 %)"],
+        ["board_tilt", "2", "2 of 2 (100 %)", "2 of 2 (100 %)"],
+        ["friction_patch", "1", "–", "–"],
+    ]
+    bench.add("case-010", "single", [GRAIN], verdict("anisotropic_friction"))
+    assert size_rows(bench.outcomes()) == [head, *rows]
 
 
 def test_every_case_has_a_row_with_what_is_missing_marked(bench):
@@ -206,7 +243,8 @@ def test_the_power_curve_sorts_cases_by_their_shift_in_noise_floors(bench):
 
 
 def test_the_results_are_written_whatever_is_missing_and_twice_alike(bench, tmp_path):
-    names = ["criteria.csv", "methods.csv", "cases.csv", "confusion.svg", "power.svg", "README.md"]
+    tables = ["criteria.csv", "methods.csv", "sizes.csv", "cases.csv"]
+    names = [*tables, "confusion.svg", "power.svg", "README.md"]
     written = write_results(bench.outcomes(), tmp_path / "reports")
     assert [path.name for path in written] == names
     first = {path.name: path.read_bytes() for path in written}
@@ -223,11 +261,15 @@ def test_the_results_are_written_whatever_is_missing_and_twice_alike(bench, tmp_
 
 def test_no_answers_and_broken_files_are_refused_by_name(bench, tmp_path):
     with pytest.raises(ValueError, match="no sealed answers"):
-        read_outcomes(tmp_path / "nowhere", tmp_path)
-    path = bench.diagnoses / "case-001" / "diagnosis.json"
+        read_outcomes(tmp_path / "nowhere")
+    path = bench.diagnosis("case-001")
     path.write_text(json.dumps({"verdict": ["none"]}))
     with pytest.raises(ValueError, match=r"diagnosis.json: expected the key 'ladder'"):
         bench.outcomes()
     path.write_text("{")
     with pytest.raises(ValueError, match=r"diagnosis.json: is not JSON"):
+        bench.outcomes()
+    path.unlink()
+    rivals_path("case-001", bench.folder).write_text(json.dumps({"brute_force": {}}))
+    with pytest.raises(ValueError, match=r"rivals/case-001.json: expected the key 'effect'"):
         bench.outcomes()

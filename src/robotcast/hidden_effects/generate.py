@@ -16,6 +16,7 @@ from robotcast.casts.plan import PlannedCast, plan_action
 from robotcast.files import discard_unfinished
 from robotcast.hidden_effects.actions import CastCounts, choose_actions
 from robotcast.hidden_effects.case import Case
+from robotcast.hidden_effects.layout import answer_path, sets_folder
 from robotcast.hidden_effects.mechanisms import Parameters
 from robotcast.hidden_effects.seal import seal, unseal
 from robotcast.hidden_effects.shift import fit_parameters, see_casts, shift_percent
@@ -47,21 +48,6 @@ class Bench:
     eye: Eye
     limits: PlanLimits
     shift_casts: int
-
-
-def sets_folder(folder: Path) -> Path:
-    """Return where the measurement sets lie, one folder a case: all that a diagnosis reads."""
-    return folder / "sets"
-
-
-def answers_folder(folder: Path) -> Path:
-    """Return where the sealed answers lie, one file a case."""
-    return folder / "answers"
-
-
-def answer_path(name: str, folder: Path) -> Path:
-    """Return where the sealed answer of a case lies."""
-    return answers_folder(folder) / f"{name}.sealed"
 
 
 def generate_cases(

@@ -42,6 +42,8 @@ class Mechanism:
         size 1; `strengths` of them are multiplied by the size.
     strengths : parameters that grow with the size.
     start, most : the size with which its fitting to a wanted shift starts, and the largest.
+    same_law : whether an effect of this name in the library follows the same law, so that the
+        two sizes can be compared.
     """
 
     make: Callable[..., HiddenEffect]
@@ -49,6 +51,7 @@ class Mechanism:
     strengths: tuple[str, ...]
     start: float
     most: float
+    same_law: bool = True
 
     def parameters(self, place: Mapping[str, float], size: float) -> Parameters:
         """Return the parameters of the mechanism at `place` with this size."""
@@ -104,7 +107,10 @@ LIBRARY: Mapping[str, Mechanism] = {
     ),
     "air_drag": Mechanism(lambda C: Air(C), _positive("C"), ("C",), 4.0, 30.0),
     "viscous_friction": Mechanism(lambda c: Oil(c), _positive("c"), ("c",), 0.4, 4.0),
-    "anisotropic_friction": Mechanism(lambda a: Grain(a), _positive("a"), ("a",), 0.4, 2.0),
+    # MuJoCo's cone opposes sliding askew in another direction than the library's law
+    "anisotropic_friction": Mechanism(
+        lambda a: Grain(a), _positive("a"), ("a",), 0.4, 2.0, same_law=False
+    ),
     "friction_patch": Mechanism(
         lambda k, x0, y0, w: RoughPatch(k, x0, y0, w), _patch, ("k",), 0.5, 3.0
     ),
@@ -115,7 +121,10 @@ LIBRARY: Mapping[str, Mechanism] = {
         0.4,
         2.0,
     ),
-    "endpoint_friction": Mechanism(lambda k: RoughEnd(k), _positive("k"), ("k",), 0.3, 2.0),
+    # what bends between the heavy end and the light cable carries some of the end's weight
+    "endpoint_friction": Mechanism(
+        lambda k: RoughEnd(k), _positive("k"), ("k",), 0.3, 2.0, same_law=False
+    ),
     "mass_gradient": Mechanism(lambda k: UnevenMass(k), _signed("k"), ("k",), 0.4, 0.85),
     "resting_curvature": Mechanism(
         lambda kappa: CurvedCable(kappa), _signed("kappa"), ("kappa",), 1.0, 8.0

@@ -7,10 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from robotcast.hidden_effects.layout import (
+    answer_path,
+    answers_folder,
+    diagnosis_folder,
+    oracle_path,
+    rivals_path,
+)
 from robotcast.hidden_effects.mechanisms import MECHANISMS
 from robotcast.hidden_effects.seal import unseal
 
 SIGNIFICANT = 0.001
+
+Intervals = Mapping[tuple[str, str], tuple[float, float]]
+"""(effect, parameter) → (low, high)."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +50,11 @@ class Truth:
             if name in MECHANISMS[effect].strengths
         }
 
+    @property
+    def comparable_sizes(self) -> dict[tuple[str, str], float]:
+        """Those sizes that mean in the library what they mean on the rig."""
+        return {key: size for key, size in self.sizes.items() if MECHANISMS[key[0]].same_law}
+
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -51,7 +66,6 @@ class Diagnosis:
     confusable : every effect of its confusion sets.
     unexplained : whether it says that something is left to explain.
     base_percent, final_percent : held-out waypoint error of the ladder's first and last rung.
-    intervals : (effect, parameter) → (low, high).
     """
 
     verdict: tuple[str, ...]
@@ -60,18 +74,27 @@ class Diagnosis:
     noise_floor_percent: float | None
     base_percent: float | None
     final_percent: float | None
-    intervals: Mapping[tuple[str, str], tuple[float, float]]
+    intervals: Intervals
     simulated_casts: int
     seconds: float
 
 
 @dataclass(frozen=True)
 class Oracle:
-    """A refit that is told what is hidden; `p_value` is that of its gain on held-out casts."""
+    """A refit that is told what is hidden.
+
+    Attributes
+    ----------
+    base_percent, final_percent : held-out waypoint error without and with what is hidden.
+    p_value : of that saving.
+    intervals : of the sizes of what is hidden.
+    """
 
     base_percent: float
     final_percent: float
     p_value: float
+    intervals: Intervals
+    simulated_casts: int
 
     @property
     def significant(self) -> bool:
@@ -116,43 +139,34 @@ class Outcome:
         return self.oracle is not None and self.oracle.significant
 
 
-def read_outcomes(answers: Path, diagnoses: Path) -> list[Outcome]:
-    """Open every answer and read what `diagnoses`/<case>/ holds on it."""
+def read_outcomes(folder: Path) -> list[Outcome]:
+    """Open every answer below `folder` and read all that was said of its case."""
+    answers = answers_folder(folder)
     sealed = sorted(answers.glob("*.sealed"))
     if not sealed:
         raise ValueError(f"{answers}: no sealed answers; stages/hidden_draw.py draws the cases")
-    return [read_outcome(path, diagnoses / path.stem) for path in sealed]
+    return [read_outcome(path.stem, folder) for path in sealed]
 
 
-def read_outcome(answer: Path, folder: Path) -> Outcome:
-    """Open one answer and read the diagnosis and the baselines in `folder`."""
-    truth, diagnosis = _truth(unseal(answer)), _diagnosis(folder / "diagnosis.json")
-    path = folder / "baselines.json"
-    baselines = _read(path) or {}
-    with _named(path):
-        brute, oracle = baselines.get("brute_force"), baselines.get("oracle")
+def read_outcome(case: str, folder: Path) -> Outcome:
+    """Open the answer of one case; read its diagnosis, its rivals and its oracle."""
+    rivals = rivals_path(case, folder)
+    said = _read(rivals) or {}
+    with _named(rivals):
         return Outcome(
-            case=answer.stem,
-            truth=truth,
-            diagnosis=diagnosis,
-            random=baselines.get("random"),
-            largest_sensitivity=baselines.get("largest_sensitivity"),
-            brute_force=brute
-            and BruteForce(
-                effect=str(brute["effect"]),
-                final_percent=float(brute["heldout_waypoint_error_percent"]),
-                simulated_casts=int(brute["simulated_casts"]),
-            ),
-            oracle=oracle
-            and Oracle(
-                base_percent=float(oracle["base_heldout_waypoint_error_percent"]),
-                final_percent=float(oracle["heldout_waypoint_error_percent"]),
-                p_value=float(oracle["p_value"]),
-            ),
+            case=case,
+            truth=read_truth(answer_path(case, folder)),
+            diagnosis=_diagnosis(diagnosis_folder(case, folder) / "diagnosis.json"),
+            random=said.get("random"),
+            largest_sensitivity=said.get("largest_sensitivity"),
+            brute_force=_brute_force(said.get("brute_force")),
+            oracle=_oracle(oracle_path(case, folder)),
         )
 
 
-def _truth(answer: Mapping[str, Any]) -> Truth:
+def read_truth(path: Path) -> Truth:
+    """Open a sealed answer."""
+    answer = unseal(path)
     drawn = answer["drawn"]
     return Truth(
         kind=drawn["kind"],
@@ -183,9 +197,31 @@ def _diagnosis(path: Path) -> Diagnosis | None:
         )
 
 
-def _intervals(
-    ranking: list[Mapping[str, Any]],
-) -> dict[tuple[str, str], tuple[float, float]]:
+def _brute_force(said: Mapping[str, Any] | None) -> BruteForce | None:
+    if said is None:
+        return None
+    return BruteForce(
+        effect=str(said["effect"]),
+        final_percent=float(said["heldout_waypoint_error_percent"]),
+        simulated_casts=int(said["simulated_casts"]),
+    )
+
+
+def _oracle(path: Path) -> Oracle | None:
+    said = _read(path)
+    if said is None:
+        return None
+    with _named(path):
+        return Oracle(
+            base_percent=float(said["base_heldout_waypoint_error_percent"]),
+            final_percent=float(said["heldout_waypoint_error_percent"]),
+            p_value=float(said["p_value"]),
+            intervals=_intervals(said["sizes"]),
+            simulated_casts=int(said["simulated_casts"]),
+        )
+
+
+def _intervals(ranking: list[Mapping[str, Any]]) -> Intervals:
     return {
         (one["effect"], name): (float(found["low"]), float(found["high"]))
         for one in ranking

@@ -12,12 +12,14 @@ from robotcast.hidden_effects.tables import (
     csv_text,
     markdown,
     method_rows,
+    size_rows,
 )
 from robotcast.reporting.figures.style import style, svg
 
 TITLES = {
     "criteria": "What is asked of the diagnosis",
     "methods": "Beside other methods",
+    "sizes": "Sizes of effects",
     "cases": "Every case",
 }
 
@@ -27,6 +29,7 @@ def write_results(outcomes: Sequence[Outcome], folder: Path) -> list[Path]:
     rows = {
         "criteria": criteria_rows(outcomes),
         "methods": method_rows(outcomes),
+        "sizes": size_rows(outcomes),
         "cases": case_rows(outcomes),
     }
     files = {f"{name}.csv": csv_text(table) for name, table in rows.items()}

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from robotcast.hidden_effects.outcome import Outcome
+from robotcast.hidden_effects.outcome import Intervals, Outcome
 
 NONE, UNKNOWN = ("none",), ("unknown",)
 METHODS = ("diagnosis", "random", "largest_sensitivity", "brute_force", "oracle")
@@ -70,7 +70,8 @@ def criteria(outcomes: Sequence[Outcome]) -> list[Criterion]:
     single = [o for o in outcomes if o.truth.kind == "single"]
     shown = [o for o in single if o.shows]
     told = [o for o in single if o.oracle is None]
-    hidden = [o for o in outcomes if o.truth.kind in ("single", "pair") and o.shows]
+    named = [o for o in outcomes if o.truth.kind in ("single", "pair")]
+    hidden = [o for o in named if o.shows]
     outside = _of_kind(outcomes, "outside")
     top = top_one(shown, "diagnosis")
     return [
@@ -95,7 +96,11 @@ def criteria(outcomes: Sequence[Outcome]) -> list[Criterion]:
         Criterion(
             "held-out drop relative to the oracle's", _drop(hidden), bound=0.9, counted=False
         ),
-        Criterion("intervals that cover the true size", _coverage(outcomes), bound=0.85),
+        Criterion("intervals that cover the true size", coverage(named, covered), bound=0.85),
+        Criterion(
+            "intervals that cover the true size, of the oracle",
+            coverage(named, covered_when_told),
+        ),
         Criterion(
             "simulated casts relative to brute force",
             _casts(outcomes),
@@ -159,17 +164,29 @@ def covered(outcome: Outcome) -> list[bool]:
     """Return for every size of a hidden effect that was named whether its interval holds it."""
     if outcome.diagnosis is None:
         return []
-    intervals = outcome.diagnosis.intervals
+    named = outcome.diagnosis.verdict
+    return _held(outcome, outcome.diagnosis.intervals, named)
+
+
+def covered_when_told(outcome: Outcome) -> list[bool]:
+    """Return the same for the oracle, to whom every hidden effect is named."""
+    if outcome.oracle is None:
+        return []
+    return _held(outcome, outcome.oracle.intervals, tuple(outcome.truth.effects))
+
+
+def _held(outcome: Outcome, intervals: Intervals, named: tuple[str, ...]) -> list[bool]:
     return [
         intervals[key][0] <= size <= intervals[key][1]
-        for key, size in outcome.truth.sizes.items()
-        if key[0] in outcome.diagnosis.verdict and key in intervals
+        for key, size in outcome.truth.comparable_sizes.items()
+        if key[0] in named and key in intervals
     ]
 
 
-def _coverage(outcomes: Iterable[Outcome]) -> Share:
-    held = [one for o in outcomes if o.truth.kind in ("single", "pair") for one in covered(o)]
-    return Share(sum(held), len(held))
+def coverage(outcomes: Iterable[Outcome], held: Callable[[Outcome], list[bool]]) -> Share:
+    """Return how many intervals hold the true size, with `covered` or `covered_when_told`."""
+    all_held = [one for outcome in outcomes for one in held(outcome)]
+    return Share(sum(all_held), len(all_held))
 
 
 def _casts(outcomes: Iterable[Outcome]) -> Share:

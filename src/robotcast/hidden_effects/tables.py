@@ -10,7 +10,9 @@ from robotcast.hidden_effects.score import (
     Criterion,
     Share,
     both,
+    coverage,
     covered,
+    covered_when_told,
     criteria,
     false_alarms,
     named_by,
@@ -61,7 +63,7 @@ def method_rows(outcomes: Sequence[Outcome]) -> Rows:
         "named first, all",
         "false alarms on controls",
         "both of two named",
-        "simulated casts",
+        "simulated casts a case",
     ]
     rows = [
         [
@@ -79,6 +81,22 @@ def method_rows(outcomes: Sequence[Outcome]) -> Rows:
         ]
         for method in METHODS
     ]
+    return [head, *rows]
+
+
+def size_rows(outcomes: Sequence[Outcome]) -> Rows:
+    """Return how many intervals hold the true size, one row an effect.
+
+    Effects whose law on the rig is not the library's have no size to compare, and no row.
+    """
+    head = ["effect", "hidden alone", "diagnosis: interval holds", "oracle: interval holds"]
+    of = [o for o in outcomes if o.truth.kind == "single" and o.truth.comparable_sizes]
+    effects = sorted({next(iter(o.truth.effects)) for o in of})
+    rows = []
+    for effect in effects:
+        alone = [o for o in of if effect in o.truth.effects]
+        held = [_share(coverage(alone, how)) for how in (covered, covered_when_told)]
+        rows.append([effect, str(len(alone)), *held])
     return [head, *rows]
 
 
@@ -121,11 +139,11 @@ def _percent(value: float | None) -> str:
 
 
 def _casts(outcomes: Sequence[Outcome], method: str) -> str:
-    """Return the casts a method simulated in all; only two of them count theirs."""
-    if method not in ("diagnosis", "brute_force"):
+    """Return the casts a method simulated on average; a guess and a sensitivity count none."""
+    if method not in ("diagnosis", "brute_force", "oracle"):
         return MISSING
     run = [getattr(o, method) for o in outcomes if getattr(o, method)]
-    return str(sum(one.simulated_casts for one in run)) if run else MISSING
+    return f"{sum(one.simulated_casts for one in run) / len(run):.0f}" if run else MISSING
 
 
 def _case_row(o: Outcome) -> list[str]:

@@ -1,0 +1,39 @@
+"""A fit that is told which effects are missing: what any diagnosis could reach at best."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from robotcast.diagnosis.gain import Gain
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.search import Effort, Rung
+from robotcast.hidden_effects.rivals.places import all_probes, joined
+from robotcast.hidden_effects.rivals.refitting import judged_refit, rematched, saving
+
+
+@dataclass(frozen=True)
+class Told:
+    """The base model, the model with what is hidden, and what that saves on held-out trials."""
+
+    base: Rung
+    rung: Rung
+    gain: Gain
+
+
+def told(
+    inquiry: Inquiry,
+    base: Rung,
+    hidden: Mapping[str, Mapping[str, float]],
+    floor: float | None,
+    effort: Effort,
+) -> Told:
+    """Fit the model with the hidden effects.
+
+    Parameters
+    ----------
+    hidden : effect → its true parameters: one of the starts; null and the probes are others.
+    floor : noise floor in % of the scale, None when unknown.
+    """
+    places = joined([all_probes(inquiry.model.effects[name]) for name in hidden])
+    rung = judged_refit(inquiry, base, list(hidden), [hidden, *places], effort)
+    base = rematched(inquiry, base, rung, effort)
+    return Told(base, rung, saving(inquiry, base, rung, floor))

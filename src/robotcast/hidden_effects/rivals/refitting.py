@@ -1,0 +1,67 @@
+"""Fitting a model with effects as thoroughly as the base model was fitted."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from robotcast.diagnosis.gain import Gain, gain
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.revision import EARLY, Revision, fit_base, held_out
+from robotcast.diagnosis.search import Effort, Rung
+from robotcast.fitting.least_squares import Fit, trial_losses
+from robotcast.hidden_effects.rivals.places import Place, unit_rows
+
+BEGUN, ENDED = 6, 2  # fits that start, and of these those that see whole trials
+
+
+def judged_base(inquiry: Inquiry, effort: Effort) -> Rung:
+    """Fit the model as it is, as a diagnosis does first, and judge it on held-out trials."""
+    return _judged(inquiry, fit_base(inquiry, (), effort.seed, effort.base), effort)
+
+
+def judged_refit(
+    inquiry: Inquiry, base: Rung, effects: Sequence[str], places: Sequence[Place], effort: Effort
+) -> Rung:
+    """Fit the model with `effects` from many starts, by elimination, and judge it.
+
+    The base model was fitted so too: first to the beginnings of trials, which are not chaotic.
+
+    Parameters
+    ----------
+    places : where the effects start; the other parameters start where the base fit ended.
+    """
+    effects = tuple(effects)
+    rows = unit_rows(inquiry, base.revision.fit.vector, effects, places)
+    early = inquiry.beginnings(EARLY)
+    losses = trial_losses(early.residuals(effects)(rows, early.everything)).mean(axis=1)
+    starts = rows[np.argsort(losses, kind="stable")[:BEGUN]]
+    begun = sorted((early.fit(effects, start, 4) for start in starts), key=_loss)
+    best = min((inquiry.fit(effects, fit.vector, 4) for fit in begun[:ENDED]), key=_loss)
+    fit = inquiry.fit(effects, best.vector, effort.base)
+    return _judged(inquiry, Revision(effects, fit), effort)
+
+
+def rematched(inquiry: Inquiry, base: Rung, rival: Rung, effort: Effort) -> Rung:
+    """Return the base model fitted from a rival's parameters, where that is better.
+
+    A refit that found a better valley of the old parameters would else count for its effect.
+    """
+    start = rival.revision.fit.vector[: len(base.revision.fit.vector)]
+    fit = inquiry.fit(base.revision.effects, start, effort.base)
+    if fit.loss >= base.revision.fit.loss:
+        return base
+    return _judged(inquiry, replace(base.revision, fit=fit), effort)
+
+
+def saving(inquiry: Inquiry, before: Rung, after: Rung, floor: float | None) -> Gain:
+    """Return what one model saves on held-out trials over another."""
+    return gain(before.errors.waypoint, after.errors.waypoint, inquiry.groups, floor)
+
+
+def _loss(fit: Fit) -> float:
+    return fit.loss
+
+
+def _judged(inquiry: Inquiry, revision: Revision, effort: Effort) -> Rung:
+    return Rung(revision, held_out(inquiry, revision, effort.seed, effort.fold))

@@ -1,0 +1,101 @@
+"""The benchmark as `make hidden-effects-few` runs it: four small sets, from drawing to scores."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robotcast.hidden_effects.layout import diagnosis_folder, oracle_path, rivals_path
+from robotcast.hidden_effects.outcome import Outcome, read_outcomes
+
+ROOT = Path(__file__).resolve().parents[2]
+CANDIDATES = ("board_tilt", "camera_latency", "tool_lag")  # of brute force, to be quick
+FORCED = "case-001"
+
+
+def run(stage: str, folder: Path, *overrides: str) -> None:
+    command = [sys.executable, f"stages/hidden_{stage}.py", "hidden_effects=few"]
+    places = [f"hidden_effects.folder={folder}", f"hidden_effects.reports={folder / 'reports'}"]
+    done = subprocess.run([*command, *places, *overrides], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def name_by_rivals(folder: Path) -> None:
+    known = [path.stem for path in (ROOT / "conf" / "effect").glob("*.yaml")]
+    left_out = ",".join(name for name in known if name not in CANDIDATES)
+    run("rivals", folder, f"exclude=[{left_out}]", f"hidden_effects.brute_force=[{FORCED}]")
+
+
+def read(path: Path) -> dict[str, Any]:
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("few")
+    for stage in ("draw", "diagnose"):
+        run(stage, folder)
+    name_by_rivals(folder)
+    for stage in ("oracle", "score"):
+        run(stage, folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def outcomes(folder: Path) -> list[Outcome]:
+    return read_outcomes(folder)
+
+
+@pytest.mark.slow
+def test_what_is_hidden_alone_is_named_and_a_control_is_none(outcomes: list[Outcome]) -> None:
+    said = {
+        "+".join(o.truth.effects) or "control": o.diagnosis.verdict
+        for o in outcomes
+        if o.diagnosis and o.truth.kind in ("single", "control")
+    }
+    assert said == {
+        "board_tilt": ("board_tilt",),
+        "camera_latency": ("camera_latency",),
+        "control": ("none",),
+    }
+
+
+@pytest.mark.slow
+def test_the_oracle_is_told_single_effects_and_their_gain_shows(outcomes: list[Outcome]) -> None:
+    told = {o.truth.kind: o.oracle for o in outcomes}
+    assert told["control"] is None and told["outside"] is None
+    for outcome in outcomes:
+        if outcome.truth.kind == "single":
+            assert outcome.oracle is not None and outcome.oracle.significant
+            assert set(outcome.oracle.intervals) >= set(outcome.truth.sizes)
+
+
+@pytest.mark.slow
+def test_every_rival_names_an_effect_and_brute_force_only_where_asked(
+    outcomes: list[Outcome],
+) -> None:
+    for outcome in outcomes:
+        assert outcome.random in CANDIDATES
+        assert outcome.largest_sensitivity in CANDIDATES
+        assert (outcome.brute_force is not None) == (outcome.case == FORCED)
+
+
+@pytest.mark.slow
+def test_what_stands_is_not_done_again(folder: Path, outcomes: list[Outcome]) -> None:
+    paths = [path(o.case, folder) for o in outcomes for path in (rivals_path, oracle_path)]
+    paths += [diagnosis_folder(o.case, folder) / "diagnosis.json" for o in outcomes]
+    before = {path: path.stat().st_mtime_ns for path in paths if path.exists()}
+    run("diagnose", folder)
+    name_by_rivals(folder)
+    run("oracle", folder)
+    assert {path: path.stat().st_mtime_ns for path in paths if path.exists()} == before
+
+
+@pytest.mark.slow
+def test_the_results_are_written_for_people(folder: Path) -> None:
+    text = (folder / "reports" / "README.md").read_text(encoding="utf-8")
+    assert "4 of them were diagnosed" in text
+    assert read(rivals_path(FORCED, folder))["brute_force"]["simulated_casts"] > 1000
