@@ -6,10 +6,11 @@ import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision
-from robotcast.fitting.least_squares import PRIOR_SD
+from robotcast.fitting.least_squares import PRIOR_SD, Fit
 from robotcast.fitting.parameter import Parameter
 
 SPREAD = 2.0  # standard errors on either side of a value
+DISCREPANCY = 0.5  # of the noise: what the model is allowed to miss in every trial, all its own
 
 
 @dataclass(frozen=True)
@@ -37,11 +38,16 @@ def sizes(inquiry: Inquiry, revision: Revision, vectors: np.ndarray | None) -> t
 
     The standard error is the larger of two: the sandwich estimator with groups of trials as
     clusters (Liang and Zeger 1986), and the jackknife over the folds' fits `vectors` (k, n).
+    Both shrink as trials are added, but what a model misses everywhere in the same way does not
+    (Kennedy and O'Hagan 2001): the most by which a misfit of `DISCREPANCY` in every trial can
+    shift the value is added in squares.
     """
-    error = _sandwich(inquiry, revision)
+    bread = _bread(revision.fit)
+    error = _sandwich(inquiry, revision.fit, bread)
     if vectors is not None and len(vectors) > 1:
         k = len(vectors)
         error = np.maximum(error, np.sqrt((k - 1) / k * ((vectors - vectors.mean(0)) ** 2).sum(0)))
+    error = np.hypot(error, _shift(revision.fit, bread) / SPREAD)
     centre = revision.fit.vector
     found = []
     for k, parameter in enumerate(inquiry.parameters(revision.effects)):
@@ -51,15 +57,24 @@ def sizes(inquiry: Inquiry, revision: Revision, vectors: np.ndarray | None) -> t
     return tuple(found)
 
 
-def _sandwich(inquiry: Inquiry, revision: Revision) -> np.ndarray:
-    fit, groups = revision.fit, inquiry.groups
+def _bread(fit: Fit) -> np.ndarray:
     weighted = fit.jacobian * fit.weights[:, None, None]
-    bread = np.einsum("idn,idm->nm", weighted, fit.jacobian)
-    bread += np.eye(len(fit.vector)) / PRIOR_SD**2
+    curvature = np.einsum("idn,idm->nm", weighted, fit.jacobian)
+    return np.linalg.inv(curvature + np.eye(len(fit.vector)) / PRIOR_SD**2)
+
+
+def _sandwich(inquiry: Inquiry, fit: Fit, bread: np.ndarray) -> np.ndarray:
+    """Return standard errors (n,) with groups of trials as clusters."""
+    weighted = fit.jacobian * fit.weights[:, None, None]
     scores = np.einsum("idn,id->in", weighted, fit.residual)
-    by_group = np.zeros((groups.max() + 1, scores.shape[1]))
-    np.add.at(by_group, groups, scores)
-    inverse = np.linalg.inv(bread)
+    by_group = np.zeros((inquiry.groups.max() + 1, scores.shape[1]))
+    np.add.at(by_group, inquiry.groups, scores)
     n, p = by_group.shape
     meat = by_group.T @ by_group * n / max(n - p, 1)
-    return np.sqrt(np.diag(inverse @ meat @ inverse))
+    return np.sqrt(np.diag(bread @ meat @ bread))
+
+
+def _shift(fit: Fit, bread: np.ndarray) -> np.ndarray:
+    """Return by how much (n,) the worst misfit of `DISCREPANCY` in every trial shifts a value."""
+    by_trial = np.einsum("nm,idm,i->ind", bread, fit.jacobian, fit.weights)
+    return DISCREPANCY * np.sqrt((by_trial**2).sum(axis=-1)).sum(axis=0)
