@@ -6,7 +6,12 @@ from dataclasses import dataclass
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.search import Effort, Rung
 from robotcast.hidden_effects.rivals.places import all_probes
-from robotcast.hidden_effects.rivals.refitting import judged_refit, rematched, saving
+from robotcast.hidden_effects.rivals.refitting import (
+    judged_refit,
+    rematched,
+    saving,
+    settled,
+)
 
 
 @dataclass(frozen=True)
@@ -35,7 +40,7 @@ def brute_force(
     effort: Effort,
     tell: Callable[[str], object],
 ) -> Forced:
-    """Fit every candidate with the budget of the base model; keep the best if it pays.
+    """Fit every candidate with about the budget of the base model; keep the best if it pays.
 
     Parameters
     ----------
@@ -49,8 +54,8 @@ def brute_force(
         rungs[name] = judged_refit(inquiry, base, [name], places, effort)
     tried = {name: float(rung.errors.waypoint.mean()) for name, rung in rungs.items()}
     best = min(tried, key=lambda name: tried[name])
-    base = rematched(inquiry, base, rungs[best], effort)
-    saved = saving(inquiry, base, rungs[best], floor)
-    if saved.pays:
-        return Forced(best, tried[best], saved.p_value, tried)
-    return Forced("none", float(base.errors.waypoint.mean()), saved.p_value, tried)
+    rung = settled(inquiry, rungs[best], effort)
+    base = rematched(inquiry, base, rung, effort)
+    saved = saving(inquiry, base, rung, floor)
+    kept, named = (rung, best) if saved.pays else (base, "none")
+    return Forced(named, float(kept.errors.waypoint.mean()), saved.p_value, tried)

@@ -7,7 +7,12 @@ from robotcast.diagnosis.gain import Gain
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.search import Effort, Rung
 from robotcast.hidden_effects.rivals.places import all_probes, joined
-from robotcast.hidden_effects.rivals.refitting import judged_refit, rematched, saving
+from robotcast.hidden_effects.rivals.refitting import (
+    judged_refit,
+    rematched,
+    saving,
+    settled,
+)
 
 
 @dataclass(frozen=True)
@@ -35,5 +40,6 @@ def told(
     """
     places = joined([all_probes(inquiry.model.effects[name]) for name in hidden])
     rung = judged_refit(inquiry, base, list(hidden), [hidden, *places], effort)
+    rung = settled(inquiry, rung, effort)
     base = rematched(inquiry, base, rung, effort)
     return Told(base, rung, saving(inquiry, base, rung, floor))

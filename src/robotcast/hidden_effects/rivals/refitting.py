@@ -23,7 +23,7 @@ def judged_base(inquiry: Inquiry, effort: Effort) -> Rung:
 def judged_refit(
     inquiry: Inquiry, base: Rung, effects: Sequence[str], places: Sequence[Place], effort: Effort
 ) -> Rung:
-    """Fit the model with `effects` from many starts, by elimination, and judge it.
+    """Fit the model with `effects` from several starts, by elimination, and judge it.
 
     The base model was fitted so too: first to the beginnings of trials, which are not chaotic.
 
@@ -40,6 +40,17 @@ def judged_refit(
     best = min((inquiry.fit(effects, fit.vector, 4) for fit in begun[:ENDED]), key=_loss)
     fit = inquiry.fit(effects, best.vector, effort.base)
     return _judged(inquiry, Revision(effects, fit), effort)
+
+
+def settled(inquiry: Inquiry, rung: Rung, effort: Effort) -> Rung:
+    """Return a model fitted again from as many starts as the base model, where that is better.
+
+    The base model's own parameters had stood in for what it lacked; with it, they may belong
+    elsewhere.
+    """
+    effects, fit = rung.revision.effects, rung.revision.fit
+    again = fit_base(inquiry, effects, effort.seed, effort.base, about=fit.vector)
+    return rung if again.fit.loss >= fit.loss else _judged(inquiry, again, effort)
 
 
 def rematched(inquiry: Inquiry, base: Rung, rival: Rung, effort: Effort) -> Rung:
