@@ -65,7 +65,7 @@ def fit_base(
     effects = tuple(effects)
     about = inquiry.nominal(effects) if about is None else about
     early = inquiry.beginnings(EARLY)
-    some = _spread(inquiry.everything, SOME)
+    some = spread(inquiry.everything, SOME)
     begun = [
         early.fit(effects, start, 3, trials=some) for start in _starts(early, effects, about, seed)
     ]
@@ -84,12 +84,12 @@ def _starts(early: Inquiry, effects: tuple[str, ...], about: np.ndarray, seed: i
     cube = qmc.LatinHypercube(len(nominal), rng=np.random.default_rng(seed)).random(LOOKED_AT)
     looked = np.where(free, np.clip(nominal + 0.8 * (cube - 0.5), 0.02, 0.98), about)
     looked[0] = about
-    few = _spread(early.everything, FEW)
+    few = spread(early.everything, FEW)
     losses = trial_losses(early.residuals(effects)(looked, few)).mean(axis=1)
     return looked[np.argsort(losses, kind="stable")[:BEGUN]]
 
 
-def _spread(trials: np.ndarray, n: int) -> np.ndarray:
+def spread(trials: np.ndarray, n: int) -> np.ndarray:
     """Return n of the trials, evenly spaced."""
     return trials[:: max(1, len(trials) // n)]
 

@@ -7,17 +7,17 @@ import numpy as np
 
 from robotcast.diagnosis.gain import Gain, gain, worse
 from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
 from robotcast.diagnosis.screen import Screened, screen
 from robotcast.fitting.least_squares import Fit, trial_losses
 
-CONTENDERS = 6  # effects of a screen that are refitted for a few iterations
-LEADERS = 3  # of these, refitted to the end
+CONTENDERS = 6  # effects that a later round refits on beginnings of trials; the first, all
+LEADERS = 4  # of these, refitted to the end; half as many in later rounds
 FINALISTS = 2  # of these, judged on held-out trials
 MOST_EFFECTS = 3
-HOPE = 0.005  # share of the loss that a first look must take away for a refit
 EQUAL = 0.05  # p-value above which two revisions explain the trials equally well
-AT_THE_FLOOR = 1.05  # of the noise floor: with less error than this nothing is missing
+AT_THE_FLOOR = 1.1  # of the noise floor: with less error than this nothing is missing
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Effort:
     """How hard a search tries: iterations of fits on all trials and without a fold."""
 
     base: int = 6
-    refit: int = 4
+    refit: int = 3
     fold: int = 1
     seed: int = 0
 
@@ -83,13 +83,12 @@ def search(
         found, added = _round(inquiry, found, candidates, floor, effort, tell)
         if not added:
             break
-    found = _without_needless(inquiry, found, len(fixed), floor, effort, tell)
-    return _settled(inquiry, found, floor, effort, tell)
+    return _without_needless(inquiry, found, len(fixed), floor, effort, tell)
 
 
 def at_the_floor(rung: Rung, floor: float | None) -> bool:
-    """Tell whether half of the held-out trials miss by no more than repeats differ."""
-    return floor is not None and float(np.median(rung.errors.waypoint)) < AT_THE_FLOOR * floor
+    """Tell whether held-out trials miss by hardly more than repeats differ."""
+    return floor is not None and float(rung.errors.waypoint.mean()) < AT_THE_FLOOR * floor
 
 
 def _rung(
@@ -115,7 +114,10 @@ def _round(
             screens[name] = screen(inquiry, top.revision, name)
     found = replace(found, screens=(*found.screens, screens))
     usable = [s for s in screens.values() if s.status is None]
-    fitted = _refits(inquiry, top.revision, usable, effort, lambda text: tell(found, text))
+    later = len(found.ladder) > 1
+    fitted = _refits(
+        inquiry, top.revision, usable, effort, lambda text: tell(found, text), later=later
+    )
     if not fitted:
         return found, False
     top = _rematch(inquiry, top, fitted[0].revision, effort)
@@ -149,20 +151,29 @@ def _refits(
     usable: Sequence[Screened],
     effort: Effort,
     tell: Callable[[str], object],
+    *,
+    later: bool,
 ) -> list[_Refitted]:
-    """Refit with the most promising effects, the leaders to the end; the best comes first."""
-    hopeful = [s for s in usable if s.loss < (1 - HOPE) * revision.fit.loss]
+    """Refit with the most promising effects; the best comes first."""
+    looked = {one.effect: one for one in usable}
+    tell("refitting the model around every effect")
     fitted = []
-    for one in sorted(hopeful, key=lambda s: s.loss)[:CONTENDERS]:
-        tell(f"refitting with {one.effect}")
-        fitted.append(
-            _Refitted(one, _refit(inquiry, (*revision.effects, one.effect), one.start, 1))
-        )
-    fitted.sort(key=lambda f: f.revision.fit.loss)
-    for k, (one, begun) in enumerate((f.screened, f.revision) for f in fitted[:LEADERS]):
-        tell(f"refitting with {one.effect}")
-        fitted[k] = _Refitted(one, refit(inquiry, begun, effort.refit))
+    most, leaders = (CONTENDERS, LEADERS // 2) if later else (len(looked), LEADERS)
+    for name, begun in Profile(inquiry, revision).contenders(looked, most)[:leaders]:
+        tell(f"refitting with {name}")
+        effects = (*revision.effects, name)
+        start = _better_start(inquiry, effects, begun.vector, looked[name].start)
+        fit = inquiry.fit(effects, start, effort.refit)
+        fitted.append(_Refitted(looked[name], Revision(effects, fit)))
     return sorted(fitted, key=lambda f: f.revision.fit.loss)
+
+
+def _better_start(
+    inquiry: Inquiry, effects: tuple[str, ...], first: np.ndarray, second: np.ndarray
+) -> np.ndarray:
+    rows = np.array([first, second])
+    losses = trial_losses(inquiry.residuals(effects)(rows, inquiry.everything)).mean(axis=1)
+    return rows[int(np.argmin(losses))]
 
 
 def _rivals(inquiry: Inquiry, fitted: Sequence[_Refitted], best: Revision) -> tuple[str, ...]:
@@ -224,31 +235,6 @@ def _without_needless(
             first = replace(rung, gain=_gain(inquiry, found.ladder[0], rung, floor))
             return replace(found, ladder=(found.ladder[0], first))
     return found
-
-
-def _settled(
-    inquiry: Inquiry,
-    found: Found,
-    floor: float | None,
-    effort: Effort,
-    tell: Callable[[Found, str], object],
-) -> Found:
-    """Fit the last rung from many starts, as the base was.
-
-    The base's own parameters had stood in for what was missing, and may be far from where they
-    belong once it is there.
-    """
-    *below, top = found.ladder
-    if not below or at_the_floor(top, floor):
-        return found
-    tell(found, "fitting the model with what was found")
-    effects, vector = top.revision.effects, top.revision.fit.vector
-    again = fit_base(inquiry, effects, effort.seed, effort.base, about=vector)
-    if again.fit.loss >= top.revision.fit.loss:
-        return found
-    rung = _rung(inquiry, again, effort, top.predicted)
-    rung = replace(rung, gain=_gain(inquiry, below[-1], rung, floor))
-    return replace(found, ladder=(*below, rung))
 
 
 def _dropped(inquiry: Inquiry, revision: Revision, name: str, effort: Effort) -> Revision:
