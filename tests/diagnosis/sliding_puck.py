@@ -76,37 +76,35 @@ class Puck:
     def predict(
         self, records: Sequence[Record], active: Sequence[str], vectors: np.ndarray
     ) -> np.ndarray:
-        k_max = max(len(r.times_s) for r in records)
-        seen = np.full((len(vectors), len(records), k_max, 2), np.nan)
-        for row, vector in zip(seen, vectors, strict=True):
-            own = self._own(active, vector)
-            for path, record in zip(row, records, strict=True):
-                path[: len(record.times_s)] = _path(record, vector[0], vector[1], own)
-        return seen
-
-    def _own(self, active: Sequence[str], vector: np.ndarray) -> dict[str, np.ndarray]:
         own, at = {}, len(self.parameters)
         for name in active:
             n = len(self.effects[name].parameters)
-            own[name], at = vector[at : at + n], at + n
-        return own
+            own[name], at = vectors[:, at : at + n], at + n
+        return _paths(records, vectors[:, 0], vectors[:, 1], own)
 
 
-def _path(record: Record, drag: float, gain: float, own: dict[str, np.ndarray]) -> np.ndarray:
-    late = own["late_clock"][0] if "late_clock" in own else 0.0
-    t = np.maximum(record.times_s - late, 0.0)[:, None]
-    speed, heading = record.factors["speed"], record.factors["heading"]
-    way = np.array([np.cos(heading), np.sin(heading)])
-    grown = (1 - np.exp(-drag * t)) / drag
-    path = gain * speed * way * grown
-    path = path + own.get("tilt", np.zeros(2)) * (t - grown) / drag
-    path = path * (1 + 1e-7 * own.get("faint", np.zeros(1)))
-    if "turn" in own:
-        cosine, sine = np.cos(own["turn"][0]), np.sin(own["turn"][0])
-        path = path @ np.array([[cosine, sine], [-sine, cosine]])
-    if "shear" in own:
-        path = path + np.stack([0 * path[:, 0], own["shear"][0] * path[:, 0]], axis=1)
-    return path + own.get("shift", np.zeros(2))
+def _paths(
+    records: Sequence[Record], drag: np.ndarray, gain: np.ndarray, own: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """Return paths (n_vectors, n_records, k, 2); `own` holds values (n_vectors, n) by effect."""
+
+    def values(name: str, n: int) -> np.ndarray:
+        given = own.get(name, np.zeros((len(drag), n)))
+        return given[:, None, None, :]  # beside (n_vectors, n_records, k)
+
+    speed, heading = (np.array([r.factors[f] for r in records]) for f in ("speed", "heading"))
+    way = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    late = values("late_clock", 1)[..., 0]
+    t = np.maximum(np.stack([r.times_s for r in records]) - late, 0.0)
+    c = drag[:, None, None]
+    grown = (1 - np.exp(-c * t)) / c
+    path = (gain[:, None, None] * speed[:, None] * grown)[..., None] * way[:, None, :]
+    path = path + values("tilt", 2) * ((t - grown) / c)[..., None]
+    path = path * (1 + 1e-7 * values("faint", 1))
+    x, y, phi = path[..., 0], path[..., 1], values("turn", 1)[..., 0]
+    x, y = x * np.cos(phi) - y * np.sin(phi), x * np.sin(phi) + y * np.cos(phi)
+    y = y + values("shear", 1)[..., 0] * x
+    return np.stack([x, y], axis=-1) + values("shift", 2)
 
 
 def pushes(
@@ -129,13 +127,14 @@ def pushed(
 ) -> tuple[Record, ...]:
     """Return measured pushes with these factors; equal ones are repeats."""
     rng = np.random.default_rng(seed)
-    own = {name: np.array(values, dtype=float) for name, values in hidden.items()}
+    own = {name: np.array([values], dtype=float) for name, values in hidden.items()}
     groups: list[Mapping[str, float]] = []
     records: list[Record] = []
     for some in factors:
         groups += [] if some in groups else [some]
         number, group = len(records), groups.index(some)
-        path = _path(Record(number, group, TIMES_S, TIMES_S[:, None], some), DRAG_PER_S, GAIN, own)
+        bare = Record(number, group, TIMES_S, TIMES_S[:, None], some)
+        path = _paths([bare], np.array([DRAG_PER_S]), np.array([GAIN]), own)[0, 0]
         noise = NOISE_M * rng.normal(size=(1, 2)) + NOISE_M / 2 * rng.normal(size=path.shape)
         records.append(Record(number, group, TIMES_S, path + noise, some))
     return tuple(records)

@@ -1,0 +1,57 @@
+"""The diagnose stage as users run it, on a few of the shared casts."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from robotcast.casts.action_file import read_actions
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.writer import write_measurement_set
+
+ROOT = Path(__file__).resolve().parents[1]
+CASTING = ROOT.parent / "shared" / "data" / "casting" / "d"
+TRIED = ("board_tilt", "camera_latency")
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "stages/diagnose.py", *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not CASTING.exists(), reason="needs ../shared/data/casting")
+def test_three_casts_without_a_tool_log_get_the_best_answer_that_they_allow(tmp_path: Path) -> None:
+    whole = read_measurement_set(CASTING)
+    given, output = tmp_path / "set", tmp_path / "out"
+    write_measurement_set(replace(whole, trials=whole.trials[:3]), given)
+    (given / "tool.csv").unlink()
+    known = (path.stem for path in (ROOT / "conf" / "effect").glob("*.yaml"))
+    left_out = ",".join(sorted(set(known) - set(TRIED)))
+    done = run(f"measurements={given}", f"output={output}", f"exclude=[{left_out}]")
+    assert done.returncode == 0, done.stderr
+    said = json.loads((output / "diagnosis.json").read_text())
+    assert said["finished"] and not said["conclusive"] and said["verdict"] == ["none"]
+    assert said["sentence"].startswith("3 casts of 3 actions are too few")
+    log, few, repeats, *_ = said["notes"]
+    assert log.startswith("The tool log is missing")
+    assert few.startswith("The set has 3 casts") and "No action was repeated" in repeats
+    assert {row["effect"] for row in said["ranking"]} == set(TRIED)
+    assert said["noise_floor_percent"] is None and said["ladder"] == []
+    page = (output / "index.html").read_text()
+    assert "Too few data" in page and "collect.actions=" in page
+    assert len(read_actions(output / "actions.csv")) == len(said["next_actions"]) == 8
+
+
+def test_what_is_missing_is_named_in_one_line() -> None:
+    for given, said in (
+        ((), "measurements=DIR is needed"),
+        ((f"measurements={ROOT}",), "output=DIR is needed"),
+        ((f"measurements={ROOT}", "output=out"), "rig.yaml is missing"),
+    ):
+        done = run(*given)
+        assert done.returncode == 2
+        assert said in " ".join(done.stderr.split())
