@@ -135,11 +135,21 @@ def _differentiated(
     apart = rows[1:] - vector
     moved = (values[1:] - values[0]).reshape(len(apart), -1)
     slopes = np.linalg.lstsq(apart, moved, rcond=None)[0].T
-    slopes = slopes.reshape(*values[0].shape, len(vector))
+    slopes = slopes.reshape(*values[0].shape, len(vector)) * _steadiness(values)[:, None, None]
     losses = _whole_loss(values, rows, start)
     chosen = int(np.argmin(losses))
     loss = float(trial_losses(values[chosen]).mean())
     return Fit(rows[chosen], loss, values[chosen], slopes)
+
+
+def _steadiness(values: np.ndarray) -> np.ndarray:
+    """Return by how much to trust the slopes of each trial, (n_trials,), at most 1.
+
+    A trial that tips over or diverges at one of the points (n_points, n_trials, D) has no slope
+    that a fit could follow: it counts by its mean square over all points, not at one of them.
+    """
+    mean_square = (values**2).sum(axis=-1)
+    return np.minimum(np.sqrt((1 + mean_square[0]) / (1 + mean_square.mean(axis=0))), 1.0)
 
 
 def _axes(fit: Fit, free: np.ndarray) -> np.ndarray:
