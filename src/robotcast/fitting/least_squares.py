@@ -146,7 +146,7 @@ def _steadiness(values: np.ndarray) -> np.ndarray:
     """Return by how much to trust the slopes of each trial, (n_trials,), at most 1.
 
     A trial that tips over or diverges at one of the points (n_points, n_trials, D) has no slope
-    that a fit could follow: it counts by its mean square over all points, not at one of them.
+    that a fit could follow: it weighs by its mean square over all points, not at the first.
     """
     mean_square = (values**2).sum(axis=-1)
     return np.minimum(np.sqrt((1 + mean_square[0]) / (1 + mean_square.mean(axis=0))), 1.0)

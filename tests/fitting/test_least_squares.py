@@ -1,0 +1,93 @@
+"""Fits against problems whose answer is known."""
+
+import numpy as np
+import pytest
+
+from robotcast.fitting.least_squares import Fit, fit_robustly, trial_losses, trial_weights
+
+TIMES_S = np.linspace(0.0, 2.0, 21)
+STARTS_M = np.linspace(0.5, 2.0, 12)
+TRUE = np.array([0.3, 0.7])  # of the ranges of rate and gain
+NOISE_M = 0.01
+EVERYTHING = np.arange(len(STARTS_M))
+
+
+def decays(vectors: np.ndarray) -> np.ndarray:
+    """Decays gain · x0 · exp(−rate t), (n_vectors, n_trials, k)."""
+    rate, gain = 4.0 * vectors[:, :1], 0.5 + vectors[:, 1:2]
+    return gain[..., None] * STARTS_M[:, None] * np.exp(-rate[..., None] * TIMES_S)
+
+
+def residuals(measured: np.ndarray):
+    def evaluate(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        difference = (decays(vectors) - measured)[:, trials]
+        return difference / (NOISE_M * np.sqrt(len(TIMES_S)))
+
+    return evaluate
+
+
+@pytest.fixture
+def measured() -> np.ndarray:
+    noise = np.random.default_rng(3).normal(0, NOISE_M, (len(STARTS_M), len(TIMES_S)))
+    return decays(TRUE[None])[0] + noise
+
+
+def fit(evaluate, start=(0.8, 0.2), iterations=12, **more) -> Fit:
+    return fit_robustly(
+        evaluate, np.array(start), np.full(2, 0.02), EVERYTHING, iterations=iterations, **more
+    )
+
+
+def test_a_fit_finds_the_parameters_within_the_noise(measured: np.ndarray) -> None:
+    found = fit(residuals(measured))
+    np.testing.assert_allclose(found.vector, TRUE, atol=0.005)
+    assert found.loss == pytest.approx(trial_losses(found.residual).mean())
+
+
+def test_one_trial_far_off_does_not_decide(measured: np.ndarray) -> None:
+    astray = measured.copy()
+    astray[-1] += 3.0
+    found = fit(residuals(astray))
+    np.testing.assert_allclose(found.vector, TRUE, atol=0.01)
+    weights = trial_weights(found.residual)
+    assert weights[-1] < 1e-3 * np.median(weights)
+
+
+def test_a_trial_that_diverges_beside_the_point_hardly_has_a_slope(measured: np.ndarray) -> None:
+    smooth = residuals(measured)
+
+    def cliff(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        values = smooth(vectors, trials)
+        values[vectors[:, 0] > 0.81, 4] = 1e4
+        return values
+
+    found = fit(cliff)
+    np.testing.assert_allclose(found.vector, TRUE, atol=0.005)
+    first = fit(cliff, iterations=1)
+    assert np.abs(first.jacobian[4]).max() < 1e-2 * 1e4 / 0.02
+
+
+def test_what_is_frozen_and_what_is_out_of_bounds_stays(measured: np.ndarray) -> None:
+    found = fit(residuals(measured), start=(0.8, 0.65), free=np.array([True, False]))
+    assert found.vector[1] == 0.65
+    far = residuals(decays(np.array([[-0.5, 0.7]]))[0])
+    assert fit(far).vector.min() >= 0.0
+
+
+def test_a_known_fit_serves_the_first_step(measured: np.ndarray) -> None:
+    asked = []
+
+    def counted(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        asked.append(len(vectors))
+        return residuals(measured)(vectors, trials)
+
+    begun = fit(counted, iterations=1)
+    asked.clear()
+    gone_on = fit(counted, start=begun.vector, iterations=1, known=begun)
+    assert len(asked) == 1
+    assert gone_on.loss < begun.loss
+
+
+def test_no_iteration_is_refused(measured: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="at least one iteration"):
+        fit(residuals(measured), iterations=0)
