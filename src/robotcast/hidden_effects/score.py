@@ -189,11 +189,12 @@ def coverage(outcomes: Iterable[Outcome], held: Callable[[Outcome], list[bool]])
     return Share(sum(all_held), len(all_held))
 
 
-def _casts(outcomes: Iterable[Outcome]) -> Share:
-    both_run = [o for o in outcomes if o.diagnosis and o.brute_force]
-    own = sum(o.diagnosis.simulated_casts for o in both_run if o.diagnosis)
-    brute = sum(o.brute_force.simulated_casts for o in both_run if o.brute_force)
-    return Share(own, brute)
+def _casts(outcomes: Sequence[Outcome]) -> Share:
+    """Return what a diagnosis simulates, of what brute force does, where both were run."""
+    pairs = [(o.diagnosis, o.brute_force) for o in outcomes if o.diagnosis and o.brute_force]
+    own = sum(diagnosis.simulated_casts for diagnosis, _ in pairs)
+    brute = sum(forced.simulated_casts for _, forced in pairs)
+    return Share(own, brute, len(outcomes) - len(pairs))
 
 
 def _of_kind(outcomes: Iterable[Outcome], kind: str) -> list[Outcome]:
