@@ -52,14 +52,14 @@ class Fit:
         return trial_weights(self.residual)
 
 
-def trial_losses(residual: np.ndarray) -> np.ndarray:
-    """Return ½ ln(1 + mean square) of every trial, (..., n_trials)."""
-    return 0.5 * np.log1p((residual**2).sum(axis=-1))
+def trial_losses(residual: np.ndarray, scale: float = 1.0) -> np.ndarray:
+    """Return ½ ln(1 + mean square) of every trial, (..., n_trials), `scale` being the unit."""
+    return 0.5 * np.log1p((residual**2).sum(axis=-1) / scale**2)
 
 
-def trial_weights(residual: np.ndarray) -> np.ndarray:
+def trial_weights(residual: np.ndarray, scale: float = 1.0) -> np.ndarray:
     """Return the weights of the equivalent weighted least squares, (n_trials,)."""
-    return 1 / (1 + (residual**2).sum(axis=-1))
+    return 1 / (scale**2 + (residual**2).sum(axis=-1))
 
 
 def difference_steps(parameters: Sequence[Parameter]) -> np.ndarray:
@@ -100,10 +100,11 @@ def fit_robustly(
     for iteration in range(iterations):
         if best is None or iteration:
             best = _differentiated(residuals, best, start, steps, trials, free)
-        before = _whole_loss(best.residual[None], best.vector[None], start)[0]
-        tried = _proposals(best, start, free)
+        scale = _scale(best.residual)
+        before = _whole_loss(best.residual[None], best.vector[None], start, scale)[0]
+        tried = _proposals(best, start, free, scale)
         values = residuals(tried, trials)
-        losses = _whole_loss(values, tried, start)
+        losses = _whole_loss(values, tried, start, scale)
         chosen = int(np.argmin(losses))
         if losses[chosen] < before:
             best = _moved(best, tried[chosen], values[chosen])
@@ -136,7 +137,7 @@ def _differentiated(
     moved = (values[1:] - values[0]).reshape(len(apart), -1)
     slopes = np.linalg.lstsq(apart, moved, rcond=None)[0].T
     slopes = slopes.reshape(*values[0].shape, len(vector)) * _steadiness(values)[:, None, None]
-    losses = _whole_loss(values, rows, start)
+    losses = _whole_loss(values, rows, start, _scale(values[0]))
     chosen = int(np.argmin(losses))
     loss = float(trial_losses(values[chosen]).mean())
     return Fit(rows[chosen], loss, values[chosen], slopes)
@@ -154,29 +155,42 @@ def _steadiness(values: np.ndarray) -> np.ndarray:
 
 def _axes(fit: Fit, free: np.ndarray) -> np.ndarray:
     """Return the curvature's axes (n_free, n), each moving the residuals by about the noise."""
-    curvature = _curvature(fit)[np.ix_(free, free)]
+    weights = fit.weights
+    curvature = _curvature(fit, weights)[np.ix_(free, free)]
     values, vectors = np.linalg.eigh(curvature)
-    lengths = np.sqrt(fit.weights.sum() / np.maximum(values, 1e-9))
+    lengths = np.sqrt(weights.sum() / np.maximum(values, 1e-9))
     axes = np.zeros((len(values), len(fit.vector)))
     axes[:, free] = (vectors * np.minimum(lengths, REACH)).T
     return axes
 
 
-def _curvature(fit: Fit) -> np.ndarray:
-    weighted = fit.jacobian * fit.weights[:, None, None]
+def _scale(residual: np.ndarray) -> float:
+    """Return the unit in which a step judges misses: the noise, or the median miss far away.
+
+    Judged by the noise alone, all trials would be outliers far from the answer, and none would
+    pull (graduated non-convexity, Blake and Zisserman 1987).
+    """
+    return max(1.0, float(np.sqrt(np.median((residual**2).sum(axis=-1)))))
+
+
+def _curvature(fit: Fit, weights: np.ndarray) -> np.ndarray:
+    weighted = fit.jacobian * weights[:, None, None]
     return np.einsum("idn,idm->nm", weighted, fit.jacobian)
 
 
-def _whole_loss(residual: np.ndarray, vectors: np.ndarray, start: np.ndarray) -> np.ndarray:
+def _whole_loss(
+    residual: np.ndarray, vectors: np.ndarray, start: np.ndarray, scale: float
+) -> np.ndarray:
     prior = ((vectors - start) ** 2).sum(axis=-1) / PRIOR_SD**2
-    return trial_losses(residual).sum(axis=-1) + 0.5 * prior
+    return trial_losses(residual, scale).sum(axis=-1) + 0.5 * prior
 
 
-def _proposals(fit: Fit, start: np.ndarray, free: np.ndarray) -> np.ndarray:
+def _proposals(fit: Fit, start: np.ndarray, free: np.ndarray, scale: float) -> np.ndarray:
     """Return one step for every damping, (n_dampings, n), clipped to the range."""
-    weighted = fit.jacobian * fit.weights[:, None, None]
+    weights = trial_weights(fit.residual, scale)
+    weighted = fit.jacobian * weights[:, None, None]
     slope = np.einsum("idn,id->n", weighted, fit.residual) + (fit.vector - start) / PRIOR_SD**2
-    curvature = _curvature(fit) + np.eye(len(start)) / PRIOR_SD**2
+    curvature = _curvature(fit, weights) + np.eye(len(start)) / PRIOR_SD**2
     curvature, slope = curvature[np.ix_(free, free)], slope[free]
     proposals = np.tile(fit.vector, (len(DAMPINGS), 1))
     for row, damping in zip(proposals, DAMPINGS, strict=True):
