@@ -8,13 +8,14 @@ TRIALS, CANDIDATES, FIELDS = 10, 5, 3
 def run(outlook: Outlook, pace: float) -> list[tuple[int, int]]:
     """Take every step of one search; each takes `pace` times what it usually takes."""
     plan = [
-        *["fitting the model as it is"],
+        "fitting the model as it is",
         *["looking at this"] * CANDIDATES,
+        "refitting the model around every effect",
         *["refitting with this"] * REFITS,
         *["judging this"] * 2,
         *["trying a field that depends on place"] * FIELDS,
-        *["fitting the field"],
-        *["choosing the next trials"],
+        "fitting a force",
+        "choosing the next trials",
     ]
     simulated, seen = 0.0, []
     for note in plan:

@@ -12,7 +12,7 @@ from robotcast.diagnosis.search import Found
 from robotcast.diagnosis.unexplained import Unexplained
 
 ENOUGH_POWER = 0.8
-MOST_CONTESTS = 4
+MOST_RIVALS, MOST_WEAK = 4, 8
 ITERATIONS = 3  # of a fit that only has to show what a rival would predict
 
 
@@ -28,14 +28,14 @@ def open_contests(
     """
     rivals = [(name, rival) for name in named for rival in found.rivals.get(name, ())]
     if rivals:
-        return [_between(inquiry, found, *pair) for pair in rivals[:MOST_CONTESTS]]
+        return [_between(inquiry, found, *pair) for pair in rivals[:MOST_RIVALS]]
     if left is not None:
         field = left.rung.revision
         return [Contest(("unknown",), top, (field.effects, field.fit.vector))]
     screens = found.screens[-1] if found.screens else {}
     weak = [one for one in screens.values() if one.power < ENOUGH_POWER and one.moved > 0]
     weak.sort(key=lambda one: (one.power, one.p_value))
-    return [_whether_there(inquiry, top, one) for one in weak[:MOST_CONTESTS]]
+    return [_whether_there(inquiry, top, one) for one in weak[:MOST_WEAK]]
 
 
 def _between(inquiry: Inquiry, found: Found, name: str, rival: str) -> Contest:

@@ -10,10 +10,11 @@ from robotcast.diagnosis.misfit import Misfit
 from robotcast.diagnosis.model import Candidate
 from robotcast.diagnosis.repeats import RepeatScatter
 from robotcast.diagnosis.revision import Revision
-from robotcast.diagnosis.wording import Wording
+from robotcast.diagnosis.wording import Wording, parameter_name
 
 FEWEST_GROUPS = 8  # of different trials: with fewer, none can be held back for a fair test
 NEAR_A_BOUND = 0.005  # of a parameter's range
+BLUNDER = 5.0  # times what nine in ten of the other trials miss by: hardly the model's fault
 IGNORED = 1e-4  # of the noise: a parameter whose whole range moves no trial by more is ignored
 
 
@@ -72,14 +73,23 @@ def counted(n: int, one: str, many: str) -> str:
 def notes_on_outliers(
     findings: Sequence[Finding], found: Misfit, error_unit: str, wording: Wording
 ) -> list[str]:
-    """Name the few trials that the model misses out of all proportion, and by how much."""
+    """Name the trials that the model misses by so much that something else went wrong.
+
+    Parameters
+    ----------
+    findings, found : of the best model.
+    """
     slices = [f.slice for f in findings if f.slice.kind == "trial"]
     rows = [row for s in slices for row in np.flatnonzero(s.mask.any(axis=1)).tolist()]
     if not rows:
         return []
     usual = float(np.quantile(np.delete(found.sample_percent, rows), 0.9))
-    numbers = slices[0].trials
-    return [_outlier(numbers[row], row, found, usual, error_unit, wording) for row in rows]
+    numbers, percent = slices[0].trials, found.sample_percent
+    return [
+        _outlier(numbers[row], row, found, usual, error_unit, wording)
+        for row in rows
+        if percent[row] > BLUNDER * usual
+    ]
 
 
 def _outlier(
@@ -107,7 +117,7 @@ def notes_on_parameters(inquiry: Inquiry, base: Revision, wording: Wording) -> l
     notes = []
     for k, parameter in enumerate(inquiry.parameters(base.effects)):
         at = base.fit.vector[k]
-        name = parameter.name.replace("_", " ")
+        name = parameter_name(parameter.name, parameter.unit)
         if parameter.frozen:
             continue
         if is_ignored(base, k):

@@ -20,7 +20,7 @@ from robotcast.fitting.least_squares import PRIOR_SD
 from robotcast.progress import Progress, silent
 
 CHOSEN = 8
-WORTHWHILE = 0.3  # of the noise: predictions that never lie further apart decide nothing
+DECIDES = 4.0  # squared noise by which two models must differ on the chosen trials together
 LOOKED_INTO = 60  # candidates whose predictions differ most; of these the slopes are simulated
 
 
@@ -80,7 +80,8 @@ def next_trials(
 ) -> list[NextTrial]:
     """Choose the trials that separate the models of all contests, the most telling first.
 
-    One after another is taken, each time the one that helps the contest which is decided least.
+    One after another is taken, each time the one that helps the contest which is decided least;
+    contests that no such choice could decide are left aside.
 
     Parameters
     ----------
@@ -90,25 +91,23 @@ def next_trials(
         return []
     bench = _Bench(inquiry, further, progress)
     apart = np.array([bench.apart(contest) for contest in contests])
-    worthwhile = np.nanmax(apart, axis=1, initial=0.0) > WORTHWHILE * inquiry.noise
-    contests = [c for c, worth in zip(contests, worthwhile, strict=True) if worth]
-    apart = apart[worthwhile]
     usable = np.isfinite(apart).all(axis=0)
-    if not contests or not usable.any():
+    if not usable.any():
         return []
     # every contest counts by its own largest difference
-    shares = np.where(usable, apart / np.nanmax(apart, axis=1)[:, None], -1)
+    shares = np.where(usable, apart / np.maximum(np.nanmax(apart, axis=1), 1e-300)[:, None], -1)
     rows = np.argsort(-shares.max(axis=0), kind="stable")[: min(LOOKED_INTO, int(usable.sum()))]
     evidence = [_Evidence(inquiry, bench, contest, rows) for contest in contests]
     known = np.all([e.known for e in evidence], axis=0)
+    open_ones = [k for k, e in enumerate(evidence) if e.value(e.best(known)) > DECIDES]
+    if not open_ones:
+        return []
     chosen: list[NextTrial] = []
     taken: list[int] = []
     for _ in range(min(CHOSEN, int(known.sum()))):
-        least = int(np.argmin([e.value(taken) for e in evidence]))
-        left = [k for k in np.flatnonzero(known).tolist() if k not in taken]
-        best = max(left, key=lambda k: evidence[least].value([*taken, k]))
-        taken.append(best)
-        row = int(rows[best])
+        least = min(open_ones, key=lambda k: evidence[k].value(taken))
+        taken.append(evidence[least].next_best(known, taken))
+        row = int(rows[taken[-1]])
         percent = 100 * float(apart[least, row]) / inquiry.model.scale
         chosen.append(NextTrial(further.records[row], contests[least], percent))
     return chosen
@@ -122,6 +121,7 @@ class _Bench:
         self.counts = np.array([len(r.times_s) for r in further.records])
         self.rows = np.arange(len(self.counts))
         self._simulated = 0
+        self._slopes: dict[tuple[tuple[str, ...], bytes], tuple[np.ndarray, np.ndarray]] = {}
 
     def predictions(
         self, effects: Sequence[str], vectors: np.ndarray, rows: np.ndarray
@@ -137,15 +137,18 @@ class _Bench:
         weighed[:, np.arange(found.shape[2]) >= counts[:, None]] = 0
         return weighed
 
-    def slopes(
-        self, effects: Sequence[str], vector: np.ndarray, rows: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the prediction (m, D) and its slopes (m, D, n) by the unit vector (n,)."""
-        steps = self._inquiry.steps(effects)
-        signed = np.where(vector > 0.5, -steps, steps)
-        vectors = np.vstack([vector, vector + np.diag(signed)])
-        values = _flat(self.predictions(effects, vectors, rows))
-        return values[0], np.moveaxis((values[1:] - values[0]) / signed[:, None, None], 0, -1)
+    def slopes(self, revision: Revision, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return a revision's prediction (m, D) and its slopes (m, D, n) by its unit vector."""
+        effects, vector = revision.effects, revision.fit.vector
+        key = (effects, vector.tobytes() + rows.tobytes())
+        if key not in self._slopes:
+            steps = self._inquiry.steps(effects)
+            signed = np.where(vector > 0.5, -steps, steps)
+            vectors = np.vstack([vector, vector + np.diag(signed)])
+            values = _flat(self.predictions(effects, vectors, rows))
+            slopes = (values[1:] - values[0]) / signed[:, None, None]
+            self._slopes[key] = values[0], np.moveaxis(slopes, 0, -1)
+        return self._slopes[key]
 
     def apart(self, contest: Contest) -> np.ndarray:
         """Return the average distance of both predictions of every candidate, (n_candidates,)."""
@@ -170,7 +173,7 @@ class _Evidence:
 
     def __init__(self, inquiry: Inquiry, bench: _Bench, contest: Contest, rows: np.ndarray) -> None:
         first, rival = contest.first, contest.rival
-        here, slopes = bench.slopes(first.effects, first.fit.vector, rows)
+        here, slopes = bench.slopes(first, rows)
         prior = [_known(inquiry, first)]
         parts = [slopes[..., inquiry.free(first.effects)]]
         amplified = np.linalg.norm(slopes.reshape(len(rows), -1), axis=1)
@@ -178,7 +181,7 @@ class _Evidence:
             effects, vector = contest.second
             there = _flat(bench.predictions(effects, vector[None], rows))[0]
         else:
-            there, slopes = bench.slopes(rival.effects, rival.fit.vector, rows)
+            there, slopes = bench.slopes(rival, rows)
             prior.append(_known(inquiry, rival))
             parts.append(-slopes[..., inquiry.free(rival.effects)])
         noise = np.maximum(1.0, amplified / np.nanmedian(amplified))[:, None]
@@ -193,6 +196,18 @@ class _Evidence:
         for block in prior:
             self._prior[at : at + len(block), at : at + len(block)] = block
             at += len(block)
+
+    def best(self, known: np.ndarray) -> list[int]:
+        """Return the candidates that decide this contest alone, chosen one after another."""
+        taken: list[int] = []
+        for _ in range(min(CHOSEN, int(known.sum()))):
+            taken.append(self.next_best(known, taken))
+        return taken
+
+    def next_best(self, known: np.ndarray, taken: Sequence[int]) -> int:
+        """Return which candidate tells most beside those taken."""
+        left = [k for k in np.flatnonzero(known).tolist() if k not in taken]
+        return max(left, key=lambda k: self.value([*taken, k]))
 
     def value(self, taken: Sequence[int]) -> float:
         rows = list(taken)

@@ -3,15 +3,16 @@
 from collections.abc import Mapping
 
 STEPS: Mapping[str, float] = {  # how a step's note begins → the runs that a trial usually takes
-    "fitting the model": 900.0,
-    "looking at": 6.0,
-    "refitting with": 56.0,
-    "judging": 88.0,
+    "fitting the model": 540.0,
+    "looking at": 7.0,
+    "refitting the model": 150.0,
+    "refitting with": 65.0,
+    "judging": 50.0,
     "trying a field": 12.0,
     "fitting": 100.0,
-    "choosing": 30.0,
+    "choosing": 40.0,
 }
-REFITS, JUDGED = 10, 2  # in one search for a further effect
+REFITS, JUDGED = 4, 2  # in one search for a further effect
 OTHER = 40.0
 
 
@@ -40,8 +41,8 @@ class Outlook:
         if not kind:
             return
         if kind == "looking at" and not self._left[kind]:
-            again = {kind: self._candidates, "refitting with": REFITS, "judging": JUDGED}
-            self._left |= again
+            again = {"refitting the model": 1, "refitting with": REFITS, "judging": JUDGED}
+            self._left |= again | {kind: self._candidates}
         earlier = list(STEPS)[: list(STEPS).index(kind)]
         self._left |= dict.fromkeys(earlier, 0)  # left out, if it has not come by now
         self._left[kind] = max(self._left[kind] - 1, 0)

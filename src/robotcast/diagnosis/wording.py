@@ -64,3 +64,9 @@ class Wording:
 
 
 PLAIN = Wording()
+
+
+def parameter_name(name: str, unit: str) -> str:
+    """Return a parameter's name as it is read: cable_mass_kg, kg → cable mass."""
+    suffix = "_" + unit.lower().replace(" ", "_").replace("²", "2").replace("/", "_per_")
+    return name.removesuffix(suffix).replace("_", " ")

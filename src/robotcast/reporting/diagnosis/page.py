@@ -8,6 +8,7 @@ from typing import Any
 from markupsafe import Markup
 
 from robotcast.diagnosis.limits import counted
+from robotcast.diagnosis.wording import parameter_name
 from robotcast.reporting.comparison import blocks
 from robotcast.reporting.comparison.labels import factor_name
 from robotcast.reporting.diagnosis.evidence import headline, kicker, rivals, state_of, tiles
@@ -56,6 +57,7 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
         d=read,
         words=read.words,
         pairs=_pairs,
+        parameter_name=parameter_name,
         state=state,
         kicker=kicker(read, state),
         headline=headline(read),
