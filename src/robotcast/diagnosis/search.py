@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from robotcast.diagnosis.gain import Gain, gain, worse
+from robotcast.diagnosis.gain import Gain, gain, misses, worse
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
@@ -132,7 +132,7 @@ def _round(
     paying = [rung for rung in rungs if rung.gain and rung.gain.pays]
     if not paying:
         return found, False
-    best = min(paying, key=lambda rung: np.sqrt(rung.errors.waypoint).mean())
+    best = min(paying, key=lambda rung: misses(rung.errors.waypoint, floor).mean())
     name = best.revision.effects[-1]
     rivals = _rivals(inquiry, fitted, best.revision)
     ladder, rivals_of = (*found.ladder, best), found.rivals | {name: rivals}
