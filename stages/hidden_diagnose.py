@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -21,7 +22,7 @@ def hidden_diagnose(config: DictConfig) -> None:
             progress(done, len(sets), measurements.name)
             output = diagnosis_folder(measurements.name, folder)
             if not _finished(output):
-                _diagnose(measurements, output)
+                _diagnose(measurements, output, config.exclude)
         progress(len(sets), len(sets))
 
 
@@ -30,10 +31,11 @@ def _finished(output: Path) -> bool:
     return path.exists() and json.loads(path.read_text(encoding="utf-8"))["finished"]
 
 
-def _diagnose(measurements: Path, output: Path) -> None:
+def _diagnose(measurements: Path, output: Path, exclude: Sequence[str]) -> None:
     """Run the stage that a user runs, in a process that never opens an answer."""
     command = [sys.executable, str(ROOT / "stages" / "diagnose.py")]
     command += [f"measurements={measurements}", f"output={output}"]
+    command += [f"exclude=[{','.join(exclude)}]"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     if done.returncode:
         raise ValueError(f"{measurements} could not be diagnosed: {done.stderr[-400:]}")

@@ -1,4 +1,4 @@
-"""The benchmark as `make hidden-effects-few` runs it: four small sets, from drawing to scores."""
+"""The benchmark from drawing to scores, on the four sets of `make hidden-effects-few`."""
 
 import json
 import subprocess
@@ -12,21 +12,18 @@ from robotcast.hidden_effects.layout import diagnosis_folder, oracle_path, rival
 from robotcast.hidden_effects.outcome import Outcome, read_outcomes
 
 ROOT = Path(__file__).resolve().parents[2]
-CANDIDATES = ("board_tilt", "camera_latency", "tool_lag")  # of brute force, to be quick
+CANDIDATES = ("air_drag", "board_tilt", "camera_latency", "tool_lag")  # a few, to be quick
 FORCED = "case-001"
 
 
-def run(stage: str, folder: Path, *overrides: str) -> None:
+def run(stage: str, folder: Path) -> None:
     command = [sys.executable, f"stages/hidden_{stage}.py", "hidden_effects=few"]
-    places = [f"hidden_effects.folder={folder}", f"hidden_effects.reports={folder / 'reports'}"]
-    done = subprocess.run([*command, *places, *overrides], cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-
-
-def name_by_rivals(folder: Path) -> None:
+    command += [f"hidden_effects.folder={folder}", f"hidden_effects.reports={folder / 'reports'}"]
     known = [path.stem for path in (ROOT / "conf" / "effect").glob("*.yaml")]
-    left_out = ",".join(name for name in known if name not in CANDIDATES)
-    run("rivals", folder, f"exclude=[{left_out}]", f"hidden_effects.brute_force=[{FORCED}]")
+    command += [f"exclude=[{','.join(name for name in known if name not in CANDIDATES)}]"]
+    command += [f"hidden_effects.brute_force=[{FORCED}]"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -36,10 +33,7 @@ def read(path: Path) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("few")
-    for stage in ("draw", "diagnose"):
-        run(stage, folder)
-    name_by_rivals(folder)
-    for stage in ("oracle", "score"):
+    for stage in ("draw", "diagnose", "rivals", "oracle", "score"):
         run(stage, folder)
     return folder
 
@@ -88,9 +82,8 @@ def test_what_stands_is_not_done_again(folder: Path, outcomes: list[Outcome]) ->
     paths = [path(o.case, folder) for o in outcomes for path in (rivals_path, oracle_path)]
     paths += [diagnosis_folder(o.case, folder) / "diagnosis.json" for o in outcomes]
     before = {path: path.stat().st_mtime_ns for path in paths if path.exists()}
-    run("diagnose", folder)
-    name_by_rivals(folder)
-    run("oracle", folder)
+    for stage in ("diagnose", "rivals", "oracle"):
+        run(stage, folder)
     assert {path: path.stat().st_mtime_ns for path in paths if path.exists()} == before
 
 

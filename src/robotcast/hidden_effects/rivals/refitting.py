@@ -36,7 +36,7 @@ def judged_refit(
     early = inquiry.beginnings(EARLY)
     losses = trial_losses(early.residuals(effects)(rows, early.everything)).mean(axis=1)
     starts = rows[np.argsort(losses, kind="stable")[:BEGUN]]
-    begun = sorted((early.fit(effects, start, 4) for start in starts), key=_loss)
+    begun = sorted((early.fit(effects, start, 3) for start in starts), key=_loss)
     best = min((inquiry.fit(effects, fit.vector, 4) for fit in begun[:ENDED]), key=_loss)
     fit = inquiry.fit(effects, best.vector, effort.base)
     return _judged(inquiry, Revision(effects, fit), effort)
