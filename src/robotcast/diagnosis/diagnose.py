@@ -15,7 +15,7 @@ from robotcast.diagnosis.outlook import Outlook
 from robotcast.diagnosis.plain import plain
 from robotcast.diagnosis.repeats import repeat_scatter
 from robotcast.diagnosis.revision import Revision, fit_base
-from robotcast.diagnosis.screen import Screened, screen
+from robotcast.diagnosis.screen import Screened, looks
 from robotcast.diagnosis.search import Effort, Found, Rung, search
 from robotcast.diagnosis.stability import first_in_resamples
 from robotcast.diagnosis.time_grid import TimeGrid
@@ -124,9 +124,10 @@ class _Run:
     def _look(self, revision: Revision) -> None:
         """Screen every effect and leave it at that."""
         screens: dict[str, Screened] = {}
+        looked = looks(self.inquiry, revision, self._candidates)
         for name in self._candidates:
             self._step(replace(self._found, screens=(dict(screens),)), f"looking at {name}")
-            screens[name] = screen(self.inquiry, revision, name)
+            screens[name] = next(looked)
         self._found = replace(self._found, screens=(screens,))
 
     def choose_next(self, top: Revision, further: Callable[[], Further]) -> None:

@@ -4,11 +4,18 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 
 from robotcast.diagnosis.model import Model, Record
-from robotcast.fitting.least_squares import Fit, Residuals, difference_steps, fit_robustly
+from robotcast.fitting.least_squares import (
+    Fit,
+    Prior,
+    Residuals,
+    difference_steps,
+    fit_robustly,
+)
 from robotcast.fitting.parameter import Parameter
 from robotcast.progress import Progress, silent
 
@@ -42,12 +49,16 @@ class Inquiry:
         """How many trials were simulated so far."""
         return self._runs.done
 
-    def beginnings(self, share: float) -> "Inquiry":
-        """Return the same inquiry into this share of every trial's samples, the first ones."""
+    def beginnings(self, share: float, n: int) -> "Inquiry":
+        """Return the same inquiry into the beginnings of n of the trials, evenly spaced.
+
+        Of every trial it sees this share of the samples, the first ones.
+        """
         other = copy(self)
         for name in ("everything", "groups", "_padded"):
             other.__dict__.pop(name, None)
-        other.records = tuple(_beginning(record, share) for record in self.records)
+        some = spread(self.everything, n)
+        other.records = tuple(_beginning(self.records[i], share) for i in some)
         return other
 
     @cached_property
@@ -72,6 +83,14 @@ class Inquiry:
     def free(self, active: Sequence[str]) -> np.ndarray:
         """Return which parameters a fit may change, bool (n,)."""
         return np.array([not p.frozen for p in self.parameters(active)])
+
+    def prior(self, active: Sequence[str], start: np.ndarray) -> Prior:
+        """Return what a fit expects: strengths near null, all else near the start (n,)."""
+        parameters, mean = self.parameters(active), start.copy()
+        for k, p in enumerate(parameters):
+            if p.null is not None:
+                mean[k] = p.to_unit(np.asarray(p.null))
+        return Prior(mean, np.array([p.prior_sd for p in parameters]))
 
     def nominal(self, active: Sequence[str]) -> np.ndarray:
         """Return the unit vector where every parameter has its nominal value."""
@@ -114,6 +133,7 @@ class Inquiry:
             iterations=iterations,
             known=known,
             free=self.free(active),
+            prior=self.prior(active, start),
         )
 
     def differences(
@@ -175,10 +195,17 @@ class _Runs:
     def __init__(self, progress: Progress) -> None:
         self.done = 0
         self._progress = progress
+        self._lock = Lock()
 
     def add(self, runs: int) -> None:
-        self.done += runs
-        self._progress(self.done, 0)
+        with self._lock:
+            self.done += runs
+            self._progress(self.done, 0)
+
+
+def spread(trials: np.ndarray, n: int) -> np.ndarray:
+    """Return about n of the trials, evenly spaced."""
+    return trials[:: max(1, len(trials) // n)]
 
 
 def _beginning(record: Record, share: float) -> Record:

@@ -16,7 +16,6 @@ import numpy as np
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Model, Record
 from robotcast.diagnosis.revision import Revision
-from robotcast.fitting.least_squares import PRIOR_SD
 from robotcast.progress import Progress, silent
 
 CHOSEN = 8
@@ -225,4 +224,5 @@ def _known(inquiry: Inquiry, revision: Revision) -> np.ndarray:
     slopes = fit.jacobian[..., free]
     precision = np.einsum("i,idn,idm->nm", fit.weights, slopes, slopes)
     excess = float((fit.weights * (fit.residual**2).sum(axis=1)).mean())
-    return precision / max(1.0, excess) + np.eye(int(free.sum())) / PRIOR_SD**2
+    sd = np.array([p.prior_sd for p in inquiry.parameters(revision.effects)])[free]
+    return precision / max(1.0, excess) + np.diag(1 / sd**2)

@@ -10,11 +10,13 @@ from collections.abc import Mapping
 import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.revision import EARLY, SOME, Revision, spread
+from robotcast.diagnosis.revision import EARLY, SOME, Revision, held_out
 from robotcast.diagnosis.screen import Screened
-from robotcast.fitting.least_squares import Fit, fit_robustly, trial_losses
+from robotcast.diagnosis.side_by_side import side_by_side
+from robotcast.fitting.least_squares import Fit, trial_losses
 
-HOPE = 0.005  # share of the loss that an effect must take away to be looked at further
+HOPE = 0.01  # share of the loss that an effect must take away to be looked at further
+LEFT = (8, 5)  # effects that the fits go on with after the first step, and after the next two
 
 
 class Profile:
@@ -26,57 +28,86 @@ class Profile:
     """
 
     def __init__(self, inquiry: Inquiry, revision: Revision) -> None:
-        self._early = inquiry.beginnings(EARLY)
-        self._trials = spread(inquiry.everything, SOME)
+        self._early = inquiry.beginnings(EARLY, SOME)
         self._effects = revision.effects
-        fit = self._early.fit(revision.effects, revision.fit.vector, 1, trials=self._trials)
-        self._fit = fit
-        self.loss = fit.loss
+        self._fit = self._early.fit(revision.effects, revision.fit.vector, 1)
+        self.loss = self._fit.loss
 
     def contenders(self, looked: Mapping[str, Screened], most: int) -> list[tuple[str, Fit]]:
-        """Return the effects that lower the loss most, each with its fit; the best first."""
-        begun = sorted(
-            (self._best_probe(name, one) for name, one in looked.items()),
-            key=lambda pair: pair[1].loss,
-        )
-        fits = [(name, self._fitted(name, fit.vector)) for name, fit in begun[:most]]
-        hopeful = [(name, fit) for name, fit in fits if fit.loss < (1 - HOPE) * self.loss]
-        return sorted(hopeful, key=lambda pair: pair[1].loss)
+        """Return at most so many effects that lower the loss, each with its fit; the best first.
 
-    def _fitted(self, name: str, start: np.ndarray) -> Fit:
-        return self._early.fit((*self._effects, name), start, 3, trials=self._trials)
+        All begin; after every step those that lowered the loss least are left out.
+        """
+        begun = side_by_side(lambda name: (name, self._begun(name, looked[name])), list(looked))
+        ranked = sorted(begun, key=_loss)
+        for left in LEFT:
+            on = [(name, self._on(name, fit)) for name, fit in ranked[: min(left, 2 * most)]]
+            ranked = sorted(on, key=_loss)
+        return [(name, fit) for name, fit in ranked if self.promises(fit, HOPE)][:most]
 
-    def _best_probe(self, name: str, one: Screened) -> tuple[str, Fit]:
-        """Return the effect with the probe to which the model's parameters adapt best."""
+    def with_field(self, one: Screened) -> Fit:
+        """Return the fit with a field: so many strengths have no probe that stands for all."""
+        return self._early.fit((*self._effects, one.effect), one.start, 2)
+
+    def misses(self, name: str, fit: Fit) -> float:
+        """Return the average error of these beginnings, held out, % of the scale."""
+        revision = Revision((*self._effects, name), fit)
+        return float(held_out(self._early, revision, seed=0, iterations=1).waypoint.mean())
+
+    def promises(self, fit: Fit, share: float) -> bool:
+        """Tell whether a fit of these beginnings takes away this share of the loss."""
+        return fit.loss < (1 - share) * self.loss
+
+    def _begun(self, name: str, one: Screened) -> Fit:
+        """Return the best of one step from every probe, and from where the first look points."""
         active = (*self._effects, name)
-        residuals, rows = self._early.residuals(active), self._rows(name, one)
-        values = residuals(rows, self._trials)
-        n = len(rows[0]) - len(self._fit.vector)
-        padded = np.pad(self._fit.jacobian, ((0, 0), (0, 0), (0, n)))
-        free = self._early.free(active)
-        free[-n:] = False
-        fits = []
+        probes, strengths, moves = self._probes(name, one)
+        rows = np.vstack([probes, one.start])
+        values = self._early.residuals(active)(rows, self._early.everything)
+        slopes = self._slopes(values[:-1], strengths, moves, n=rows.shape[1])
+        stepped = []
         for row, residual in zip(rows, values, strict=True):
-            known = Fit(row, float(trial_losses(residual).mean()), residual, padded)
-            steps = self._early.steps(active)
-            fits.append(
-                fit_robustly(
-                    residuals, row, steps, self._trials, iterations=1, known=known, free=free
-                )
-            )
-        return name, min(fits, key=lambda fit: fit.loss)
+            known = Fit(row, float(trial_losses(residual).mean()), residual, slopes)
+            stepped.append(self._early.fit(active, row, 1, known=known))
+        return min(stepped, key=lambda fit: fit.loss)
 
-    def _rows(self, name: str, one: Screened) -> np.ndarray:
-        """Return unit vectors with one strength of the effect at a probe, at the best place."""
+    def _on(self, name: str, fit: Fit) -> Fit:
+        """Go on with a fit: a step with the slopes that it has, and one with fresh ones."""
+        active = (*self._effects, name)
+        return self._early.fit(active, fit.vector, 2, known=fit)
+
+    def _probes(self, name: str, one: Screened) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return unit vectors with one strength of the effect at a probe, at the best place.
+
+        Beside them, each (n_rows,): which strength that is, and by how much it moved from null.
+        """
         own = self._early.model.effects[name].parameters
         at_null = [
             p.to_unit(np.asarray(p.null)) if p.null is not None else place
             for p, place in zip(own, one.start[-len(own) :], strict=True)
         ]
-        rows = []
+        rows, strengths, moves = [], [], []
         for k, parameter in enumerate(own):
             for probe in parameter.probes if parameter.null is not None else ():
                 units = np.array(at_null, float)
                 units[k] = parameter.to_unit(np.asarray(probe))
                 rows.append(np.concatenate([self._fit.vector, units]))
-        return np.array(rows)
+                strengths.append(len(self._fit.vector) + k)
+                moves.append(units[k] - at_null[k])
+        return np.array(rows), np.array(strengths), np.array(moves)
+
+    def _slopes(
+        self, values: np.ndarray, strengths: np.ndarray, moves: np.ndarray, n: int
+    ) -> np.ndarray:
+        """Return the Jacobian (n_trials, D, n): the revision's, and strengths through probes."""
+        slopes = np.zeros((*self._fit.jacobian.shape[:2], n))
+        slopes[:, :, : len(self._fit.vector)] = self._fit.jacobian
+        for k in np.unique(strengths):
+            mine = strengths == k
+            rise = np.tensordot(moves[mine], values[mine] - self._fit.residual, axes=1)
+            slopes[:, :, k] = rise / (moves[mine] ** 2).sum()
+        return slopes
+
+
+def _loss(named: tuple[str, Fit]) -> float:
+    return named[1].loss

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import qmc
 
-from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.inquiry import Inquiry, spread
 from robotcast.fitting.least_squares import Fit, trial_losses
 
 FOLDS = 4
@@ -64,17 +64,14 @@ def fit_base(
     """
     effects = tuple(effects)
     about = inquiry.nominal(effects) if about is None else about
-    early = inquiry.beginnings(EARLY)
-    some = spread(inquiry.everything, SOME)
-    begun = [
-        early.fit(effects, start, 3, trials=some) for start in _starts(early, effects, about, seed)
-    ]
+    early = inquiry.beginnings(EARLY, SOME)
+    begun = [early.fit(effects, start, 3) for start in _starts(early, effects, about, seed)]
     begun.sort(key=lambda fit: fit.loss)
-    left = [early.fit(effects, fit.vector, 5, trials=some) for fit in begun[:LEFT]]
+    left = [early.fit(effects, fit.vector, 5, known=fit) for fit in begun[:LEFT]]
     left.sort(key=lambda fit: fit.loss)
     whole = [inquiry.fit(effects, fit.vector, 4) for fit in left[:ENDED]]
     best = min(whole, key=lambda fit: fit.loss)
-    return Revision(effects, inquiry.fit(effects, best.vector, iterations))
+    return Revision(effects, inquiry.fit(effects, best.vector, iterations, known=best))
 
 
 def _starts(early: Inquiry, effects: tuple[str, ...], about: np.ndarray, seed: int) -> np.ndarray:
@@ -87,11 +84,6 @@ def _starts(early: Inquiry, effects: tuple[str, ...], about: np.ndarray, seed: i
     few = spread(early.everything, FEW)
     losses = trial_losses(early.residuals(effects)(looked, few)).mean(axis=1)
     return looked[np.argsort(losses, kind="stable")[:BEGUN]]
-
-
-def spread(trials: np.ndarray, n: int) -> np.ndarray:
-    """Return n of the trials, evenly spaced."""
-    return trials[:: max(1, len(trials) // n)]
 
 
 def refit(inquiry: Inquiry, revision: Revision, iterations: int) -> Revision:

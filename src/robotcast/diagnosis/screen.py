@@ -5,7 +5,7 @@ out; a score test over groups of trials (Cox and Hinkley 1974, ch. 9, with the g
 scatter in place of a model of it) says whether the rest of it points along the residuals.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -16,6 +16,7 @@ from scipy.stats import ncf
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Candidate
 from robotcast.diagnosis.revision import Revision
+from robotcast.diagnosis.side_by_side import side_by_side
 from robotcast.fitting.least_squares import Fit, trial_losses
 
 TOUCHES = 0.02  # of the noise: an effect that moves every trial by less touches nothing
@@ -56,6 +57,11 @@ class Screened:
         if self.moved < TOUCHES:
             return "touches nothing"
         return "your casts cannot tell" if self.left < LEFT else None
+
+
+def looks(inquiry: Inquiry, revision: Revision, effects: Sequence[str]) -> Iterator[Screened]:
+    """Yield the first look at every effect, in their order."""
+    return side_by_side(lambda effect: screen(inquiry, revision, effect), effects)
 
 
 def screen(inquiry: Inquiry, revision: Revision, effect: str) -> Screened:
@@ -115,7 +121,8 @@ def _try(
     projected = rest.reshape(*fit.residual.shape, len(strengths))
     scores = np.einsum("idn,id->in", projected, residual.reshape(fit.residual.shape))
     p_value, power = _score_test(scores, projected, sensitivity, inquiry, own, strengths)
-    step = _linear_step(base, sensitivity, residual)
+    sd = np.array([own[k].prior_sd for k in strengths])
+    step = _linear_step(base, sensitivity, residual, sd)
     whole = np.zeros(len(vector))
     whole[np.flatnonzero(free)] = step[: free.sum()]
     whole[first + np.array(strengths)] = step[free.sum() :]
@@ -161,9 +168,12 @@ def _without(base: np.ndarray, sensitivity: np.ndarray) -> np.ndarray:
     return sensitivity - base @ np.linalg.lstsq(ridge, target, rcond=None)[0]
 
 
-def _linear_step(base: np.ndarray, sensitivity: np.ndarray, residual: np.ndarray) -> np.ndarray:
+def _linear_step(
+    base: np.ndarray, sensitivity: np.ndarray, residual: np.ndarray, sd: np.ndarray
+) -> np.ndarray:
     columns = np.hstack([base, sensitivity])
-    ridge = np.vstack([columns, np.eye(columns.shape[1]) / RIDGE])
+    expected = np.concatenate([np.full(base.shape[1], RIDGE), sd])
+    ridge = np.vstack([columns, np.diag(1 / expected)])
     target = np.concatenate([residual, np.zeros(columns.shape[1])])
     return np.linalg.lstsq(ridge, target, rcond=None)[0]
 

@@ -9,11 +9,10 @@ from robotcast.diagnosis.gain import Gain, gain, misses, worse
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
-from robotcast.diagnosis.screen import Screened, screen
+from robotcast.diagnosis.screen import Screened, looks
 from robotcast.fitting.least_squares import Fit, trial_losses
 
-CONTENDERS = 6  # effects that a later round refits on beginnings of trials; the first, all
-LEADERS = 4  # of these, refitted to the end; half as many in later rounds
+LEADERS = 4  # effects refitted to the end; half as many in later rounds
 FINALISTS = 2  # of these, judged on held-out trials
 MOST_EFFECTS = 3
 EQUAL = 0.05  # p-value above which two revisions explain the trials equally well
@@ -108,10 +107,11 @@ def _round(
     """Screen every candidate on top of the ladder and add the best, if one pays."""
     top = found.ladder[-1]
     screens: dict[str, Screened] = {}
-    for name in candidates:
-        if name not in top.revision.effects:
-            tell(found, f"looking at {name}")
-            screens[name] = screen(inquiry, top.revision, name)
+    names = [name for name in candidates if name not in top.revision.effects]
+    looked = looks(inquiry, top.revision, names)
+    for name in names:
+        tell(found, f"looking at {name}")
+        screens[name] = next(looked)
     found = replace(found, screens=(*found.screens, screens))
     usable = [s for s in screens.values() if s.status is None]
     later = len(found.ladder) > 1
@@ -158,22 +158,13 @@ def _refits(
     looked = {one.effect: one for one in usable}
     tell("refitting the model around every effect")
     fitted = []
-    most, leaders = (CONTENDERS, LEADERS // 2) if later else (len(looked), LEADERS)
-    for name, begun in Profile(inquiry, revision).contenders(looked, most)[:leaders]:
+    leaders = LEADERS // 2 if later else LEADERS
+    for name, begun in Profile(inquiry, revision).contenders(looked, leaders):
         tell(f"refitting with {name}")
         effects = (*revision.effects, name)
-        start = _better_start(inquiry, effects, begun.vector, looked[name].start)
-        fit = inquiry.fit(effects, start, effort.refit)
+        fit = inquiry.fit(effects, begun.vector, effort.refit)
         fitted.append(_Refitted(looked[name], Revision(effects, fit)))
     return sorted(fitted, key=lambda f: f.revision.fit.loss)
-
-
-def _better_start(
-    inquiry: Inquiry, effects: tuple[str, ...], first: np.ndarray, second: np.ndarray
-) -> np.ndarray:
-    rows = np.array([first, second])
-    losses = trial_losses(inquiry.residuals(effects)(rows, inquiry.everything)).mean(axis=1)
-    return rows[int(np.argmin(losses))]
 
 
 def _rivals(inquiry: Inquiry, fitted: Sequence[_Refitted], best: Revision) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision
-from robotcast.fitting.least_squares import PRIOR_SD, Fit
+from robotcast.fitting.least_squares import Fit
 from robotcast.fitting.parameter import Parameter
 
 SPREAD = 2.0  # standard errors on either side of a value
@@ -42,7 +42,8 @@ def sizes(inquiry: Inquiry, revision: Revision, vectors: np.ndarray | None) -> t
     (Kennedy and O'Hagan 2001): the most by which a misfit of `DISCREPANCY` in every trial can
     shift the value is added in squares.
     """
-    bread = _bread(revision.fit)
+    sd = np.array([p.prior_sd for p in inquiry.parameters(revision.effects)])
+    bread = _bread(revision.fit, sd)
     error = _sandwich(inquiry, revision.fit, bread)
     if vectors is not None and len(vectors) > 1:
         k = len(vectors)
@@ -57,10 +58,10 @@ def sizes(inquiry: Inquiry, revision: Revision, vectors: np.ndarray | None) -> t
     return tuple(found)
 
 
-def _bread(fit: Fit) -> np.ndarray:
+def _bread(fit: Fit, sd: np.ndarray) -> np.ndarray:
     weighted = fit.jacobian * fit.weights[:, None, None]
     curvature = np.einsum("idn,idm->nm", weighted, fit.jacobian)
-    return np.linalg.inv(curvature + np.eye(len(fit.vector)) / PRIOR_SD**2)
+    return np.linalg.inv(curvature + np.diag(1 / sd**2))
 
 
 def _sandwich(inquiry: Inquiry, fit: Fit, bread: np.ndarray) -> np.ndarray:

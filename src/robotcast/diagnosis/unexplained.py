@@ -7,12 +7,15 @@ import numpy as np
 
 from robotcast.diagnosis.gain import Gain, gain
 from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import Revision, held_out
-from robotcast.diagnosis.screen import Screened, screen
+from robotcast.diagnosis.screen import looks, screen
 from robotcast.diagnosis.search import Effort, Found, Rung, at_the_floor
 
 FLEXIBLE = 0.25  # of the excess over the noise floor that a field must take away
-ITERATIONS = 3
+TRIED = 2  # fields fitted to the beginnings of some trials
+HOPE = 0.1  # of the loss there that a field must take away to be fitted to all
+ITERATIONS = 2
 
 
 @dataclass(frozen=True)
@@ -55,48 +58,59 @@ def look_for_the_unknown(
     base, top = found.ladder[0], found.ladder[-1]
     if at_the_floor(top, floor):
         return found, None
-    one = _most_promising(inquiry, top.revision, fields, tell)
-    if one is None:
+    search = _Fields(inquiry, floor, effort, tell)
+    name = search.most_promising(top.revision, fields)
+    if name is None:
         return found, None
-    left = _with_field(inquiry, top, one, floor, effort, tell)
+    left = search.judged(top, name)
     if not left.enough:
         return found, None
     if top is not base:
-        alone = _with_field(inquiry, base, one, floor, effort, tell)
+        alone = search.judged(base, name)
         extra = gain(alone.rung.errors.waypoint, left.rung.errors.waypoint, inquiry.groups, floor)
-        if not extra.pays:
+        if at_the_floor(alone.rung, floor) or not extra.pays:
             return replace(found, ladder=(base,), rivals={}), alone
     return found, left
 
 
-def _most_promising(
-    inquiry: Inquiry, revision: Revision, fields: Sequence[str], tell: Callable[[str], object]
-) -> Screened | None:
-    looked = []
-    for name in fields:
-        tell(f"trying a field that depends on {inquiry.model.effects[name].depends_on}")
-        looked.append(screen(inquiry, revision, name))
-    usable = [one for one in looked if one.status is None]
-    return min(usable, key=lambda one: one.loss, default=None)
+@dataclass(frozen=True)
+class _Fields:
+    """Fits fields on top of a revision: first beside the beginnings of some trials, then all."""
 
+    inquiry: Inquiry
+    floor: float | None
+    effort: Effort
+    tell: Callable[[str], object]
 
-def _with_field(
-    inquiry: Inquiry,
-    below: Rung,
-    one: Screened,
-    floor: float | None,
-    effort: Effort,
-    tell: Callable[[str], object],
-) -> Unexplained:
-    """Fit a field on top of a rung and judge it on trials held out."""
-    tell(f"fitting {inquiry.model.effects[one.effect].text}")
-    effects = (*below.revision.effects, one.effect)
-    n = len(inquiry.model.effects[one.effect].parameters)
-    start = np.concatenate([below.revision.fit.vector, one.start[-n:]])
-    revision = Revision(effects, inquiry.fit(effects, start, ITERATIONS))
-    rung = Rung(revision, held_out(inquiry, revision, effort.seed, effort.fold), one.predicted)
-    saved = gain(below.errors.waypoint, rung.errors.waypoint, inquiry.groups, floor)
-    return Unexplained(one.effect, rung, saved)
+    def most_promising(self, revision: Revision, fields: Sequence[str]) -> str | None:
+        """Return the field with the least error on beginnings held out, None if none promises."""
+        looked = []
+        answers = looks(self.inquiry, revision, fields)
+        for name in fields:
+            depends_on = self.inquiry.model.effects[name].depends_on
+            self.tell(f"trying a field that depends on {depends_on}")
+            looked.append(next(answers))
+        usable = sorted((one for one in looked if one.status is None), key=lambda one: one.loss)
+        profile = Profile(self.inquiry, revision)
+        fits = {}
+        for one in usable[:TRIED]:
+            self.tell(f"fitting {self.inquiry.model.effects[one.effect].text} to beginnings")
+            fits[one.effect] = profile.with_field(one)
+        promising = [name for name, fit in fits.items() if profile.promises(fit, HOPE)]
+        misses = {name: profile.misses(name, fits[name]) for name in promising}
+        return min(promising, key=lambda name: misses[name], default=None)
+
+    def judged(self, below: Rung, name: str) -> Unexplained:
+        """Fit a field on top of a rung and judge it on trials held out."""
+        inquiry, effort, revision = self.inquiry, self.effort, below.revision
+        self.tell(f"fitting {inquiry.model.effects[name].text}")
+        effects = (*revision.effects, name)
+        looked = screen(inquiry, revision, name)
+        begun = Profile(inquiry, revision).with_field(looked)
+        fitted = Revision(effects, inquiry.fit(effects, begun.vector, ITERATIONS))
+        rung = Rung(fitted, held_out(inquiry, fitted, effort.seed, effort.fold), looked.predicted)
+        saved = gain(below.errors.waypoint, rung.errors.waypoint, inquiry.groups, self.floor)
+        return Unexplained(name, rung, saved)
 
 
 def strengths(inquiry: Inquiry, found: Unexplained) -> np.ndarray:

@@ -15,10 +15,12 @@ from robotcast.effects.motion import CableMotion
 
 STRONGEST_M_S2 = 4.0
 PROBE_M_S2 = 0.25
+PRIOR_SD = 0.1  # of the range: what no cast passes stays where it is
 
 
 def _strength(unit: str = "m/s²", most: float = STRONGEST_M_S2, probe: float = PROBE_M_S2) -> dict:
-    return {"unit": unit, "lower": -most, "upper": most, "null_at": 0.0, "probes": [probe]}
+    span = {"unit": unit, "lower": -most, "upper": most}
+    return span | {"null_at": 0.0, "probes": [probe], "prior_sd": PRIOR_SD}
 
 
 class _Field(Effect):

@@ -18,7 +18,6 @@ from robotcast.fitting.parameter import Parameter
 DAMPINGS = (1e-4, 1e-2, 1e-1, 0.5, 2.0, 10.0)  # tried side by side, in units of the curvature
 DIFFERENCE = 0.02  # of a parameter's range; of an effect's strength, from its probes
 REACH = 0.15  # of a parameter's range: no difference is taken over more
-PRIOR_SD = 1.0  # of a parameter's range: holds what the trials do not tell at its start
 ENOUGH = 1e-3  # two steps that lower the loss by less than this share end the fit
 
 Residuals = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -50,6 +49,19 @@ class Fit:
     def weights(self) -> np.ndarray:
         """How much each trial counts, (n_trials,)."""
         return trial_weights(self.residual)
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is expected of the parameters before any trial; it holds what the trials do not tell.
+
+    Attributes
+    ----------
+    mean, sd : ndarrays of shape (n,), in units of the parameters' ranges.
+    """
+
+    mean: np.ndarray
+    sd: np.ndarray
 
 
 def trial_losses(residual: np.ndarray, scale: float = 1.0) -> np.ndarray:
@@ -84,6 +96,7 @@ def fit_robustly(
     iterations: int,
     known: Fit | None = None,
     free: np.ndarray | None = None,
+    prior: Prior | None = None,
 ) -> Fit:
     """Minimise the loss from `start` (n,), inside [0, 1].
 
@@ -93,18 +106,20 @@ def fit_robustly(
     trials : numbers of the trials that the fit sees, (m,).
     known : a fit of these trials that ended at `start`; its Jacobian serves the first step.
     free : bool (n,), which parameters may change; all by default.
+    prior : about `start`, as wide as the ranges, by default.
     """
     free = np.ones(len(start), bool) if free is None else free
+    prior = prior or Prior(start, np.ones(len(start)))
     best = known
     small = 0
     for iteration in range(iterations):
         if best is None or iteration:
-            best = _differentiated(residuals, best, start, steps, trials, free)
+            best = _differentiated(residuals, best, start, steps, trials, free, prior)
         scale = _scale(best.residual)
-        before = _whole_loss(best.residual[None], best.vector[None], start, scale)[0]
-        tried = _proposals(best, start, free, scale)
+        before = _whole_loss(best.residual[None], best.vector[None], prior, scale)[0]
+        tried = _proposals(best, prior, free, scale)
         values = residuals(tried, trials)
-        losses = _whole_loss(values, tried, start, scale)
+        losses = _whole_loss(values, tried, prior, scale)
         chosen = int(np.argmin(losses))
         if losses[chosen] < before:
             best = _moved(best, tried[chosen], values[chosen])
@@ -127,6 +142,7 @@ def _differentiated(
     steps: np.ndarray,
     trials: np.ndarray,
     free: np.ndarray,
+    prior: Prior,
 ) -> Fit:
     """Return a fit with a fresh Jacobian, at the best of the points that it took."""
     vector = start if last is None else last.vector
@@ -137,7 +153,7 @@ def _differentiated(
     moved = (values[1:] - values[0]).reshape(len(apart), -1)
     slopes = np.linalg.lstsq(apart, moved, rcond=None)[0].T
     slopes = slopes.reshape(*values[0].shape, len(vector)) * _steadiness(values)[:, None, None]
-    losses = _whole_loss(values, rows, start, _scale(values[0]))
+    losses = _whole_loss(values, rows, prior, _scale(values[0]))
     chosen = int(np.argmin(losses))
     loss = float(trial_losses(values[chosen]).mean())
     return Fit(rows[chosen], loss, values[chosen], slopes)
@@ -179,18 +195,19 @@ def _curvature(fit: Fit, weights: np.ndarray) -> np.ndarray:
 
 
 def _whole_loss(
-    residual: np.ndarray, vectors: np.ndarray, start: np.ndarray, scale: float
+    residual: np.ndarray, vectors: np.ndarray, prior: Prior, scale: float
 ) -> np.ndarray:
-    prior = ((vectors - start) ** 2).sum(axis=-1) / PRIOR_SD**2
-    return trial_losses(residual, scale).sum(axis=-1) + 0.5 * prior
+    away = (((vectors - prior.mean) / prior.sd) ** 2).sum(axis=-1)
+    return trial_losses(residual, scale).sum(axis=-1) + 0.5 * away
 
 
-def _proposals(fit: Fit, start: np.ndarray, free: np.ndarray, scale: float) -> np.ndarray:
+def _proposals(fit: Fit, prior: Prior, free: np.ndarray, scale: float) -> np.ndarray:
     """Return one step for every damping, (n_dampings, n), clipped to the range."""
     weights = trial_weights(fit.residual, scale)
     weighted = fit.jacobian * weights[:, None, None]
-    slope = np.einsum("idn,id->n", weighted, fit.residual) + (fit.vector - start) / PRIOR_SD**2
-    curvature = _curvature(fit, weights) + np.eye(len(start)) / PRIOR_SD**2
+    slope = np.einsum("idn,id->n", weighted, fit.residual)
+    slope += (fit.vector - prior.mean) / prior.sd**2
+    curvature = _curvature(fit, weights) + np.diag(1 / prior.sd**2)
     curvature, slope = curvature[np.ix_(free, free)], slope[free]
     proposals = np.tile(fit.vector, (len(DAMPINGS), 1))
     for row, damping in zip(proposals, DAMPINGS, strict=True):

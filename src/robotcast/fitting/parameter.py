@@ -18,6 +18,8 @@ class Parameter:
     null : of an effect's strength, the value at which the effect does nothing.
     probes : of an effect's parameter, values at which a first look simulates it: sizes that
         would matter of a strength, places to try of the others.
+    prior_sd : standard deviation that a fit expects before any measurement, of the range: about
+        its null, of a strength.
     """
 
     name: str
@@ -29,6 +31,7 @@ class Parameter:
     frozen: bool = False
     null: float | None = None
     probes: tuple[float, ...] = ()
+    prior_sd: float = 1.0
 
     def __post_init__(self) -> None:
         if not self.lower <= self.nominal <= self.upper or self.lower >= self.upper:

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
@@ -63,15 +63,25 @@ class _Batch:
     vector: np.ndarray  # (n_sim,) numbers of parameter vectors
     cast: np.ndarray  # (n_sim,) numbers of casts
 
+    def dealt(self, most: int, threads: int) -> list["_Batch"]:
+        """Deal the casts into batches that take equally long; those that end early leave them."""
+        rounds = math.ceil(len(self.cast) / (most * threads))
+        n = min(rounds * threads, len(self.cast))
+        return [_Batch(self.vector[first::n], self.cast[first::n]) for first in range(n)]
+
+    def where(self, marked: np.ndarray) -> "_Batch":
+        """Return those that are marked, bool (n_vectors, n_casts)."""
+        chosen = marked[self.vector, self.cast]
+        return _Batch(self.vector[chosen], self.cast[chosen])
+
 
 def simulate_planar(
-    start: Start,
+    starts: Mapping[float, Start],
     casts: Sequence[Cast],
     vectors: np.ndarray,
     *,
     n_parameters: int,
     effects: Sequence[Effect] = (),
-    step_s: float,
     batch_size: int,
     threads: int,
     progress: Progress = silent,
@@ -81,7 +91,14 @@ def simulate_planar(
     Vectors hold `n_parameters` of the simulator itself, then those of the effects.
 
     Each batch is stepped by one thread, so that what Python does between steps runs side by
-    side too. `batch_size` is the most simulations a batch holds; `threads` 0 means all cores.
+    side too.
+
+    Parameters
+    ----------
+    starts : integration step [s] → what starts a run with it. All runs take the first step;
+        those that diverge are run again with the next.
+    batch_size : the most simulations a batch holds.
+    threads : 0 means all cores.
     """
     vectors = np.atleast_2d(np.asarray(vectors, dtype=float))
     expected = n_parameters + sum(len(effect.parameters) for effect in effects)
@@ -91,31 +108,28 @@ def simulate_planar(
     waypoints = np.full((len(vectors), len(casts), k_max, 2), np.nan)
     diverged = np.zeros((len(vectors), len(casts)), dtype=bool)
     threads = threads or len(os.sched_getaffinity(0))
-    batches = _batches(casts, len(vectors), batch_size, threads)
-    done = 0
-    with ThreadPoolExecutor(threads) as pool:
-
-        def run(batch: _Batch) -> tuple[np.ndarray, np.ndarray]:
-            values = vectors[batch.vector]
-            active = ActiveEffects(effects, values[:, n_parameters:])
-            return _run_batch(start, casts, values[:, :n_parameters], active, batch.cast, step_s)
-
-        for batch, (seen_m, lost) in zip(batches, pool.map(run, batches), strict=True):
-            diverged[batch.vector, batch.cast] = lost
-            waypoints[batch.vector, batch.cast, : seen_m.shape[1]] = seen_m
-            done += len(lost)
-            progress(done, diverged.size)
-    return Prediction(waypoints, diverged)
-
-
-def _batches(casts: Sequence[Cast], n_vectors: int, batch_size: int, threads: int) -> list[_Batch]:
-    """Deal the casts into batches that take equally long; those that end early are taken out."""
     order = np.argsort([-c.waypoints_s[-1] for c in casts], kind="stable")
-    cast = np.repeat(order, n_vectors)
-    vector = np.tile(np.arange(n_vectors), len(casts))
-    rounds = math.ceil(len(cast) / (batch_size * threads))
-    n = min(rounds * threads, len(cast))
-    return [_Batch(vector[first::n], cast[first::n]) for first in range(n)]
+    left = _Batch(np.tile(np.arange(len(vectors)), len(casts)), np.repeat(order, len(vectors)))
+    with ThreadPoolExecutor(threads) as pool:
+        for step_s, start in starts.items():
+            done = diverged.size - len(left.cast)
+
+            def run(
+                batch: _Batch, start: Start = start, step_s: float = step_s
+            ) -> tuple[np.ndarray, np.ndarray]:
+                values = vectors[batch.vector]
+                active = ActiveEffects(effects, values[:, n_parameters:])
+                own = values[:, :n_parameters]
+                return _run_batch(start, casts, own, active, batch.cast, step_s)
+
+            batches = left.dealt(batch_size, threads)
+            for batch, (seen_m, lost) in zip(batches, pool.map(run, batches), strict=True):
+                diverged[batch.vector, batch.cast] = lost
+                waypoints[batch.vector, batch.cast, : seen_m.shape[1]] = seen_m
+                done += len(lost)
+                progress(done, diverged.size)
+            left = left.where(diverged)
+    return Prediction(waypoints, diverged)
 
 
 def _run_batch(

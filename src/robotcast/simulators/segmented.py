@@ -6,6 +6,7 @@ they amount to on a level board: Coulomb friction μ m g against the motion of e
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -30,10 +31,11 @@ from robotcast.simulators.chain_state import (
     chain_state,
     damp_joints,
 )
-from robotcast.simulators.planar_batch import PlanarRun, simulate_planar
+from robotcast.simulators.planar_batch import simulate_planar
 from robotcast.simulators.simulator import Cast, Prediction
 
 GRAVITY_M_S2 = 9.81
+FINER = 2  # by how much the step of a run that diverged is cut
 PARAMETERS = (
     "friction",
     "cable_mass_kg",
@@ -52,7 +54,7 @@ class SegmentedSettings:
     Attributes
     ----------
     segments : number of capsules (the paper: 18).
-    step_s : integration step.
+    step_s : integration step; runs that diverge with it are run again with half of it.
     sliding_speed_m_s : ε of the regularised Coulomb friction v/√(v² + ε²).
     bending_rate_rad_s : the same for the Coulomb moment in the joints.
     batch_size : simulations stepped side by side.
@@ -102,7 +104,8 @@ class SegmentedSimulator:
         self.parameters = (*parameters, *parameters_of(effects))
         self.settings = settings or SegmentedSettings()
         self._geometry = ChainGeometry.of_cable(cable.length_m, self.settings.segments)
-        self._model = chain_model(self._geometry, self.settings.step_s)
+        steps = (self.settings.step_s, self.settings.step_s / FINER)
+        self._models = {step_s: chain_model(self._geometry, step_s) for step_s in steps}
 
     def simulate(
         self,
@@ -115,21 +118,15 @@ class SegmentedSimulator:
         # diverged runs are marked in the prediction; MuJoCo's lines would only bury the bar
         mujoco.set_mju_user_warning(lambda _: None)
         return simulate_planar(
-            self._start,
+            {step_s: partial(_SegmentedRun, self, step_s) for step_s in self._models},
             casts,
             vectors,
             n_parameters=len(PARAMETERS),
             effects=self.effects,
-            step_s=self.settings.step_s,
             batch_size=self.settings.batch_size,
             threads=self.settings.threads,
             progress=progress,
         )
-
-    def _start(
-        self, pose: np.ndarray, lean_rad: np.ndarray, vectors: np.ndarray, active: ActiveEffects
-    ) -> PlanarRun:
-        return _SegmentedRun(self, pose, lean_rad, vectors, active)
 
 
 class _SegmentedRun:
@@ -144,13 +141,14 @@ class _SegmentedRun:
     def __init__(
         self,
         simulator: SegmentedSimulator,
+        step_s: float,
         pose: np.ndarray,
         lean_rad: np.ndarray,
         vectors: np.ndarray,
         active: ActiveEffects,
     ) -> None:
         self._simulator = simulator
-        self._settings = simulator.settings
+        self._settings, self._step_s = simulator.settings, step_s
         self._geometry = simulator._geometry
         qpos = np.zeros((len(pose), TOOL_DOFS + len(self._geometry.lengths_m)))
         qpos[:, :TOOL_DOFS] = pose
@@ -165,7 +163,7 @@ class _SegmentedRun:
         """Make the batch, at these generalised positions and velocities (n_sim, 3 + n)."""
         self._vectors = vectors
         self._effects = CableEffects(active, self._simulator.cable, self._geometry)
-        self._batch = Batch(self._simulator._model, len(qpos), nthread=1)
+        self._batch = Batch(self._simulator._models[self._step_s], len(qpos), nthread=1)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._applied = self._batch.bind("qfrc_applied")
         self._damping = self._batch.expand("dof_damping")
@@ -234,13 +232,13 @@ class _SegmentedRun:
             bend_rate_rad_s=self._qvel[:, TOOL_DOFS:],
             stiffness_n_m2=self._stiffness_n_m2,
             time_s=self._time_s,
-            step_s=self._settings.step_s,
+            step_s=self._step_s,
         )
         apply_forces(state.force_n, state.heading, self._geometry.half_m, self._applied)
         if moments is not None:
             self._applied[:, TOOL_DOFS:] += moments
         self._earlier = state.stepped
-        self._time_s += self._settings.step_s
+        self._time_s += self._step_s
         self._batch.step()
 
     def _drive_tool(self, next_pose: np.ndarray) -> None:
@@ -248,7 +246,6 @@ class _SegmentedRun:
 
         A force on a large armature, not an overwritten velocity: the cable's inertia is kept.
         """
-        step_s = self._settings.step_s
-        wanted = (next_pose - self._qpos[:, :TOOL_DOFS]) / step_s
+        wanted = (next_pose - self._qpos[:, :TOOL_DOFS]) / self._step_s
         change = wanted - self._qvel[:, :TOOL_DOFS]
-        self._applied[:, :TOOL_DOFS] = change * (TOOL_ARMATURE / step_s)
+        self._applied[:, :TOOL_DOFS] = change * (TOOL_ARMATURE / self._step_s)

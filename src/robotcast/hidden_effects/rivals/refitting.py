@@ -7,7 +7,7 @@ import numpy as np
 
 from robotcast.diagnosis.gain import Gain, gain
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.revision import EARLY, Revision, fit_base, held_out
+from robotcast.diagnosis.revision import EARLY, SOME, Revision, fit_base, held_out
 from robotcast.diagnosis.search import Effort, Rung
 from robotcast.fitting.least_squares import Fit, trial_losses
 from robotcast.hidden_effects.rivals.places import Place, unit_rows
@@ -33,7 +33,7 @@ def judged_refit(
     """
     effects = tuple(effects)
     rows = unit_rows(inquiry, base.revision.fit.vector, effects, places)
-    early = inquiry.beginnings(EARLY)
+    early = inquiry.beginnings(EARLY, SOME)
     losses = trial_losses(early.residuals(effects)(rows, early.everything)).mean(axis=1)
     starts = rows[np.argsort(losses, kind="stable")[:BEGUN]]
     begun = sorted((early.fit(effects, start, 3) for start in starts), key=_loss)
