@@ -17,7 +17,8 @@ from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Candidate
 from robotcast.diagnosis.revision import Revision
 from robotcast.diagnosis.side_by_side import side_by_side
-from robotcast.fitting.least_squares import Fit, trial_losses
+from robotcast.fitting.least_squares import trial_losses
+from robotcast.fitting.parameter import Parameter
 
 TOUCHES = 0.02  # of the noise: an effect that moves every trial by less touches nothing
 LEFT = 0.05  # share of a sensitivity that must be left after projection to be told apart
@@ -67,8 +68,16 @@ def looks(inquiry: Inquiry, revision: Revision, effects: Sequence[str]) -> Itera
 def screen(inquiry: Inquiry, revision: Revision, effect: str) -> Screened:
     """Probe one effect on top of a fitted revision."""
     active = (*revision.effects, effect)
+    places = [
+        _Place.of(inquiry, revision, active, place)
+        for place in _places(inquiry.model.effects[effect])
+    ]
+    rows = np.vstack([place.rows for place in places])
+    moves = inquiry.residuals(active)(rows, inquiry.everything) - revision.fit.residual
+    ends = np.cumsum([len(place.rows) for place in places])[:-1]
     tries = [
-        _try(inquiry, revision, active, place) for place in _places(inquiry.model.effects[effect])
+        _try(inquiry, revision, active, place, seen)
+        for place, seen in zip(places, np.split(moves, ends), strict=True)
     ]
     best = min(tries, key=lambda one: one.p_value)
     start, loss = _step(inquiry, revision, active, best)
@@ -82,6 +91,61 @@ def screen(inquiry: Inquiry, revision: Revision, effect: str) -> Screened:
         power=best.power,
         moved=max(one.moved for one in tries),
     )
+
+
+@dataclass(frozen=True)
+class _Place:
+    """One place of an effect, and its probes there.
+
+    Attributes
+    ----------
+    vector : unit vector (n,) with every strength at its null.
+    own : the effect's parameters, at that place.
+    strengths : which of them are strengths.
+    rows : unit vectors (n_probes, n).
+    columns, by : of each row, which strength was moved, and by how much; (n_probes,).
+    """
+
+    vector: np.ndarray
+    own: Sequence[Parameter]
+    strengths: list[int]
+    rows: np.ndarray
+    columns: np.ndarray
+    by: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        inquiry: Inquiry,
+        revision: Revision,
+        active: tuple[str, ...],
+        place: dict[str, float],
+    ) -> "_Place":
+        parameters = inquiry.model.effects[active[-1]].parameters
+        own = [p.at(place.get(p.name, p.nominal)) for p in parameters]
+        units = np.array([float(p.to_unit(np.asarray(p.nominal))) for p in own])
+        vector = np.concatenate([revision.fit.vector, units])
+        first = len(revision.fit.vector)
+        strengths = [k for k, p in enumerate(own) if p.null is not None]
+        rows, columns = [], []
+        for column, k in enumerate(strengths):
+            for probe in own[k].probes:
+                row = vector.copy()
+                row[first + k] = float(own[k].to_unit(np.asarray(probe)))
+                rows.append(row)
+                columns.append(column)
+        moved = first + np.array([strengths[c] for c in columns])
+        by = np.array([row[k] - vector[k] for row, k in zip(rows, moved, strict=True)])
+        return cls(vector, own, strengths, np.array(rows), np.array(columns), by)
+
+    def slopes(self, moves: np.ndarray) -> np.ndarray:
+        """Return slopes (n_trials, D, n_strengths) through null and the probes' moves."""
+        slopes = np.zeros((*moves.shape[1:], len(self.strengths)))
+        for column in range(len(self.strengths)):
+            mine = self.columns == column
+            rise = np.tensordot(self.by[mine], moves[mine], axes=1)
+            slopes[..., column] = rise / (self.by[mine] ** 2).sum()
+        return slopes
 
 
 @dataclass(frozen=True)
@@ -103,15 +167,15 @@ def _places(candidate: Candidate) -> list[dict[str, float]]:
 
 
 def _try(
-    inquiry: Inquiry, revision: Revision, active: tuple[str, ...], place: dict[str, float]
+    inquiry: Inquiry,
+    revision: Revision,
+    active: tuple[str, ...],
+    at: _Place,
+    moves: np.ndarray,
 ) -> _Try:
-    own = inquiry.model.effects[active[-1]].parameters
-    at_null = [p.at(place.get(p.name, p.nominal)) for p in own]
-    units = np.array([float(p.to_unit(np.asarray(p.nominal))) for p in at_null])
-    vector = np.concatenate([revision.fit.vector, units])
-    strengths = [k for k, p in enumerate(own) if p.null is not None]
+    vector, own, strengths = at.vector, at.own, at.strengths
     fit, first = revision.fit, len(revision.fit.vector)
-    slopes, moved = _sensitivity(inquiry, active, vector, first, strengths, fit)
+    slopes, moved = at.slopes(moves), float(np.sqrt((moves**2).sum(axis=-1)).max())
     root = np.sqrt(fit.weights)[:, None]
     free = inquiry.free(revision.effects)
     base = (fit.jacobian[:, :, free] * root[..., None]).reshape(-1, free.sum())
@@ -132,33 +196,6 @@ def _try(
     size = np.linalg.norm(sensitivity, axis=0).max()
     left = float(np.linalg.norm(rest, axis=0).max() / size) if size else 0.0
     return _Try(vector, -whole, p_value, float(percent[0].mean()), left, power, moved)
-
-
-def _sensitivity(
-    inquiry: Inquiry,
-    active: tuple[str, ...],
-    vector: np.ndarray,
-    first: int,
-    strengths: Sequence[int],
-    fit: Fit,
-) -> tuple[np.ndarray, float]:
-    """Return slopes (n_trials, D, n_strengths) through null and probes, and the largest move."""
-    own = inquiry.model.effects[active[-1]].parameters
-    rows, of, by = [], [], []
-    for column, k in enumerate(strengths):
-        for probe in own[k].probes:
-            row = vector.copy()
-            row[first + k] = float(own[k].to_unit(np.asarray(probe)))
-            rows.append(row)
-            of.append(column)
-            by.append(row[first + k] - vector[first + k])
-    moves = inquiry.residuals(active)(np.array(rows), inquiry.everything) - fit.residual
-    slopes = np.zeros((*fit.residual.shape, len(strengths)))
-    for column in range(len(strengths)):
-        mine = [i for i, c in enumerate(of) if c == column]
-        shift = np.array([by[i] for i in mine])
-        slopes[..., column] = np.tensordot(shift, moves[mine], axes=1) / (shift**2).sum()
-    return slopes, float(np.sqrt((moves**2).sum(axis=-1)).max())
 
 
 def _without(base: np.ndarray, sensitivity: np.ndarray) -> np.ndarray:
