@@ -6,9 +6,10 @@ from pathlib import Path
 from diagnose import case_of
 from omegaconf import DictConfig
 
+from robotcast.diagnosis.diagnose import floor_and_noise
+from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.search import Effort
-from robotcast.measurements.noise_floor import noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.progress import Progress, silent
 
@@ -20,19 +21,18 @@ class Question:
     Attributes
     ----------
     candidates : names of the effects to try.
-    floor_percent : the set's noise floor in % of cable length, None when unknown.
     """
 
     inquiry: Inquiry
     candidates: tuple[str, ...]
-    floor_percent: float | None
+    floor: Floor
     effort: Effort
 
 
 def open_question(config: DictConfig, measurements: Path, progress: Progress = silent) -> Question:
     """Put the simulator beside the set in the folder `measurements`."""
     measured = read_measurement_set(measurements)
-    case, floor = case_of(config, measured), noise_floor(measured).waypoint_percent
-    noise = None if floor is None else floor / 100 * case.model.scale
+    case = case_of(config, measured)
+    floor, noise = floor_and_noise(case)
     inquiry = Inquiry(case.model, case.records, noise, progress)
     return Question(inquiry, tuple(case.candidates), floor, case.effort)

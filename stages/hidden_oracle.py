@@ -38,7 +38,7 @@ def _tell(config: DictConfig, measurements: Path, truth: Truth) -> dict[str, Any
     question = open_question(config, measurements)
     inquiry, effort = question.inquiry, question.effort
     base = judged_base(inquiry, effort)
-    found = told(inquiry, base, truth.effects, question.floor_percent, effort)
+    found = told(inquiry, base, truth.effects, question.floor, effort)
     return {
         "effects": list(truth.effects),
         "base_heldout_waypoint_error_percent": float(found.base.errors.waypoint.mean()),

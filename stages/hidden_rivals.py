@@ -75,7 +75,7 @@ def _forced(question: Question, base: Rung, base_casts: int, progress: Progress)
         inquiry,
         base,
         question.candidates,
-        question.floor_percent,
+        question.floor,
         question.effort,
         lambda name: progress(inquiry.simulated, 0, f"refitting with {name}"),
     )

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
-import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
@@ -14,12 +13,12 @@ from omegaconf import OmegaConf
 
 from robotcast.cast_model.model import CastModel
 from robotcast.cast_model.records import cast_records
+from robotcast.diagnosis.diagnose import Case, floor_and_noise
 from robotcast.diagnosis.gain import gain
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision, fit_base, held_out
 from robotcast.diagnosis.screen import screen
 from robotcast.effects.effect import Effect
-from robotcast.measurements.noise_floor import noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.simulators.simulator import Simulator
 
@@ -52,13 +51,13 @@ def test_the_readmes_effect_explains_what_the_library_does_not_hold(own_effect: 
         return instantiate(config.simulator.model, cable=measured.cable, effects=list(effects))
 
     model = CastModel(measured, make_simulator, [own_effect], held=config.simulator.weighed)
-    floor = noise_floor(measured).waypoint_percent
-    assert floor is not None
-    inquiry = Inquiry(model, cast_records(measured), floor / 100 * model.scale)
+    floor, noise = floor_and_noise(Case(model, cast_records(measured), [NAME]))
+    inquiry = Inquiry(model, cast_records(measured), noise)
     base = fit_base(inquiry, (), 0, 3)
     start = screen(inquiry, base, NAME).start
     better = Revision((NAME,), inquiry.fit((NAME,), start, 8))
     before, after = (held_out(inquiry, r, 0, 1).waypoint for r in (base, better))
     assert gain(before, after, inquiry.groups, floor).pays
-    assert np.median(after) < 1.25 * floor
+    assert floor.percent is not None
+    assert after.mean() < 1.25 * floor.percent
     assert after.mean() < 0.6 * before.mean()

@@ -32,8 +32,9 @@ def open_contests(
     if left is not None:
         field = left.rung.revision
         return [Contest(("unknown",), top, (field.effects, field.fit.vector))]
-    screens = found.screens[-1] if found.screens else {}
-    weak = [one for one in screens.values() if one.power < ENOUGH_POWER and one.moved > 0]
+    screens = found.screens[0] if found.screens else {}  # later ones see fewer trials
+    absent = [one for name, one in screens.items() if name not in top.effects]
+    weak = [one for one in absent if one.power < ENOUGH_POWER and one.moved > 0]
     weak.sort(key=lambda one: (one.power, one.p_value))
     return [_whether_there(inquiry, top, one) for one in weak[:MOST_WEAK]]
 

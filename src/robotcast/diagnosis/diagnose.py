@@ -8,12 +8,13 @@ from typing import Any
 from robotcast.diagnosis import limits, report
 from robotcast.diagnosis.contests import open_contests
 from robotcast.diagnosis.explained import Explained
+from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Model, Record
 from robotcast.diagnosis.next_trials import Further, NextTrial, next_trials
 from robotcast.diagnosis.outlook import Outlook
 from robotcast.diagnosis.plain import plain
-from robotcast.diagnosis.repeats import repeat_scatter
+from robotcast.diagnosis.repeats import RepeatScatter, repeat_scatter
 from robotcast.diagnosis.revision import Revision, fit_base
 from robotcast.diagnosis.screen import Screened, looks
 from robotcast.diagnosis.search import Effort, Found, Rung, search
@@ -67,15 +68,25 @@ def diagnose(case: Case, tell: Tell, progress: Progress = silent) -> dict[str, A
     return run.finish()
 
 
+def floor_and_noise(case: Case) -> tuple[Floor, float | None]:
+    """Return the noise floor of a case, and by how much repeats differ, None when unknown."""
+    floor = Floor.of(_repeats(case)) if case.floor is None else Floor.known(case.floor)
+    known = floor.percent is not None
+    return floor, floor.unit_percent / 100 * case.model.scale if known else None
+
+
+def _repeats(case: Case) -> RepeatScatter:
+    return repeat_scatter(case.records, TimeGrid.of(case.records), case.model.scale)
+
+
 class _Run:
     """A diagnosis on its way: what is known so far, and how it is told."""
 
     def __init__(self, case: Case, tell: Tell, progress: Progress) -> None:
         self._case, self._tell, self._bar = case, tell, progress
-        records, scale = case.records, case.model.scale
-        self._repeats = repeat_scatter(records, TimeGrid.of(records), scale)
-        self._floor = self._repeats.sample_percent if case.floor is None else case.floor
-        noise = None if self._floor is None else self._floor / 100 * scale
+        records = case.records
+        self._repeats = _repeats(case)
+        self._floor, noise = floor_and_noise(case)
         self.inquiry = Inquiry(case.model, records, noise, self._simulated)
         self._explained = Explained(self.inquiry, case.wording)
         effects = case.model.effects
@@ -182,7 +193,7 @@ class _Run:
             "error_unit": case.model.error_unit,
             "casts": len(case.records),
             "actions": int(inquiry.groups.max()) + 1,
-            "noise_floor_percent": self._floor,
+            "noise_floor_percent": self._floor.percent,
             "conclusive": not limits.too_few(inquiry),
             "simulated_casts": self._runs,
             "seconds": round(time.monotonic() - self._started, 1),
@@ -236,7 +247,7 @@ class _Run:
 
     def _notes(self, base: Revision | None) -> list[str]:
         inquiry, wording = self.inquiry, self._case.wording
-        notes = limits.notes_on_trials(inquiry, self._repeats, self._floor, wording)
+        notes = limits.notes_on_trials(inquiry, self._repeats, self._floor.percent, wording)
         if base is None:
             return notes
         top = self._found.ladder[-1].revision if self._found.ladder else base

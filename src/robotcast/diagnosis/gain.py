@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
+from robotcast.diagnosis.floor import Floor
+
 SIGNIFICANT = 1e-3  # p-value below which a gain on held-out trials is more than luck
 FAR = 4.0  # standard deviations, as the median of deviations tells them
-LEAST_FLOOR = 0.3  # %: no floor is known to be lower
-LEAST_EXCESS = 0.05  # of an error: a floor is not known better than that
+LEAST_EXCESS = 0.05  # of what a model misses: a floor is not known better than that
 WORTHWHILE = 0.10  # of the excess over the noise floor that an effect must take away
 
 
@@ -19,7 +20,7 @@ class Gain:
     Attributes
     ----------
     percent : mean saving of average waypoint error, % of the scale.
-    share : of the earlier error's excess over the noise floor.
+    share : of what the earlier one misses more than repeats do (see `Floor`).
     p_value : one-sided, over groups of trials.
     """
 
@@ -33,18 +34,12 @@ class Gain:
         return self.p_value < SIGNIFICANT and self.share > WORTHWHILE
 
 
-def gain(before: np.ndarray, after: np.ndarray, groups: np.ndarray, floor: float | None) -> Gain:
+def gain(before: np.ndarray, after: np.ndarray, groups: np.ndarray, floor: Floor) -> Gain:
     """Compare two revisions' held-out errors (n_trials,), % of the scale."""
-    p_value = worse(misses(before, floor) - misses(after, floor), groups)
-    percent = float((before - after).mean())
-    whole = float(before.mean())
-    excess = max(whole - (floor or 0.0), LEAST_EXCESS * whole, 1e-9)
-    return Gain(percent, percent / excess, p_value)
-
-
-def misses(errors: np.ndarray, floor: float | None) -> np.ndarray:
-    """Return errors as a fit judges them, ½ ln(1 + (error / floor)²): few far ones hardly count."""
-    return 0.5 * np.log1p((errors / max(floor or 0.0, LEAST_FLOOR)) ** 2)
+    saved = floor.misses(before) - floor.misses(after)
+    least = LEAST_EXCESS * float(floor.misses(before).mean())
+    share = float(saved.mean()) / max(floor.excess(before), least, 1e-9)
+    return Gain(float((before - after).mean()), share, worse(saved, groups))
 
 
 def worse(extra: np.ndarray, groups: np.ndarray) -> float:

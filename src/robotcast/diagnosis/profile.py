@@ -24,14 +24,14 @@ class Profile:
 
     Attributes
     ----------
-    loss : of the revision there.
+    early : the inquiry into these beginnings.
+    revision : fitted to them.
     """
 
     def __init__(self, inquiry: Inquiry, revision: Revision) -> None:
-        self._early = inquiry.beginnings(EARLY, SOME)
-        self._effects = revision.effects
-        self._fit = self._early.fit(revision.effects, revision.fit.vector, 1)
-        self.loss = self._fit.loss
+        self.early = inquiry.beginnings(EARLY, SOME)
+        fit = self.early.fit(revision.effects, revision.fit.vector, 1)
+        self.revision = Revision(revision.effects, fit)
 
     def contenders(self, looked: Mapping[str, Screened], most: int) -> list[tuple[str, Fit]]:
         """Return at most so many effects that lower the loss, each with its fit; the best first.
@@ -47,41 +47,41 @@ class Profile:
 
     def with_field(self, one: Screened) -> Fit:
         """Return the fit with a field: so many strengths have no probe that stands for all."""
-        return self._early.fit((*self._effects, one.effect), one.start, 2)
+        return self.early.fit((*self.revision.effects, one.effect), one.start, 2)
 
     def misses(self, name: str, fit: Fit) -> float:
         """Return the average error of these beginnings, held out, % of the scale."""
-        revision = Revision((*self._effects, name), fit)
-        return float(held_out(self._early, revision, seed=0, iterations=1).waypoint.mean())
+        revision = Revision((*self.revision.effects, name), fit)
+        return float(held_out(self.early, revision, seed=0, iterations=1).waypoint.mean())
 
     def promises(self, fit: Fit, share: float) -> bool:
         """Tell whether a fit of these beginnings takes away this share of the loss."""
-        return fit.loss < (1 - share) * self.loss
+        return fit.loss < (1 - share) * self.revision.fit.loss
 
     def _begun(self, name: str, one: Screened) -> Fit:
         """Return the best of one step from every probe, and from where the first look points."""
-        active = (*self._effects, name)
+        active = (*self.revision.effects, name)
         probes, strengths, moves = self._probes(name, one)
         rows = np.vstack([probes, one.start])
-        values = self._early.residuals(active)(rows, self._early.everything)
+        values = self.early.residuals(active)(rows, self.early.everything)
         slopes = self._slopes(values[:-1], strengths, moves, n=rows.shape[1])
         stepped = []
         for row, residual in zip(rows, values, strict=True):
             known = Fit(row, float(trial_losses(residual).mean()), residual, slopes)
-            stepped.append(self._early.fit(active, row, 1, known=known))
+            stepped.append(self.early.fit(active, row, 1, known=known))
         return min(stepped, key=lambda fit: fit.loss)
 
     def _on(self, name: str, fit: Fit) -> Fit:
         """Go on with a fit: a step with the slopes that it has, and one with fresh ones."""
-        active = (*self._effects, name)
-        return self._early.fit(active, fit.vector, 2, known=fit)
+        active = (*self.revision.effects, name)
+        return self.early.fit(active, fit.vector, 2, known=fit)
 
     def _probes(self, name: str, one: Screened) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return unit vectors with one strength of the effect at a probe, at the best place.
 
         Beside them, each (n_rows,): which strength that is, and by how much it moved from null.
         """
-        own = self._early.model.effects[name].parameters
+        own = self.early.model.effects[name].parameters
         at_null = [
             p.to_unit(np.asarray(p.null)) if p.null is not None else place
             for p, place in zip(own, one.start[-len(own) :], strict=True)
@@ -91,8 +91,8 @@ class Profile:
             for probe in parameter.probes if parameter.null is not None else ():
                 units = np.array(at_null, float)
                 units[k] = parameter.to_unit(np.asarray(probe))
-                rows.append(np.concatenate([self._fit.vector, units]))
-                strengths.append(len(self._fit.vector) + k)
+                rows.append(np.concatenate([self.revision.fit.vector, units]))
+                strengths.append(len(self.revision.fit.vector) + k)
                 moves.append(units[k] - at_null[k])
         return np.array(rows), np.array(strengths), np.array(moves)
 
@@ -100,11 +100,11 @@ class Profile:
         self, values: np.ndarray, strengths: np.ndarray, moves: np.ndarray, n: int
     ) -> np.ndarray:
         """Return the Jacobian (n_trials, D, n): the revision's, and strengths through probes."""
-        slopes = np.zeros((*self._fit.jacobian.shape[:2], n))
-        slopes[:, :, : len(self._fit.vector)] = self._fit.jacobian
+        slopes = np.zeros((*self.revision.fit.jacobian.shape[:2], n))
+        slopes[:, :, : len(self.revision.fit.vector)] = self.revision.fit.jacobian
         for k in np.unique(strengths):
             mine = strengths == k
-            rise = np.tensordot(moves[mine], values[mine] - self._fit.residual, axes=1)
+            rise = np.tensordot(moves[mine], values[mine] - self.revision.fit.residual, axes=1)
             slopes[:, :, k] = rise / (moves[mine] ** 2).sum()
         return slopes
 

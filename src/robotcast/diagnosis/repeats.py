@@ -23,6 +23,7 @@ class RepeatScatter:
         None without repeats.
     over_time_percent : average deviation at every time of the grid, (n_times,), NaN where no two
         repeats share it.
+    deviations_percent : of every group, the average deviation of its trials, (n,) each.
     groups, trials : how many groups hold repeats, and the trials they make together.
     strays : numbers of trials that lie too far from their repeats to be such; left out.
     """
@@ -30,6 +31,7 @@ class RepeatScatter:
     sample_percent: float | None
     final_percent: float | None
     over_time_percent: np.ndarray
+    deviations_percent: tuple[np.ndarray, ...]
     groups: int
     trials: int
     strays: tuple[int, ...] = ()
@@ -58,11 +60,12 @@ def repeat_scatter(records: Sequence[Record], grid: TimeGrid, scale: float) -> R
             trials.append(len(rows))
     if not trials:
         nowhere = np.full(len(grid.times_s), np.nan)
-        return RepeatScatter(None, None, nowhere, 0, 0, tuple(records[r].trial for r in strays))
+        return RepeatScatter(None, None, nowhere, (), 0, 0, tuple(records[r].trial for r in strays))
     return RepeatScatter(
         sample_percent=float(100 / scale * np.concatenate(averages).mean()),
         final_percent=float(100 / scale * np.median(np.concatenate(finals))),
         over_time_percent=100 / scale * mean_of_present(np.concatenate(deviations)),
+        deviations_percent=tuple(100 / scale * average for average in averages),
         groups=len(trials),
         trials=sum(trials),
         strays=tuple(records[row].trial for row in strays),

@@ -5,18 +5,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from robotcast.diagnosis.gain import Gain, gain, misses, worse
+from robotcast.diagnosis.floor import Floor
+from robotcast.diagnosis.gain import Gain, gain, worse
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
-from robotcast.diagnosis.screen import Screened, looks
+from robotcast.diagnosis.screen import Screened, looks, screen
 from robotcast.fitting.least_squares import Fit, trial_losses
 
 LEADERS = 4  # effects refitted to the end; half as many in later rounds
 FINALISTS = 2  # of these, judged on held-out trials
 MOST_EFFECTS = 3
 EQUAL = 0.05  # p-value above which two revisions explain the trials equally well
-AT_THE_FLOOR = 1.1  # of the noise floor: with less error than this nothing is missing
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def search(
     inquiry: Inquiry,
     candidates: Sequence[str],
     fixed: Sequence[str],
-    floor: float | None,
+    floor: Floor,
     effort: Effort,
     tell: Callable[[Found, str], object],
 ) -> Found:
@@ -71,23 +71,17 @@ def search(
     ----------
     candidates : names of the effects to try.
     fixed : effects that act from the start.
-    floor : noise floor in % of the scale, None when unknown.
     tell : called after each step with what is known and what comes next.
     """
     found = Found()
     tell(found, "fitting the model as it is")
     base = fit_base(inquiry, fixed, effort.seed, effort.base)
     found = replace(found, ladder=(_rung(inquiry, base, effort),))
-    while len(found.ladder) <= MOST_EFFECTS and not at_the_floor(found.ladder[-1], floor):
+    while len(found.ladder) <= MOST_EFFECTS and not floor.reached(found.ladder[-1].errors.waypoint):
         found, added = _round(inquiry, found, candidates, floor, effort, tell)
         if not added:
             break
     return _without_needless(inquiry, found, len(fixed), floor, effort, tell)
-
-
-def at_the_floor(rung: Rung, floor: float | None) -> bool:
-    """Tell whether held-out trials miss by hardly more than repeats differ."""
-    return floor is not None and float(rung.errors.waypoint.mean()) < AT_THE_FLOOR * floor
 
 
 def _rung(
@@ -100,24 +94,33 @@ def _round(
     inquiry: Inquiry,
     found: Found,
     candidates: Sequence[str],
-    floor: float | None,
+    floor: Floor,
     effort: Effort,
     tell: Callable[[Found, str], object],
 ) -> tuple[Found, bool]:
     """Screen every candidate on top of the ladder and add the best, if one pays."""
     top = found.ladder[-1]
-    screens: dict[str, Screened] = {}
     names = [name for name in candidates if name not in top.revision.effects]
-    looked = looks(inquiry, top.revision, names)
+    later = len(found.ladder) > 1
+    tell(found, "refitting the model to beginnings")
+    profile = Profile(inquiry, top.revision)
+    asked = (profile.early, profile.revision) if later else (inquiry, top.revision)
+    looked, screens = looks(*asked, names), {}
     for name in names:
         tell(found, f"looking at {name}")
         screens[name] = next(looked)
     found = replace(found, screens=(*found.screens, screens))
-    usable = [s for s in screens.values() if s.status is None]
-    later = len(found.ladder) > 1
-    fitted = _refits(
-        inquiry, top.revision, usable, effort, lambda text: tell(found, text), later=later
-    )
+    usable = {name: one for name, one in screens.items() if one.status is None}
+    tell(found, "refitting the model around every effect")
+    begun = profile.contenders(usable, LEADERS // 2 if later else LEADERS)
+    fitted = []
+    for name, start in begun:
+        tell(found, f"refitting with {name}")
+        effects = (*top.revision.effects, name)
+        revision = _refit(inquiry, effects, start.vector, effort.refit)
+        whole = screen(inquiry, top.revision, name) if later else screens[name]
+        fitted.append(_Refitted(whole, revision))
+    fitted.sort(key=lambda one: one.revision.fit.loss)
     if not fitted:
         return found, False
     top = _rematch(inquiry, top, fitted[0].revision, effort)
@@ -132,7 +135,7 @@ def _round(
     paying = [rung for rung in rungs if rung.gain and rung.gain.pays]
     if not paying:
         return found, False
-    best = min(paying, key=lambda rung: misses(rung.errors.waypoint, floor).mean())
+    best = min(paying, key=lambda rung: floor.misses(rung.errors.waypoint).mean())
     name = best.revision.effects[-1]
     rivals = _rivals(inquiry, fitted, best.revision)
     ladder, rivals_of = (*found.ladder, best), found.rivals | {name: rivals}
@@ -143,28 +146,6 @@ def _round(
 class _Refitted:
     screened: Screened
     revision: Revision
-
-
-def _refits(
-    inquiry: Inquiry,
-    revision: Revision,
-    usable: Sequence[Screened],
-    effort: Effort,
-    tell: Callable[[str], object],
-    *,
-    later: bool,
-) -> list[_Refitted]:
-    """Refit with the most promising effects; the best comes first."""
-    looked = {one.effect: one for one in usable}
-    tell("refitting the model around every effect")
-    fitted = []
-    leaders = LEADERS // 2 if later else LEADERS
-    for name, begun in Profile(inquiry, revision).contenders(looked, leaders):
-        tell(f"refitting with {name}")
-        effects = (*revision.effects, name)
-        fit = inquiry.fit(effects, begun.vector, effort.refit)
-        fitted.append(_Refitted(looked[name], Revision(effects, fit)))
-    return sorted(fitted, key=lambda f: f.revision.fit.loss)
 
 
 def _rivals(inquiry: Inquiry, fitted: Sequence[_Refitted], best: Revision) -> tuple[str, ...]:
@@ -201,7 +182,7 @@ def _rematch(inquiry: Inquiry, top: Rung, rival: Revision, effort: Effort) -> Ru
     return replace(_rung(inquiry, again, effort, top.predicted), gain=top.gain)
 
 
-def _gain(inquiry: Inquiry, before: Rung, after: Rung, floor: float | None) -> Gain:
+def _gain(inquiry: Inquiry, before: Rung, after: Rung, floor: Floor) -> Gain:
     return gain(before.errors.waypoint, after.errors.waypoint, inquiry.groups, floor)
 
 
@@ -209,7 +190,7 @@ def _without_needless(
     inquiry: Inquiry,
     found: Found,
     n_fixed: int,
-    floor: float | None,
+    floor: Floor,
     effort: Effort,
     tell: Callable[[Found, str], object],
 ) -> Found:

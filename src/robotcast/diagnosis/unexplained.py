@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.gain import Gain, gain
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import Revision, held_out
 from robotcast.diagnosis.screen import looks, screen
-from robotcast.diagnosis.search import Effort, Found, Rung, at_the_floor
+from robotcast.diagnosis.search import Effort, Found, Rung
 
 FLEXIBLE = 0.25  # of the excess over the noise floor that a field must take away
 TRIED = 2  # fields fitted to the beginnings of some trials
@@ -43,7 +44,7 @@ def look_for_the_unknown(
     inquiry: Inquiry,
     found: Found,
     fields: Sequence[str],
-    floor: float | None,
+    floor: Floor,
     effort: Effort,
     tell: Callable[[str], object],
 ) -> tuple[Found, Unexplained | None]:
@@ -56,7 +57,7 @@ def look_for_the_unknown(
     left : None when no field takes away enough.
     """
     base, top = found.ladder[0], found.ladder[-1]
-    if at_the_floor(top, floor):
+    if floor.reached(top.errors.waypoint):
         return found, None
     search = _Fields(inquiry, floor, effort, tell)
     name = search.most_promising(top.revision, fields)
@@ -68,7 +69,7 @@ def look_for_the_unknown(
     if top is not base:
         alone = search.judged(base, name)
         extra = gain(alone.rung.errors.waypoint, left.rung.errors.waypoint, inquiry.groups, floor)
-        if at_the_floor(alone.rung, floor) or not extra.pays:
+        if floor.reached(alone.rung.errors.waypoint) or not extra.pays:
             return replace(found, ladder=(base,), rivals={}), alone
     return found, left
 
@@ -78,20 +79,19 @@ class _Fields:
     """Fits fields on top of a revision: first beside the beginnings of some trials, then all."""
 
     inquiry: Inquiry
-    floor: float | None
+    floor: Floor
     effort: Effort
     tell: Callable[[str], object]
 
     def most_promising(self, revision: Revision, fields: Sequence[str]) -> str | None:
         """Return the field with the least error on beginnings held out, None if none promises."""
-        looked = []
-        answers = looks(self.inquiry, revision, fields)
+        profile = Profile(self.inquiry, revision)
+        looked, answers = [], looks(profile.early, profile.revision, fields)
         for name in fields:
             depends_on = self.inquiry.model.effects[name].depends_on
             self.tell(f"trying a field that depends on {depends_on}")
             looked.append(next(answers))
         usable = sorted((one for one in looked if one.status is None), key=lambda one: one.loss)
-        profile = Profile(self.inquiry, revision)
         fits = {}
         for one in usable[:TRIED]:
             self.tell(f"fitting {self.inquiry.model.effects[one.effect].text} to beginnings")

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
+from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.search import Effort
 from tests.diagnosis.sliding_puck import (
@@ -20,7 +21,7 @@ from tests.diagnosis.sliding_puck import (
 
 EFFORT = Effort(base=4, refit=3, fold=2)
 CANDIDATES = (DEAD.name, LATE.name, SHIFT.name, TILT.name, TURN.name)
-FLOOR_PERCENT = 100 * NOISE_M
+FLOOR = Floor.known(100 * NOISE_M)
 
 
 @pytest.fixture

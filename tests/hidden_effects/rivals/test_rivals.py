@@ -11,13 +11,14 @@ from robotcast.hidden_effects.rivals.brute_force import Forced, brute_force
 from robotcast.hidden_effects.rivals.oracle import told
 from robotcast.hidden_effects.rivals.refitting import judged_base, rematched
 from robotcast.hidden_effects.rivals.sensitivity import raw_sensitivities
-from tests.hidden_effects.rivals.conftest import CANDIDATES, EFFORT, FLOOR_PERCENT
+from tests.diagnosis.sliding_puck import NOISE_M
+from tests.hidden_effects.rivals.conftest import CANDIDATES, EFFORT, FLOOR
 
 LATE_S = 0.06
 
 
 def forced(inquiry: Inquiry, base: Rung) -> Forced:
-    return brute_force(inquiry, base, CANDIDATES, FLOOR_PERCENT, EFFORT, lambda name: None)
+    return brute_force(inquiry, base, CANDIDATES, FLOOR, EFFORT, lambda name: None)
 
 
 def test_raw_sensitivity_names_what_moves_most_whatever_is_hidden(ask):
@@ -55,7 +56,7 @@ def test_brute_force_names_nothing_where_nothing_pays(ask):
 def test_the_oracle_finds_the_size_of_what_it_is_told(ask):
     inquiry = ask(late_clock=[LATE_S])
     base = judged_base(inquiry, EFFORT)
-    found = told(inquiry, base, {"late_clock": {"tau": LATE_S}}, FLOOR_PERCENT, EFFORT)
+    found = told(inquiry, base, {"late_clock": {"tau": LATE_S}}, FLOOR, EFFORT)
     revision = found.rung.revision
     (values,) = inquiry.values(revision.effects, revision.fit.vector)
     assert values[-1] == pytest.approx(LATE_S, abs=0.01)
@@ -66,15 +67,15 @@ def test_the_oracle_fits_two_effects_together(ask):
     hidden = {"late_clock": {"tau": LATE_S}, "turn": {"phi": 0.05}}
     inquiry = ask(late_clock=[LATE_S], turn=[0.05])
     base = judged_base(inquiry, EFFORT)
-    found = told(inquiry, base, hidden, FLOOR_PERCENT, EFFORT)
+    found = told(inquiry, base, hidden, FLOOR, EFFORT)
     assert found.rung.revision.effects == ("late_clock", "turn")
-    assert found.rung.errors.waypoint.mean() < 1.5 * FLOOR_PERCENT
+    assert found.rung.errors.waypoint.mean() < 1.5 * 100 * NOISE_M
 
 
 def test_an_oracle_told_of_what_does_not_act_gains_nothing(ask):
     inquiry = ask()
     base = judged_base(inquiry, EFFORT)
-    found = told(inquiry, base, {"turn": {"phi": 0.0}}, FLOOR_PERCENT, EFFORT)
+    found = told(inquiry, base, {"turn": {"phi": 0.0}}, FLOOR, EFFORT)
     assert found.gain.p_value > 1e-3
 
 

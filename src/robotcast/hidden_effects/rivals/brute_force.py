@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.search import Effort, Rung
 from robotcast.hidden_effects.rivals.places import all_probes
@@ -36,7 +37,7 @@ def brute_force(
     inquiry: Inquiry,
     base: Rung,
     candidates: Sequence[str],
-    floor: float | None,
+    floor: Floor,
     effort: Effort,
     tell: Callable[[str], object],
 ) -> Forced:
@@ -44,7 +45,6 @@ def brute_force(
 
     Parameters
     ----------
-    floor : noise floor in % of the scale, None when unknown.
     tell : called with the name of each effect before it is fitted.
     """
     rungs: dict[str, Rung] = {}

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.gain import Gain
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.search import Effort, Rung
@@ -28,7 +29,7 @@ def told(
     inquiry: Inquiry,
     base: Rung,
     hidden: Mapping[str, Mapping[str, float]],
-    floor: float | None,
+    floor: Floor,
     effort: Effort,
 ) -> Told:
     """Fit the model with the hidden effects.
@@ -36,7 +37,6 @@ def told(
     Parameters
     ----------
     hidden : effect → its true parameters: one of the starts; null and the probes are others.
-    floor : noise floor in % of the scale, None when unknown.
     """
     places = joined([all_probes(inquiry.model.effects[name]) for name in hidden])
     rung = judged_refit(inquiry, base, list(hidden), [hidden, *places], effort)

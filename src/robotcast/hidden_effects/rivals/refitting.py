@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.gain import Gain, gain
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import EARLY, SOME, Revision, fit_base, held_out
@@ -65,7 +66,7 @@ def rematched(inquiry: Inquiry, base: Rung, rival: Rung, effort: Effort) -> Rung
     return _judged(inquiry, replace(base.revision, fit=fit), effort)
 
 
-def saving(inquiry: Inquiry, before: Rung, after: Rung, floor: float | None) -> Gain:
+def saving(inquiry: Inquiry, before: Rung, after: Rung, floor: Floor) -> Gain:
     """Return what one model saves on held-out trials over another."""
     return gain(before.errors.waypoint, after.errors.waypoint, inquiry.groups, floor)
 
