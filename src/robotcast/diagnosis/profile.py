@@ -15,8 +15,8 @@ from robotcast.diagnosis.screen import Screened
 from robotcast.diagnosis.side_by_side import side_by_side
 from robotcast.fitting.least_squares import Fit, trial_losses
 
-HOPE = 0.01  # share of the loss that an effect must take away to be looked at further
-LEFT = (8, 5)  # effects that the fits go on with after the first step, and after the next two
+HOPE = 0.02  # share of the loss that an effect must take away to be looked at further
+LEFT = (6, 4)  # effects that the fits go on with after the first step, and after the next two
 
 
 class Profile:
@@ -49,10 +49,16 @@ class Profile:
         """Return the fit with a field: so many strengths have no probe that stands for all."""
         return self.early.fit((*self.revision.effects, one.effect), one.start, 2)
 
-    def misses(self, name: str, fit: Fit) -> float:
-        """Return the average error of these beginnings, held out, % of the scale."""
-        revision = Revision((*self.revision.effects, name), fit)
-        return float(held_out(self.early, revision, seed=0, iterations=1).waypoint.mean())
+    def errors(self, name: str, fit: Fit) -> np.ndarray:
+        """Return the average errors with an effect, held out, % of the scale."""
+        return self._held_out(Revision((*self.revision.effects, name), fit))
+
+    def own_errors(self) -> np.ndarray:
+        """Return the average errors of the revision itself, held out, % of the scale."""
+        return self._held_out(self.revision)
+
+    def _held_out(self, revision: Revision) -> np.ndarray:
+        return held_out(self.early, revision, seed=0, iterations=1).waypoint
 
     def promises(self, fit: Fit, share: float) -> bool:
         """Tell whether a fit of these beginnings takes away this share of the loss."""

@@ -89,7 +89,8 @@ def _starts(early: Inquiry, effects: tuple[str, ...], about: np.ndarray, seed: i
 def refit(inquiry: Inquiry, revision: Revision, iterations: int) -> Revision:
     """Go on with the fit of a revision."""
     effects = revision.effects
-    return Revision(effects, inquiry.fit(effects, revision.fit.vector, iterations))
+    fit = revision.fit
+    return Revision(effects, inquiry.fit(effects, fit.vector, iterations, known=fit))
 
 
 def folds(groups: np.ndarray, seed: int) -> list[np.ndarray]:

@@ -11,9 +11,10 @@ from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
 from robotcast.diagnosis.screen import Screened, looks, screen
-from robotcast.fitting.least_squares import Fit, trial_losses
+from robotcast.fitting.least_squares import trial_losses
 
 LEADERS = 4  # effects refitted to the end; half as many in later rounds
+IN_THE_RUNNING = 0.15  # of the best loss: refits that are no worse than that go on
 FINALISTS = 2  # of these, judged on held-out trials
 MOST_EFFECTS = 3
 EQUAL = 0.05  # p-value above which two revisions explain the trials equally well
@@ -116,11 +117,11 @@ def _round(
     fitted = []
     for name, start in begun:
         tell(found, f"refitting with {name}")
-        effects = (*top.revision.effects, name)
-        revision = _refit(inquiry, effects, start.vector, effort.refit)
+        revision = _refit(inquiry, (*top.revision.effects, name), start.vector, effort.refit - 1)
         whole = screen(inquiry, top.revision, name) if later else screens[name]
         fitted.append(_Refitted(whole, revision))
-    fitted.sort(key=lambda one: one.revision.fit.loss)
+    tell(found, "refitting the best further")
+    fitted = _further(inquiry, fitted)
     if not fitted:
         return found, False
     top = _rematch(inquiry, top, fitted[0].revision, effort)
@@ -146,6 +147,22 @@ def _round(
 class _Refitted:
     screened: Screened
     revision: Revision
+
+    @property
+    def loss(self) -> float:
+        return self.revision.fit.loss
+
+
+def _further(inquiry: Inquiry, fitted: Sequence[_Refitted]) -> list[_Refitted]:
+    """Go on with the refits that are still in the running; the best comes first."""
+    best = min((one.loss for one in fitted), default=0.0)
+    on = [
+        replace(one, revision=refit(inquiry, one.revision, 2))
+        if one.loss < (1 + IN_THE_RUNNING) * best
+        else one
+        for one in fitted
+    ]
+    return sorted(on, key=lambda one: one.loss)
 
 
 def _rivals(inquiry: Inquiry, fitted: Sequence[_Refitted], best: Revision) -> tuple[str, ...]:
@@ -215,6 +232,4 @@ def _dropped(inquiry: Inquiry, revision: Revision, name: str, effort: Effort) ->
     owners = [None] * len(inquiry.model.parameters)
     owners += [e for e in revision.effects for _ in inquiry.model.effects[e].parameters]
     kept = np.array([owner != name for owner in owners])
-    fit = revision.fit
-    start = Fit(fit.vector[kept], fit.loss, fit.residual, fit.jacobian[..., kept])
-    return refit(inquiry, Revision(effects, start), effort.refit)
+    return _refit(inquiry, effects, revision.fit.vector[kept], effort.refit)

@@ -10,12 +10,13 @@ from robotcast.diagnosis.gain import Gain, gain
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import Revision, held_out
-from robotcast.diagnosis.screen import looks, screen
+from robotcast.diagnosis.screen import Screened, looks
 from robotcast.diagnosis.search import Effort, Found, Rung
+from robotcast.fitting.least_squares import Fit
 
 FLEXIBLE = 0.25  # of the excess over the noise floor that a field must take away
-TRIED = 2  # fields fitted to the beginnings of some trials
-HOPE = 0.1  # of the loss there that a field must take away to be fitted to all
+TRIED = 3  # fields fitted to the beginnings of some trials
+HOPE = 0.1  # of what is missed there that a field must take away to be fitted to all
 ITERATIONS = 2
 
 
@@ -39,6 +40,10 @@ class Unexplained:
         """Tell whether the field takes away so much that something must be missing."""
         return self.gain.pays and self.gain.share > FLEXIBLE
 
+    def over(self, inquiry: Inquiry, rung: Rung, floor: Floor) -> Gain:
+        """Return what the model with the field saves over another one."""
+        return gain(rung.errors.waypoint, self.rung.errors.waypoint, inquiry.groups, floor)
+
 
 def look_for_the_unknown(
     inquiry: Inquiry,
@@ -48,69 +53,80 @@ def look_for_the_unknown(
     effort: Effort,
     tell: Callable[[str], object],
 ) -> tuple[Found, Unexplained | None]:
-    """Fit the most promising field to what the search left over.
+    """Look for a force of no name in what the search left over.
 
     Returns
     -------
-    found : as it was; without the named effects where the field does as well alone: they had
-        only stood in for something that the library does not hold.
+    found : as it was; without the named effects where a field does better alone, or as well as
+        beside them: they had only stood in for something that the library does not hold.
     left : None when no field takes away enough.
     """
     base, top = found.ladder[0], found.ladder[-1]
     if floor.reached(top.errors.waypoint):
         return found, None
-    search = _Fields(inquiry, floor, effort, tell)
-    name = search.most_promising(top.revision, fields)
-    if name is None:
+    contest = _Contest(inquiry, fields, floor, effort, tell)
+    alone = contest.winner(base, than=top)
+    if alone is not None and top is not base and alone.over(inquiry, top, floor).pays:
+        return replace(found, ladder=(base,), rivals={}), alone
+    left = alone if top is base else contest.winner(top, than=top)
+    if left is None or not left.enough:
         return found, None
-    left = search.judged(top, name)
-    if not left.enough:
-        return found, None
-    if top is not base:
-        alone = search.judged(base, name)
-        extra = gain(alone.rung.errors.waypoint, left.rung.errors.waypoint, inquiry.groups, floor)
-        if floor.reached(alone.rung.errors.waypoint) or not extra.pays:
-            return replace(found, ladder=(base,), rivals={}), alone
+    if top is not base and alone is not None and not left.over(inquiry, alone.rung, floor).pays:
+        return replace(found, ladder=(base,), rivals={}), alone
     return found, left
 
 
 @dataclass(frozen=True)
-class _Fields:
-    """Fits fields on top of a revision: first beside the beginnings of some trials, then all."""
+class _Contest:
+    """Fits fields on top of a model: first beside the beginnings of some trials, then all."""
 
     inquiry: Inquiry
+    fields: Sequence[str]
     floor: Floor
     effort: Effort
     tell: Callable[[str], object]
 
-    def most_promising(self, revision: Revision, fields: Sequence[str]) -> str | None:
-        """Return the field with the least error on beginnings held out, None if none promises."""
-        profile = Profile(self.inquiry, revision)
-        looked, answers = [], looks(profile.early, profile.revision, fields)
-        for name in fields:
+    def winner(self, below: Rung, than: Rung) -> Unexplained | None:
+        """Return the model `below` with the best field, None if no field promises anything.
+
+        A field promises something when it misses beginnings held out less than `than` does.
+        """
+        profile = Profile(self.inquiry, below.revision)
+        looked, answers = [], looks(profile.early, profile.revision, self.fields)
+        for name in self.fields:
             depends_on = self.inquiry.model.effects[name].depends_on
             self.tell(f"trying a field that depends on {depends_on}")
             looked.append(next(answers))
         usable = sorted((one for one in looked if one.status is None), key=lambda one: one.loss)
-        fits = {}
+        errors = {}
         for one in usable[:TRIED]:
-            self.tell(f"fitting {self.inquiry.model.effects[one.effect].text} to beginnings")
-            fits[one.effect] = profile.with_field(one)
-        promising = [name for name, fit in fits.items() if profile.promises(fit, HOPE)]
-        misses = {name: profile.misses(name, fits[name]) for name in promising}
-        return min(promising, key=lambda name: misses[name], default=None)
+            self.tell(f"fitting {self._text(one.effect)} to beginnings")
+            fit = profile.with_field(one)
+            errors[one.effect] = (profile.errors(one.effect, fit), fit, one)
+        if not errors:
+            return None
+        error, fit, one = min(errors.values(), key=lambda found: self._missed(found[0]))
+        if below is not than:
+            profile = Profile(self.inquiry, than.revision)
+        before = self._missed(profile.own_errors())
+        if self._missed(error) > (1 - HOPE) * before:
+            return None
+        return self._judged(below, one, fit)
 
-    def judged(self, below: Rung, name: str) -> Unexplained:
-        """Fit a field on top of a rung and judge it on trials held out."""
-        inquiry, effort, revision = self.inquiry, self.effort, below.revision
-        self.tell(f"fitting {inquiry.model.effects[name].text}")
-        effects = (*revision.effects, name)
-        looked = screen(inquiry, revision, name)
-        begun = Profile(inquiry, revision).with_field(looked)
+    def _missed(self, errors: np.ndarray) -> float:
+        return float(self.floor.misses(errors).mean())
+
+    def _judged(self, below: Rung, one: Screened, begun: Fit) -> Unexplained:
+        """Fit a field to whole trials, on top of a rung, and judge it on trials held out."""
+        self.tell(f"fitting {self._text(one.effect)}")
+        inquiry, effects = self.inquiry, (*below.revision.effects, one.effect)
         fitted = Revision(effects, inquiry.fit(effects, begun.vector, ITERATIONS))
-        rung = Rung(fitted, held_out(inquiry, fitted, effort.seed, effort.fold), looked.predicted)
-        saved = gain(below.errors.waypoint, rung.errors.waypoint, inquiry.groups, self.floor)
-        return Unexplained(name, rung, saved)
+        errors = held_out(inquiry, fitted, self.effort.seed, self.effort.fold)
+        saved = gain(below.errors.waypoint, errors.waypoint, inquiry.groups, self.floor)
+        return Unexplained(one.effect, Rung(fitted, errors, one.predicted), saved)
+
+    def _text(self, name: str) -> str:
+        return self.inquiry.model.effects[name].text
 
 
 def strengths(inquiry: Inquiry, found: Unexplained) -> np.ndarray:
