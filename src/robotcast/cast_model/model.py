@@ -46,10 +46,15 @@ class CastModel:
     def predict(
         self, records: Sequence[Record], active: Sequence[str], vectors: np.ndarray
     ) -> np.ndarray:
-        """Predict waypoints (see `robotcast.diagnosis.model.Model`)."""
+        """Predict waypoints (see `robotcast.diagnosis.model.Model`).
+
+        A run that diverges is tried again more finely where one vector is asked for; fits, which
+        compare many, count it as lost.
+        """
         asked = [(self._casts[record.trial], record.times_s) for record in records]
         casts = [SimulatedCast(cast.tool, times_s, cast.start_m) for cast, times_s in asked]
-        return self._simulator(tuple(active)).simulate(casts, vectors).waypoints_m
+        simulator, one = self._simulator(tuple(active)), len(vectors) == 1
+        return simulator.simulate(casts, vectors, retry=one).waypoints_m
 
     def of_casts(self, casts: Mapping[int, Cast]) -> "CastModel":
         """Return the same model, which predicts other casts, by their number."""

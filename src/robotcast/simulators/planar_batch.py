@@ -2,9 +2,10 @@
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -56,6 +57,11 @@ class Start(Protocol):
         ...
 
 
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads)
+
+
 @dataclass(frozen=True)
 class _Batch:
     """Casts and the vector that each is run under."""
@@ -76,7 +82,7 @@ class _Batch:
 
 
 def simulate_planar(
-    starts: Mapping[float, Start],
+    starts: Sequence[tuple[float, Start]],
     casts: Sequence[Cast],
     vectors: np.ndarray,
     *,
@@ -91,12 +97,13 @@ def simulate_planar(
     Vectors hold `n_parameters` of the simulator itself, then those of the effects.
 
     Each batch is stepped by one thread, so that what Python does between steps runs side by
-    side too.
+    side too. Calls made side by side share the threads: more of them than cores would wait for
+    each other between steps.
 
     Parameters
     ----------
-    starts : integration step [s] → what starts a run with it. All runs take the first step;
-        those that diverge are run again with the next.
+    starts : integration steps [s] and what starts a run with each. All runs take the first
+        step; those that diverge are run again with the next.
     batch_size : the most simulations a batch holds.
     threads : 0 means all cores.
     """
@@ -110,25 +117,25 @@ def simulate_planar(
     threads = threads or len(os.sched_getaffinity(0))
     order = np.argsort([-c.waypoints_s[-1] for c in casts], kind="stable")
     left = _Batch(np.tile(np.arange(len(vectors)), len(casts)), np.repeat(order, len(vectors)))
-    with ThreadPoolExecutor(threads) as pool:
-        for step_s, start in starts.items():
-            done = diverged.size - len(left.cast)
+    pool = _pool(threads)
+    for step_s, start in starts:
+        done = diverged.size - len(left.cast)
 
-            def run(
-                batch: _Batch, start: Start = start, step_s: float = step_s
-            ) -> tuple[np.ndarray, np.ndarray]:
-                values = vectors[batch.vector]
-                active = ActiveEffects(effects, values[:, n_parameters:])
-                own = values[:, :n_parameters]
-                return _run_batch(start, casts, own, active, batch.cast, step_s)
+        def run(
+            batch: _Batch, start: Start = start, step_s: float = step_s
+        ) -> tuple[np.ndarray, np.ndarray]:
+            values = vectors[batch.vector]
+            active = ActiveEffects(effects, values[:, n_parameters:])
+            own = values[:, :n_parameters]
+            return _run_batch(start, casts, own, active, batch.cast, step_s)
 
-            batches = left.dealt(batch_size, threads)
-            for batch, (seen_m, lost) in zip(batches, pool.map(run, batches), strict=True):
-                diverged[batch.vector, batch.cast] = lost
-                waypoints[batch.vector, batch.cast, : seen_m.shape[1]] = seen_m
-                done += len(lost)
-                progress(done, diverged.size)
-            left = left.where(diverged)
+        batches = left.dealt(batch_size, threads)
+        for batch, (seen_m, lost) in zip(batches, pool.map(run, batches), strict=True):
+            diverged[batch.vector, batch.cast] = lost
+            waypoints[batch.vector, batch.cast, : seen_m.shape[1]] = seen_m
+            done += len(lost)
+            progress(done, diverged.size)
+        left = left.where(diverged)
     return Prediction(waypoints, diverged)
 
 

@@ -112,13 +112,15 @@ class SegmentedSimulator:
         casts: Sequence[Cast],
         vectors: np.ndarray,
         *,
+        retry: bool = True,
         progress: Progress = silent,
     ) -> Prediction:
         """Simulate every cast under every parameter vector (see `Simulator`)."""
         # diverged runs are marked in the prediction; MuJoCo's lines would only bury the bar
         mujoco.set_mju_user_warning(lambda _: None)
+        starts = [(step_s, partial(_SegmentedRun, self, step_s)) for step_s in self._models]
         return simulate_planar(
-            {step_s: partial(_SegmentedRun, self, step_s) for step_s in self._models},
+            starts if retry else starts[:1],
             casts,
             vectors,
             n_parameters=len(PARAMETERS),

@@ -66,6 +66,7 @@ class Simulator(Protocol):
         casts: Sequence[Cast],
         vectors: np.ndarray,
         *,
+        retry: bool = True,
         progress: Progress = silent,
     ) -> Prediction:
         """Simulate every cast under every parameter vector.
@@ -75,5 +76,7 @@ class Simulator(Protocol):
         casts : the tool motions and the times of the wanted waypoints.
         vectors : ndarray of shape (n_vectors, n_parameters), values of all `parameters`
             (frozen ones too) in their order and units.
+        retry : run again, more finely, what diverges. A search that compares many vectors can do
+            without; a few such runs cost it much.
         """
         ...
