@@ -5,7 +5,7 @@ far away to stand in for it. Here each effect acts at a size that would matter, 
 own parameters find their way back on the beginnings of some trials, where fits run smoothly.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -33,12 +33,12 @@ class Profile:
         fit = self.early.fit(revision.effects, revision.fit.vector, 1)
         self.revision = Revision(revision.effects, fit)
 
-    def contenders(self, looked: Mapping[str, Screened], most: int) -> list[tuple[str, Fit]]:
+    def contenders(self, looked: Iterable[Screened], most: int) -> list[tuple[str, Fit]]:
         """Return at most so many effects that lower the loss, each with its fit; the best first.
 
         All begin; after every step those that lowered the loss least are left out.
         """
-        begun = side_by_side(lambda name: (name, self._begun(name, looked[name])), list(looked))
+        begun = side_by_side(lambda one: (one.effect, self._begun(one.effect, one)), list(looked))
         ranked = sorted(begun, key=_loss)
         for left in LEFT:
             on = [(name, self._on(name, fit)) for name, fit in ranked[: min(left, 2 * most)]]
@@ -47,7 +47,7 @@ class Profile:
 
     def with_field(self, one: Screened) -> Fit:
         """Return the fit with a field: so many strengths have no probe that stands for all."""
-        return self.early.fit((*self.revision.effects, one.effect), one.start, 2)
+        return self.early.fit((*self.revision.effects, one.effect), one.start, 1)
 
     def errors(self, name: str, fit: Fit) -> np.ndarray:
         """Return the average errors with an effect, held out, % of the scale."""

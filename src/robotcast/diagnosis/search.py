@@ -8,12 +8,13 @@ import numpy as np
 from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.gain import Gain, gain, worse
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.profile import Profile
+from robotcast.diagnosis.profile import HOPE, Profile
 from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
 from robotcast.diagnosis.screen import Screened, looks, screen
-from robotcast.fitting.least_squares import trial_losses
+from robotcast.fitting.least_squares import Fit, trial_losses
 
-LEADERS = 4  # effects refitted to the end; half as many in later rounds
+CONTENDERS = 8  # effects that a later round fits to beginnings of trials; the first, all
+LEADERS = 4  # of these, refitted to the end; half as many in later rounds
 IN_THE_RUNNING = 0.15  # of the best loss: refits that are no worse than that go on
 FINALISTS = 2  # of these, judged on held-out trials
 MOST_EFFECTS = 3
@@ -111,9 +112,12 @@ def _round(
         tell(found, f"looking at {name}")
         screens[name] = next(looked)
     found = replace(found, screens=(*found.screens, screens))
-    usable = {name: one for name, one in screens.items() if one.status is None}
+    usable = sorted((one for one in screens.values() if one.status is None), key=_start_loss)
     tell(found, "refitting the model around every effect")
-    begun = profile.contenders(usable, LEADERS // 2 if later else LEADERS)
+    if later:
+        begun = _generalising(profile, profile.contenders(usable[:CONTENDERS], LEADERS // 2), floor)
+    else:
+        begun = profile.contenders(usable, LEADERS)
     fitted = []
     for name, start in begun:
         tell(found, f"refitting with {name}")
@@ -141,6 +145,22 @@ def _round(
     rivals = _rivals(inquiry, fitted, best.revision)
     ladder, rivals_of = (*found.ladder, best), found.rivals | {name: rivals}
     return replace(found, ladder=ladder, rivals=rivals_of), True
+
+
+def _start_loss(one: Screened) -> float:
+    return one.loss
+
+
+def _generalising(
+    profile: Profile, begun: Sequence[tuple[str, Fit]], floor: Floor
+) -> list[tuple[str, Fit]]:
+    """Return the fits that miss beginnings held out less than the model without them."""
+    before = floor.misses(profile.own_errors()).mean()
+    return [
+        (name, fit)
+        for name, fit in begun
+        if floor.misses(profile.errors(name, fit)).mean() < (1 - HOPE) * before
+    ]
 
 
 @dataclass(frozen=True)
