@@ -40,15 +40,25 @@ def make_simulator() -> MakeSimulator:
 @pytest.fixture(scope="session")
 def casts() -> list[SimulatedCast]:
     """Casts of several speeds and shapes, watched every 100 ms until they rest."""
+    return _made(6, slowest_m_s=0.7, fastest_m_s=1.4)
+
+
+@pytest.fixture(scope="session")
+def fast_casts() -> list[SimulatedCast]:
+    """Casts that crack like whips."""
+    return _made(20, slowest_m_s=1.4, fastest_m_s=2.2)
+
+
+def _made(n: int, *, slowest_m_s: float, fastest_m_s: float) -> list[SimulatedCast]:
     random = np.random.default_rng(3)
     made = []
-    for _ in range(6):
+    for _ in range(n):
         planned = plan_cast(
             random.uniform(0.3, 1.0),
             random.uniform(-1.1, -0.3),
             random.uniform(0.55, 0.8),
             random.uniform(0.0, 1.2),
-            random.uniform(0.7, 1.4),
+            random.uniform(slowest_m_s, fastest_m_s),
             r0_m=0.6,
             limits=PlanLimits(),
         )

@@ -159,6 +159,28 @@ def test_a_diverged_run_is_marked_and_leaves_the_others_alone(
     np.testing.assert_array_equal(prediction.waypoints_m[0], alone[0])
 
 
+def test_a_run_that_diverges_is_taken_again_at_half_the_step(
+    make_simulator: MakeSimulator, fast_casts: list[SimulatedCast]
+) -> None:
+    simulator, finer = make_simulator(), make_simulator(step_s=0.002)
+    springy = nominal(
+        simulator,
+        friction=0.1,
+        endpoint_mass_kg=0.005,
+        bending_stiffness_n_m2=1e-4,
+        bending_damping_s=0.01,
+    )
+    once = simulator.simulate(fast_casts, springy, retry=False)
+    again = simulator.simulate(fast_casts, springy)
+    assert once.diverged.any() and not again.diverged.any()
+    expected = np.where(
+        once.diverged[..., None, None],
+        finer.simulate(fast_casts, springy).waypoints_m,
+        once.waypoints_m,
+    )
+    np.testing.assert_array_equal(again.waypoints_m, expected)
+
+
 def test_waypoints_of_casts_of_different_length_end_in_nan(
     make_simulator: MakeSimulator, casts: list[SimulatedCast]
 ) -> None:
