@@ -71,8 +71,8 @@ def diagnose(case: Case, tell: Tell, progress: Progress = silent) -> dict[str, A
 def floor_and_noise(case: Case) -> tuple[Floor, float | None]:
     """Return the noise floor of a case, and by how much repeats differ, None when unknown."""
     floor = Floor.of(_repeats(case)) if case.floor is None else Floor.known(case.floor)
-    known = floor.percent is not None
-    return floor, floor.unit_percent / 100 * case.model.scale if known else None
+    percent = floor.percent
+    return floor, None if percent is None else percent / 100 * case.model.scale
 
 
 def _repeats(case: Case) -> RepeatScatter:

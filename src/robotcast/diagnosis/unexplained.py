@@ -65,15 +65,31 @@ def look_for_the_unknown(
     if floor.reached(top.errors.waypoint):
         return found, None
     contest = _Contest(inquiry, fields, floor, effort, tell)
-    alone = contest.winner(base, than=top)
-    if alone is not None and top is not base and alone.over(inquiry, top, floor).pays:
-        return replace(found, ladder=(base,), rivals={}), alone
-    left = alone if top is base else contest.winner(top, than=top)
-    if left is None or not left.enough:
+    beside = contest.begin(top)
+    if beside is None or not contest.promises(beside, top):
         return found, None
-    if top is not base and alone is not None and not left.over(inquiry, alone.rung, floor).pays:
+    if top is base:
+        left = contest.judged(base, beside)
+        return found, left if left.enough else None
+    begun = contest.begin(base)
+    alone = contest.judged(base, begun) if begun and contest.promises(begun, top) else None
+    if alone is not None and alone.over(inquiry, top, floor).pays:
+        return replace(found, ladder=(base,), rivals={}), alone
+    left = contest.judged(top, beside)
+    if not left.enough:
+        return found, None
+    if alone is not None and not left.over(inquiry, alone.rung, floor).pays:
         return replace(found, ladder=(base,), rivals={}), alone
     return found, left
+
+
+@dataclass(frozen=True)
+class _Begun:
+    """A field fitted to the beginnings of some trials, and its errors there, held out [%]."""
+
+    screened: Screened
+    fit: Fit
+    errors: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -86,11 +102,8 @@ class _Contest:
     effort: Effort
     tell: Callable[[str], object]
 
-    def winner(self, below: Rung, than: Rung) -> Unexplained | None:
-        """Return the model `below` with the best field, None if no field promises anything.
-
-        A field promises something when it misses beginnings held out less than `than` does.
-        """
+    def begin(self, below: Rung) -> _Begun | None:
+        """Return the field that misses beginnings least, held out, on top of a rung."""
         profile = Profile(self.inquiry, below.revision)
         looked, answers = [], looks(profile.early, profile.revision, self.fields)
         for name in self.fields:
@@ -98,29 +111,27 @@ class _Contest:
             self.tell(f"trying a field that depends on {depends_on}")
             looked.append(next(answers))
         usable = sorted((one for one in looked if one.status is None), key=lambda one: one.loss)
-        errors = {}
+        begun = []
         for one in usable[:TRIED]:
             self.tell(f"fitting {self._text(one.effect)} to beginnings")
             fit = profile.with_field(one)
-            errors[one.effect] = (profile.errors(one.effect, fit), fit, one)
-        if not errors:
-            return None
-        error, fit, one = min(errors.values(), key=lambda found: self._missed(found[0]))
-        if below is not than:
-            profile = Profile(self.inquiry, than.revision)
-        before = self._missed(profile.own_errors())
-        if self._missed(error) > (1 - HOPE) * before:
-            return None
-        return self._judged(below, one, fit)
+            begun.append(_Begun(one, fit, profile.errors(one.effect, fit)))
+        return min(begun, key=lambda one: self._missed(one.errors), default=None)
+
+    def promises(self, begun: _Begun, rung: Rung) -> bool:
+        """Tell whether a field misses beginnings clearly less than a rung does."""
+        before = Profile(self.inquiry, rung.revision).own_errors()
+        return self._missed(begun.errors) < (1 - HOPE) * self._missed(before)
 
     def _missed(self, errors: np.ndarray) -> float:
         return float(self.floor.misses(errors).mean())
 
-    def _judged(self, below: Rung, one: Screened, begun: Fit) -> Unexplained:
+    def judged(self, below: Rung, begun: _Begun) -> Unexplained:
         """Fit a field to whole trials, on top of a rung, and judge it on trials held out."""
+        one = begun.screened
         self.tell(f"fitting {self._text(one.effect)}")
         inquiry, effects = self.inquiry, (*below.revision.effects, one.effect)
-        fitted = Revision(effects, inquiry.fit(effects, begun.vector, ITERATIONS))
+        fitted = Revision(effects, inquiry.fit(effects, begun.fit.vector, ITERATIONS))
         errors = held_out(inquiry, fitted, self.effort.seed, self.effort.fold)
         saved = gain(below.errors.waypoint, errors.waypoint, inquiry.groups, self.floor)
         return Unexplained(one.effect, Rung(fitted, errors, one.predicted), saved)
