@@ -20,6 +20,7 @@ from robotcast.measurements.noise_floor import noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
 from robotcast.reporting.revisions.page import Tuning, revisions_page
+from robotcast.tuning.asking import Problem
 from robotcast.tuning.journal import Journal
 from robotcast.tuning.objective import WaypointError, full_vectors
 from robotcast.tuning.revisions import (
@@ -30,9 +31,8 @@ from robotcast.tuning.revisions import (
     revision_of,
     split_identity,
 )
-from robotcast.tuning.search import Batch, Found
+from robotcast.tuning.search import Batch, search
 from robotcast.tuning.tuned import Tuned, write_predictions, write_trace, write_tuned
-from robotcast.tuning.watched import Watched
 
 
 def tune(config: DictConfig) -> None:
@@ -52,7 +52,6 @@ def tune(config: DictConfig) -> None:
             simulator=config.simulator.name,
             optimizer=config.optimizer.name,
             effects=tuple(config.effects),
-            casts=len(tuning.trials),
             noise_floor_percent=floor_percent,
         ),
     )
@@ -61,12 +60,23 @@ def tune(config: DictConfig) -> None:
     journal = Journal(
         _journal_path(config, folder), _subject(config, simulator.parameters, tuning), objective
     )
-    start = np.array([p.to_unit(np.asarray(p.nominal)) for p in objective.free])
+    problem = Problem(
+        parameters=objective.free,
+        start=np.array([p.to_unit(np.asarray(p.nominal)) for p in objective.free]),
+        casts=len(tuning.trials),
+        noise_percent=floor_percent,
+    )
+    budget = config.optimizer.budget_casts
     with bar(f"tune {config.simulator.name} with {config.optimizer.name}") as progress:
-        watched = Watched(journal, page.show)
-        found: Found = instantiate(config.optimizer.search).run(watched, start, progress)
 
-    vector = full_vectors(simulator.parameters, found.unit_vector)
+        def look(trace: Sequence[Batch]) -> None:
+            page.show(trace)
+            casts = sum(batch.casts for batch in trace)
+            progress(casts, budget, f"casts, best {trace[-1].best_percent:.2f} %")
+
+        found = search(instantiate(config.optimizer.search), problem, journal, budget, look)
+
+    vector = full_vectors(simulator.parameters, found.vector)
     errors, predicted = {}, {}
     for name, part in (("tune", tuning), ("test", test)):
         waypoints_m = simulator.simulate(part.trials, vector).waypoints_m[0]
@@ -84,10 +94,10 @@ def tune(config: DictConfig) -> None:
         parameters=simulator.parameters,
         values=dict(zip((p.name for p in simulator.parameters), vector[0], strict=True)),
         errors=errors,
-        simulated_casts=sum(batch.vectors for batch in found.trace) * len(tuning.trials),
+        simulated_casts=found.casts,
         diverged_casts=sum(batch.diverged for batch in found.trace),
     )
-    write_trace(folder, found.trace, len(tuning.trials))
+    write_trace(folder, found.trace)
     write_predictions(folder, predicted)
     write_tuned(folder, tuned)
     revision = revision_of(tuned, tuning, test, predicted["test"][1], floor_percent)

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 CASTING = ROOT.parent / "shared" / "data" / "casting" / "a"
-SMALL = ("scale.tune.population=8", "scale.tune.generations=8")
+SMALL = ("scale.tune.population=8", "optimizer.budget_casts=1440")
 
 
 def start_tuning(folder: Path) -> subprocess.Popen[bytes]:

@@ -7,40 +7,45 @@ import numpy as np
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
-from robotcast.progress import Progress
-from robotcast.tuning.objective import Objective
-from robotcast.tuning.search import Found, Recorder
+from robotcast.tuning.asking import Evaluate, Problem, Question, Search
+from robotcast.tuning.called import Called
+
+ENDLESS = 10**9  # generations: the budget ends the search
 
 
 @dataclass(frozen=True)
 class DifferentialEvolution:
-    """Evolves a population; each generation is one batch.
+    """Evolves a population; each generation is one question.
 
     Attributes
     ----------
     population : vectors a generation, at least 5.
-    generations : generations after the first population.
     mutation : range from which the differential weight is drawn each generation.
     recombination : crossover probability.
     """
 
     population: int
-    generations: int
     mutation: Sequence[float] = (0.5, 1.0)
     recombination: float = 0.9
     seed: int = 0
 
-    def run(self, objective: Objective, start: np.ndarray, progress: Progress) -> Found:
-        """Search from a Latin hypercube with `start` (n_free,) as one of its vectors."""
-        recorder = Recorder(objective, self.generations + 1, progress)
-        cube = qmc.LatinHypercube(len(start), rng=np.random.default_rng(self.seed))
-        first = cube.random(self.population)
-        first[0] = start
+    def begin(self, problem: Problem) -> Search:
+        """Search from a Latin hypercube with the problem's start as one of its vectors."""
+        return Called(lambda evaluate: self._run(problem, evaluate))
+
+    def _run(self, problem: Problem, evaluate: Evaluate) -> None:
+        n = len(problem.start)
+        first = qmc.LatinHypercube(n, rng=np.random.default_rng(self.seed)).random(self.population)
+        first[0] = problem.start
+
+        def percent(columns: np.ndarray) -> np.ndarray:
+            return evaluate(Question(np.ascontiguousarray(columns.T))).percent
+
         differential_evolution(
-            lambda columns: recorder(np.ascontiguousarray(columns.T)),
-            bounds=[(0.0, 1.0)] * len(start),
+            percent,
+            bounds=[(0.0, 1.0)] * n,
             init=first,  # pyright: ignore[reportArgumentType]
-            maxiter=self.generations,
+            maxiter=ENDLESS,
             mutation=tuple(self.mutation),
             recombination=self.recombination,
             rng=np.random.default_rng(self.seed),
@@ -49,4 +54,3 @@ class DifferentialEvolution:
             polish=False,
             tol=0,
         )
-        return recorder.found()

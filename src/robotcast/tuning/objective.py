@@ -1,65 +1,67 @@
 """What tuning minimises: the average waypoint error of parameter vectors over casts."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from robotcast.fitting.parameter import Parameter
-from robotcast.measurements.errors import prediction_errors
+from robotcast.measurements.errors import cast_errors
 from robotcast.measurements.measurement_set import Trial
-from robotcast.progress import Progress, silent
 from robotcast.simulators.simulator import Simulator
+from robotcast.tuning.asking import Answer, Question
 
-
-@dataclass(frozen=True)
-class Scores:
-    """How a batch of parameter vectors did.
-
-    Attributes
-    ----------
-    percent : ndarray of shape (n_vectors,), average waypoint error in % of cable length
-        (paper, "Simulator Parameter Tuning"); a diverged run counts as one cable length.
-    diverged : int ndarray of shape (n_vectors,), runs that diverged.
-    """
-
-    percent: np.ndarray
-    diverged: np.ndarray
-
-
-Objective = Callable[[np.ndarray], Scores]
+DIVERGED_PERCENT = 100.0  # of cable length: what a run that diverged costs, and any run at most
 
 
 class WaypointError:
-    """Scores parameter vectors by simulating every trial under every vector in one call.
+    """Answers questions by simulating every cast under every vector in one call.
 
-    Vectors hold the free parameters only, each mapped to [0, 1] on its scale.
+    Vectors hold the free parameters only, each mapped to [0, 1] on its scale. A run that
+    diverges, or says nothing finite of a waypoint, costs a penalty and is counted.
     """
 
-    def __init__(
-        self,
-        simulator: Simulator,
-        trials: Sequence[Trial],
-        length_m: float,
-        progress: Progress = silent,
-    ) -> None:
+    def __init__(self, simulator: Simulator, trials: Sequence[Trial], length_m: float) -> None:
         self.free = tuple(p for p in simulator.parameters if not p.frozen)
         self._simulator = simulator
         self._trials = tuple(trials)
         self._length_m = length_m
-        self._progress = progress
 
-    def __call__(self, unit_vectors: np.ndarray) -> Scores:
-        """Score unit vectors of shape (n_vectors, n_free)."""
-        vectors = full_vectors(self._simulator.parameters, unit_vectors)
-        prediction = self._simulator.simulate(self._trials, vectors, progress=self._progress)
-        errors = [
-            prediction_errors(predicted, self._trials, self._length_m)
-            for predicted in prediction.waypoints_m
-        ]
-        return Scores(
-            np.array([e.waypoint_percent for e in errors]), prediction.diverged.sum(axis=1)
-        )
+    def __call__(self, question: Question) -> Answer:
+        """Answer a question (see `Answer`)."""
+        chosen = range(len(self._trials)) if question.casts is None else question.casts
+        trials = [_beginning(self._trials[i], question.share) for i in chosen]
+        vectors = full_vectors(self._simulator.parameters, question.vectors)
+        predicted_m = self._simulator.simulate(trials, vectors).waypoints_m
+        predicted_m = np.where(np.isfinite(predicted_m), predicted_m, np.nan)
+        average_m = np.stack([cast_errors(paths_m, trials)[0] for paths_m in predicted_m])
+        lost = np.isnan(average_m)
+        percent = np.where(lost, DIVERGED_PERCENT, 100 / self._length_m * average_m)
+        misses = self._misses(predicted_m, trials, lost) if question.with_misses else None
+        counted = np.minimum(percent, DIVERGED_PERCENT).mean(axis=1)
+        return Answer(counted, lost.sum(axis=1), misses)
+
+    def _misses(
+        self, predicted_m: np.ndarray, trials: Sequence[Trial], lost: np.ndarray
+    ) -> np.ndarray:
+        """Return the misses (n_vectors, n_casts, 2 k_max) of `Answer`; `lost` as predicted."""
+        k_max = max(len(t.waypoints_s) for t in trials)
+        misses = np.zeros((*predicted_m.shape[:2], k_max, 2))
+        for i, trial in enumerate(trials):
+            k = len(trial.waypoints_s)
+            away_m = predicted_m[:, i, :k] - trial.waypoints_m
+            misses[:, i, :k] = 100 / self._length_m * away_m / np.sqrt(k)
+        misses[lost] = 0
+        misses[lost, 0, 0] = DIVERGED_PERCENT
+        return misses.reshape(*predicted_m.shape[:2], -1)
+
+
+def _beginning(trial: Trial, share: float) -> Trial:
+    """Return a trial that ends early, after this share of its waypoints."""
+    if share == 1.0:
+        return trial
+    k = max(2, round(share * len(trial.waypoints_s)))
+    return replace(trial, waypoints_s=trial.waypoints_s[:k], waypoints_m=trial.waypoints_m[:k])
 
 
 def full_vectors(parameters: Sequence[Parameter], unit_vectors: np.ndarray) -> np.ndarray:

@@ -1,32 +1,29 @@
-"""What every optimizer shares: what it is given and what it returns."""
+"""The loop round every optimizer: its budget, its trace and the best vector of all."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from robotcast.progress import Progress
-from robotcast.tuning.objective import Objective, Scores
+from robotcast.tuning.asking import Answer, Evaluate, Optimizer, Problem, Question
 
 
 @dataclass(frozen=True)
 class Batch:
-    """One evaluated batch of a search, as the trace shows it."""
+    """One answered question, as the trace shows it.
 
-    vectors: int
+    Attributes
+    ----------
+    casts : simulated for it.
+    best_percent : best error so far of a vector that was tried on all casts.
+    median_percent : of the batch, on the casts that it was tried on.
+    diverged : runs that diverged.
+    """
+
+    casts: int
     best_percent: float
     median_percent: float
     diverged: int
-
-
-def batch_of(scores: Scores, best_before: float) -> Batch:
-    """Return a batch as the trace shows it; `best_before` is the best of the batches before."""
-    return Batch(
-        vectors=len(scores.percent),
-        best_percent=min(best_before, float(scores.percent.min())),
-        median_percent=float(np.median(scores.percent)),
-        diverged=int(scores.diverged.sum()),
-    )
 
 
 @dataclass(frozen=True)
@@ -35,46 +32,83 @@ class Found:
 
     Attributes
     ----------
-    unit_vector : ndarray of shape (n_free,), in [0, 1].
+    vector : ndarray of shape (n_free,), in [0, 1].
     percent : its average waypoint error, % of cable length.
-    trace : every evaluated batch in order; `best_percent` is the best so far.
+    trace : every answered question in order.
     """
 
-    unit_vector: np.ndarray
+    vector: np.ndarray
     percent: float
     trace: tuple[Batch, ...]
 
-
-class Search(Protocol):
-    """Minimises an objective over the unit cube."""
-
-    def run(self, objective: Objective, start: np.ndarray, progress: Progress) -> Found:
-        """Search from `start` (n_free,); every call of the objective is one batch."""
-        ...
+    @property
+    def casts(self) -> int:
+        """How many casts were simulated."""
+        return sum(batch.casts for batch in self.trace)
 
 
-class Recorder:
-    """Wraps an objective: keeps the trace and the best vector of all batches."""
+def search(
+    optimizer: Optimizer,
+    problem: Problem,
+    evaluate: Evaluate,
+    budget_casts: int,
+    look: Callable[[Sequence[Batch]], None] = lambda trace: None,
+) -> Found:
+    """Answer an optimizer's questions until it has none left or the budget cannot pay the next.
 
-    def __init__(self, objective: Objective, n_batches: int, progress: Progress) -> None:
-        self._objective = objective
-        self._n_batches = n_batches
-        self._progress = progress
-        self.trace: list[Batch] = []
-        self.best_vector = np.empty(0)
-        self.best_percent = np.inf
+    Parameters
+    ----------
+    budget_casts : the most casts that may be simulated.
+    look : told the trace after each batch.
 
-    def __call__(self, unit_vectors: np.ndarray) -> np.ndarray:
-        """Score unit vectors (n_vectors, n_free); return their errors (n_vectors,)."""
-        scores = self._objective(unit_vectors)
-        best = int(np.argmin(scores.percent))
-        if scores.percent[best] < self.best_percent:
-            self.best_percent = float(scores.percent[best])
-            self.best_vector = unit_vectors[best].copy()
-        self.trace.append(batch_of(scores, self.best_percent))
-        self._progress(len(self.trace), self._n_batches, f"best {self.best_percent:.2f} %")
-        return scores.percent
+    Raises
+    ------
+    ValueError
+        When the budget does not pay the first question, or that is not about all casts.
+    """
+    found: Found | None = None
+    asked = optimizer.begin(problem)
+    try:
+        while (question := asked.ask()) is not None:
+            cost = question.cost(problem.casts)
+            if found is None:
+                _check_first(question, cost, budget_casts)
+            elif found.casts + cost > budget_casts:
+                break
+            answer = evaluate(question)
+            asked.tell(answer)
+            found = _after(found, question, answer, cost)
+            look(found.trace)
+    finally:
+        asked.close()
+    if found is None:
+        raise ValueError("an optimizer must ask at least one question")
+    return found
 
-    def found(self) -> Found:
-        """Return the best of everything evaluated."""
-        return Found(self.best_vector, self.best_percent, tuple(self.trace))
+
+def _check_first(question: Question, cost: int, budget_casts: int) -> None:
+    if not question.whole:
+        raise ValueError("an optimizer's first question must be about all casts")
+    if cost > budget_casts:
+        raise ValueError(
+            f"the first batch takes {cost} simulated casts, the budget is {budget_casts}: "
+            "raise optimizer.budget_casts or make the batch smaller"
+        )
+
+
+def _after(before: Found | None, question: Question, answer: Answer, cost: int) -> Found:
+    """Return what is known after one more answer."""
+    trace = () if before is None else before.trace
+    best = int(np.argmin(answer.percent))
+    percent = float(answer.percent[best])
+    if before is None or (question.whole and percent < before.percent):
+        vector = question.vectors[best].copy()
+    else:
+        vector, percent = before.vector, before.percent
+    batch = Batch(
+        casts=cost,
+        best_percent=percent,
+        median_percent=float(np.median(answer.percent)),
+        diverged=int(answer.diverged.sum()),
+    )
+    return Found(vector, percent, (*trace, batch))

@@ -105,13 +105,12 @@ def vector_of(parameters: Sequence[Parameter], values: Mapping[str, float]) -> n
     return np.array([values[p.name] for p in parameters])
 
 
-def write_trace(folder: Path, trace: Sequence[Batch], casts_per_vector: int) -> None:
+def write_trace(folder: Path, trace: Sequence[Batch]) -> None:
     """Write `trace.csv`: one row a batch."""
-    vectors = np.cumsum([batch.vectors for batch in trace])
     table = pl.DataFrame(
         {
             "batch": range(len(trace)),
-            "simulated_casts": vectors * casts_per_vector,
+            "simulated_casts": np.cumsum([batch.casts for batch in trace]),
             "best_percent": [batch.best_percent for batch in trace],
             "median_percent": [batch.median_percent for batch in trace],
             "diverged": [batch.diverged for batch in trace],

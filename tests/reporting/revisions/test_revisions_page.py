@@ -21,13 +21,13 @@ TILT = replace(
     tuning_waypoint_error_percent=0.97, predicted_waypoint_error_percent=1.31,
     sizes={"board_tilt.sy": {"value": -0.0249, "unit": "1"}},
 )  # fmt: skip
-TRACE = tuple(Batch(40, float(b), float(2 * b), 0) for b in 1 + 8 * np.exp(-np.arange(12) / 3))
+TRACE = tuple(Batch(800, float(b), float(2 * b), 0) for b in 1 + 8 * np.exp(-np.arange(12) / 3))
 
 
 def tuning(effects=("board_tilt",), trace=TRACE, finished=False) -> Tuning:
     return Tuning(
         cable="cable1", rig="virtual", split="aaaa", simulator="segmented", optimizer="de",
-        effects=effects, casts=20, noise_floor_percent=0.76, trace=trace, finished=finished,
+        effects=effects, noise_floor_percent=0.76, trace=trace, finished=finished,
     )  # fmt: skip
 
 

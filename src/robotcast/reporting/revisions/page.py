@@ -35,7 +35,6 @@ class Tuning:
     Attributes
     ----------
     split : which casts it is tuned to and judged on, as in its revision.
-    casts : how many each vector of a batch simulates.
     trace : the batches so far.
     """
 
@@ -45,7 +44,6 @@ class Tuning:
     simulator: str
     optimizer: str
     effects: tuple[str, ...]
-    casts: int
     noise_floor_percent: float | None
     trace: Sequence[Batch] = ()
     finished: bool = False
@@ -123,4 +121,4 @@ def _search(tuning: Tuning, here: Comparable | None) -> Markup | None:
             marks["base model"] = revision.tuning_waypoint_error_percent
     if tuning.finished and not tuning.effects:
         marks = {}
-    return search_figure(tuning.trace, tuning.casts, marks, tuning.noise_floor_percent)
+    return search_figure(tuning.trace, marks, tuning.noise_floor_percent)

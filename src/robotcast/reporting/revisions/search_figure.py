@@ -26,13 +26,12 @@ _ROUND = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)
 
 
 def search_figure(
-    trace: Sequence[Batch], casts: int, marks: Mapping[str, float], floor: float | None
+    trace: Sequence[Batch], marks: Mapping[str, float], floor: float | None
 ) -> Markup:
     """Draw the best error so far, on a logarithmic axis.
 
     Parameters
     ----------
-    casts : how many each vector of a batch simulates.
     marks : what other revisions ended with on the same casts, name → error in %.
     floor : noise floor in %.
     """
@@ -42,7 +41,7 @@ def search_figure(
     up = Scale(low, high, _HEIGHT - _BOTTOM, _TOP)
     done = [0]
     for batch in trace:
-        done.append(done[-1] + batch.vectors * casts)
+        done.append(done[-1] + batch.casts)
     across = Scale(0.0, float(done[-1]), _LEFT, _WIDTH - _RIGHT)
     parts = [*_axes(across, up)]
     for name, level in marks.items():

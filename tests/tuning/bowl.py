@@ -1,0 +1,42 @@
+"""A problem whose answer is known, without any simulator."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotcast.fitting.parameter import Parameter
+from robotcast.tuning.asking import Answer, Problem, Question
+
+TRUE = np.array([0.3, 0.7, 0.5])
+CASTS = 6
+PARAMETERS = tuple(Parameter(name, "1", 0.0, 1.0, 0.5) for name in "abc")
+PROBLEM = Problem(PARAMETERS, np.full(3, 0.5), CASTS, noise_percent=0.01)
+
+
+@dataclass
+class Bowl:
+    """Every cast misses by a gently curved function of the distance from `TRUE`, in %.
+
+    Attributes
+    ----------
+    dies_at : the question at which the process is killed.
+    cliff : vectors whose first number is above it make every run diverge.
+    """
+
+    dies_at: int = -1
+    cliff: float = np.inf
+    asked: int = 0
+
+    def __call__(self, question: Question) -> Answer:
+        if self.asked == self.dies_at:
+            raise KeyboardInterrupt
+        self.asked += 1
+        casts = np.arange(CASTS) if question.casts is None else np.array(question.casts)
+        away = question.vectors - TRUE
+        slopes = 10 * np.random.default_rng(1).normal(size=(CASTS, 4, 3))[casts]
+        misses = np.einsum("cdn,vn->vcd", slopes, away + 0.3 * away**2)
+        lost = question.vectors[:, 0] > self.cliff
+        misses[lost] = [100.0, 0.0, 0.0, 0.0]
+        percent = np.sqrt((misses**2).sum(axis=-1)).mean(axis=-1)
+        shown = misses if question.with_misses else None
+        return Answer(percent, np.where(lost, len(casts), 0), shown)

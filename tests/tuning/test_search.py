@@ -1,0 +1,135 @@
+"""Every optimizer finds known parameters within one budget, and one that is killed resumes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robotcast.tuning.asking import Answer, Optimizer, Problem, Question
+from robotcast.tuning.called import Called
+from robotcast.tuning.differential_evolution import DifferentialEvolution
+from robotcast.tuning.journal import Journal
+from robotcast.tuning.search import Found, search
+from tests.tuning.bowl import CASTS, PROBLEM, TRUE, Bowl
+
+OPTIMIZERS = {
+    "de": (DifferentialEvolution(population=15, seed=4), 15 * 41 * CASTS, 0.01),
+}
+NAMES = list(OPTIMIZERS)
+
+
+def run(name: str, evaluate, budget: int | None = None) -> Found:
+    optimizer, most, _ = OPTIMIZERS[name]
+    return search(optimizer, PROBLEM, evaluate, budget or most)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_known_minimum_is_found_within_the_budget(name: str) -> None:
+    _, budget, tolerance = OPTIMIZERS[name]
+    found = run(name, Bowl())
+    np.testing.assert_allclose(found.vector, TRUE, atol=tolerance)
+    assert found.casts <= budget
+    best = [batch.best_percent for batch in found.trace]
+    assert best == sorted(best, reverse=True)
+    assert best[-1] == found.percent
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_smaller_budget_ends_the_same_search_earlier(name: str) -> None:
+    whole = run(name, Bowl())
+    paid = sum(batch.casts for batch in whole.trace[:4])
+    assert run(name, Bowl(), paid).trace == whole.trace[:4]
+    assert run(name, Bowl(), paid - 1).trace == whole.trace[:3]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("dies_at", [0, 1, 3, 7])
+def test_a_killed_search_resumes_to_the_same_result(
+    tmp_path: Path, name: str, dies_at: int
+) -> None:
+    unbroken = Bowl()
+    whole = run(name, unbroken)
+    path = tmp_path / "journal.jsonl"
+    with pytest.raises(KeyboardInterrupt):
+        run(name, Journal(path, "bowl", Bowl(dies_at)))
+    with path.open("a") as file:
+        file.write('{"question": {"vectors": [[0.1')  # killed while writing
+    again = Bowl()
+    resumed = run(name, Journal(path, "bowl", again))
+    assert again.asked == unbroken.asked - dies_at
+    np.testing.assert_array_equal(resumed.vector, whole.vector)
+    assert resumed.trace == whole.trace
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_vectors_that_diverge_cost_a_penalty_and_are_counted(name: str) -> None:
+    found = run(name, Bowl(cliff=0.4))
+    assert sum(batch.diverged for batch in found.trace) > 0
+    assert found.vector[0] <= 0.4
+    assert found.percent < 3.0
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_budget_too_small_for_the_first_batch_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="the budget is 1"):
+        run(name, Bowl(), 1)
+
+
+def test_a_journal_of_another_subject_is_not_used(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    search(OPTIMIZERS["de"][0], PROBLEM, Journal(path, "one cable", Bowl()), 900)
+    other = Bowl()
+    search(OPTIMIZERS["de"][0], PROBLEM, Journal(path, "another cable", other), 900)
+    assert other.asked == 10
+
+
+def test_a_journal_gives_answers_back_to_the_last_bit(tmp_path: Path) -> None:
+    path, question = tmp_path / "journal.jsonl", Question(np.eye(3), (1, 4), 0.5, True)
+    told = Journal(path, "bowl", Bowl())(question)
+    kept = Journal(path, "bowl", Bowl(dies_at=0))(question)
+    np.testing.assert_array_equal(kept.percent, told.percent)
+    np.testing.assert_array_equal(kept.diverged, told.diverged)
+    np.testing.assert_array_equal(kept.misses, told.misses)
+
+
+def test_an_answer_to_another_question_is_not_taken_from_the_journal(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    Journal(path, "bowl", Bowl())(Question(np.full((1, 3), 0.1)))
+    evaluate = Bowl()
+    answer = Journal(path, "bowl", evaluate)(Question(np.full((1, 3), 0.2)))
+    assert evaluate.asked == 1
+    np.testing.assert_array_equal(answer.percent, Bowl()(Question(np.full((1, 3), 0.2))).percent)
+    assert len(path.read_text().splitlines()) == 2
+
+
+def test_a_search_that_fails_says_so_where_it_is_asked() -> None:
+    class Broken:
+        def begin(self, problem: Problem) -> Called:
+            def body(evaluate) -> None:
+                evaluate(Question(problem.start[None]))
+                raise ZeroDivisionError
+
+            return Called(body)
+
+    with pytest.raises(ZeroDivisionError):
+        search(Broken(), PROBLEM, Bowl(), 100)
+
+
+def test_only_vectors_tried_on_all_casts_can_be_the_best() -> None:
+    class Partial:
+        def begin(self, problem: Problem) -> Called:
+            def body(evaluate) -> None:
+                evaluate(Question(problem.start[None]))
+                evaluate(Question(TRUE[None], casts=(0, 1)))
+
+            return Called(body)
+
+    optimizer: Optimizer = Partial()
+    found = search(optimizer, PROBLEM, Bowl(), 100)
+    np.testing.assert_array_equal(found.vector, PROBLEM.start)
+    assert [batch.casts for batch in found.trace] == [CASTS, 2]
+
+
+def test_an_answer_has_no_misses_unless_asked() -> None:
+    answer: Answer = Bowl()(Question(TRUE[None]))
+    assert answer.misses is None
