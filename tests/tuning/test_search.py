@@ -1,20 +1,43 @@
 """Every optimizer finds known parameters within one budget, and one that is killed resumes."""
 
+import importlib.util
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from robotcast.fitting.elimination import Rounds
 from robotcast.tuning.asking import Answer, Optimizer, Problem, Question
 from robotcast.tuning.called import Called
 from robotcast.tuning.differential_evolution import DifferentialEvolution
+from robotcast.tuning.gauss_newton import GaussNewton
 from robotcast.tuning.journal import Journal
 from robotcast.tuning.search import Found, search
 from tests.tuning.bowl import CASTS, PROBLEM, TRUE, Bowl
 
-OPTIMIZERS = {
+OPTIMIZERS: dict[str, tuple[Optimizer, int, float]] = {
     "de": (DifferentialEvolution(population=15, seed=4), 15 * 41 * CASTS, 0.01),
+    "gn": (
+        GaussNewton(
+            looked_at=16,
+            few=2,
+            some=3,
+            share=0.65,
+            rounds=Rounds(begun=2, left=1, ended=1),
+            iterations=6,
+            least_noise_percent=0.3,
+            seed=4,
+        ),
+        3000,
+        1e-4,
+    ),
 }
+if importlib.util.find_spec("botorch"):
+    from robotcast.tuning.bayesian_optimization import BayesianOptimization
+
+    for kind in ("ei", "lcb", "mpi"):
+        optimizer = BayesianOptimization(initial=10, batch=3, acquisition=kind, seed=4)
+        OPTIMIZERS[f"bo-{kind}"] = (optimizer, (10 + 10 * 3) * CASTS, 0.05)
 NAMES = list(OPTIMIZERS)
 
 

@@ -9,6 +9,7 @@ from threading import Lock
 import numpy as np
 
 from robotcast.diagnosis.model import Model, Record
+from robotcast.fitting.elimination import spread
 from robotcast.fitting.least_squares import (
     Fit,
     Prior,
@@ -201,11 +202,6 @@ class _Runs:
         with self._lock:
             self.done += runs
             self._progress(self.done, 0)
-
-
-def spread(trials: np.ndarray, n: int) -> np.ndarray:
-    """Return about n of the trials, evenly spaced."""
-    return trials[:: max(1, len(trials) // n)]
 
 
 def _beginning(record: Record, share: float) -> Record:

@@ -2,18 +2,24 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from scipy.stats import qmc
 
-from robotcast.diagnosis.inquiry import Inquiry, spread
-from robotcast.fitting.least_squares import Fit, trial_losses
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.fitting.elimination import (
+    Rounds,
+    best_first,
+    fit_by_elimination,
+    hypercube,
+    spread,
+)
+from robotcast.fitting.least_squares import Fit
 
 FOLDS = 4
 EARLY = 0.65  # share of every trial that the search for a start sees: chaos comes late
 LOOKED_AT = 256  # parameter vectors of a first look, on a few trials
 FEW, SOME = 13, 26  # trials of the first look and of the fits that follow it
-BEGUN, LEFT, ENDED = 6, 3, 2  # fits that start, that go on, and that see whole trials
 
 
 @dataclass(frozen=True)
@@ -52,10 +58,7 @@ def fit_base(
     iterations: int,
     about: np.ndarray | None = None,
 ) -> Revision:
-    """Fit from many starts, by elimination: on beginnings of some trials, then on all.
-
-    What a chaotic model does late in a trial has a valley for every way in which it tips over;
-    the beginnings lead smoothly to the right one.
+    """Fit from many starts, by elimination (see `fit_by_elimination`).
 
     Parameters
     ----------
@@ -65,25 +68,18 @@ def fit_base(
     effects = tuple(effects)
     about = inquiry.nominal(effects) if about is None else about
     early = inquiry.beginnings(EARLY, SOME)
-    begun = [early.fit(effects, start, 3) for start in _starts(early, effects, about, seed)]
-    begun.sort(key=lambda fit: fit.loss)
-    left = [early.fit(effects, fit.vector, 5, known=fit) for fit in begun[:LEFT]]
-    left.sort(key=lambda fit: fit.loss)
-    whole = [inquiry.fit(effects, fit.vector, 4) for fit in left[:ENDED]]
-    best = min(whole, key=lambda fit: fit.loss)
-    return Revision(effects, inquiry.fit(effects, best.vector, iterations, known=best))
+    starts = _starts(early, effects, about, seed)
+    fits = partial(early.fit, effects), partial(inquiry.fit, effects)
+    return Revision(effects, fit_by_elimination(*fits, starts, iterations, Rounds()))
 
 
 def _starts(early: Inquiry, effects: tuple[str, ...], about: np.ndarray, seed: int) -> np.ndarray:
-    """Return the best vectors (BEGUN, n) of a Latin hypercube of the model's own parameters."""
+    """Return a Latin hypercube (n_starts, n) of the model's own parameters, best first."""
     nominal, free = early.nominal(effects), early.free(effects)
     free[len(early.model.parameters) :] = False
-    cube = qmc.LatinHypercube(len(nominal), rng=np.random.default_rng(seed)).random(LOOKED_AT)
-    looked = np.where(free, np.clip(nominal + 0.8 * (cube - 0.5), 0.02, 0.98), about)
+    looked = np.where(free, hypercube(nominal, 0.8, LOOKED_AT, seed), about)
     looked[0] = about
-    few = spread(early.everything, FEW)
-    losses = trial_losses(early.residuals(effects)(looked, few)).mean(axis=1)
-    return looked[np.argsort(losses, kind="stable")[:BEGUN]]
+    return best_first(early.residuals(effects), spread(early.everything, FEW), looked)
 
 
 def refit(inquiry: Inquiry, revision: Revision, iterations: int) -> Revision:
