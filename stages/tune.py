@@ -21,6 +21,7 @@ from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
 from robotcast.reporting.revisions.page import Tuning, revisions_page
 from robotcast.tuning.asking import Problem
+from robotcast.tuning.certainty import certainty
 from robotcast.tuning.journal import Journal
 from robotcast.tuning.objective import WaypointError, full_vectors
 from robotcast.tuning.revisions import (
@@ -76,6 +77,8 @@ def tune(config: DictConfig) -> None:
 
         found = search(instantiate(config.optimizer.search), problem, journal, budget, look)
 
+    groups = np.unique([t.action_id for t in tuning.trials], return_inverse=True)[1]
+    sure = certainty(objective, problem, found.vector, groups)
     vector = full_vectors(simulator.parameters, found.vector)
     errors, predicted = {}, {}
     for name, part in (("tune", tuning), ("test", test)):
@@ -94,6 +97,7 @@ def tune(config: DictConfig) -> None:
         parameters=simulator.parameters,
         values=dict(zip((p.name for p in simulator.parameters), vector[0], strict=True)),
         errors=errors,
+        certainty=sure,
         simulated_casts=found.casts,
         diverged_casts=sum(batch.diverged for batch in found.trace),
     )
@@ -164,13 +168,10 @@ def _say(tuned: Tuned, folder: Path) -> None:
         f"{folder}: test casts {test.waypoint_percent:.2f} % average waypoint, "
         f"{test.final_percent:.2f} % median final error, of cable length"
     )
-    for parameter in tuned.parameters:
-        if tuned.at_bound(parameter):
-            console.print(
-                f"{parameter.name} ended on a bound: {tuned.values[parameter.name]:.3g} "
-                f"in [{parameter.lower:.3g}, {parameter.upper:.3g}] {parameter.unit}",
-                style="yellow",
-            )
+    if tuned.diverged_casts:
+        console.print(f"{tuned.diverged_casts} of {tuned.simulated_casts} simulated casts diverged")
+    for warning in tuned.warnings():
+        console.print(warning, style="yellow", markup=False)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision
 from robotcast.fitting.least_squares import Fit
 from robotcast.fitting.parameter import Parameter
+from robotcast.fitting.uncertainty import bread, sandwich
 
 SPREAD = 2.0  # standard errors on either side of a value
 DISCREPANCY = 0.5  # of the noise: what the model is allowed to miss in every trial, all its own
@@ -43,12 +44,12 @@ def sizes(inquiry: Inquiry, revision: Revision, vectors: np.ndarray | None) -> t
     shift the value is added in squares.
     """
     sd = np.array([p.prior_sd for p in inquiry.parameters(revision.effects)])
-    bread = _bread(revision.fit, sd)
-    error = _sandwich(inquiry, revision.fit, bread)
+    inverse = bread(revision.fit, sd)
+    error = sandwich(revision.fit, inverse, inquiry.groups)
     if vectors is not None and len(vectors) > 1:
         k = len(vectors)
         error = np.maximum(error, np.sqrt((k - 1) / k * ((vectors - vectors.mean(0)) ** 2).sum(0)))
-    error = np.hypot(error, _shift(revision.fit, bread) / SPREAD)
+    error = np.hypot(error, _shift(revision.fit, inverse) / SPREAD)
     centre = revision.fit.vector
     found = []
     for k, parameter in enumerate(inquiry.parameters(revision.effects)):
@@ -58,24 +59,7 @@ def sizes(inquiry: Inquiry, revision: Revision, vectors: np.ndarray | None) -> t
     return tuple(found)
 
 
-def _bread(fit: Fit, sd: np.ndarray) -> np.ndarray:
-    weighted = fit.jacobian * fit.weights[:, None, None]
-    curvature = np.einsum("idn,idm->nm", weighted, fit.jacobian)
-    return np.linalg.inv(curvature + np.diag(1 / sd**2))
-
-
-def _sandwich(inquiry: Inquiry, fit: Fit, bread: np.ndarray) -> np.ndarray:
-    """Return standard errors (n,) with groups of trials as clusters."""
-    weighted = fit.jacobian * fit.weights[:, None, None]
-    scores = np.einsum("idn,id->in", weighted, fit.residual)
-    by_group = np.zeros((inquiry.groups.max() + 1, scores.shape[1]))
-    np.add.at(by_group, inquiry.groups, scores)
-    n, p = by_group.shape
-    meat = by_group.T @ by_group * n / max(n - p, 1)
-    return np.sqrt(np.diag(bread @ meat @ bread))
-
-
-def _shift(fit: Fit, bread: np.ndarray) -> np.ndarray:
+def _shift(fit: Fit, inverse: np.ndarray) -> np.ndarray:
     """Return by how much (n,) the worst misfit of `DISCREPANCY` in every trial shifts a value."""
-    by_trial = np.einsum("nm,idm,i->ind", bread, fit.jacobian, fit.weights)
+    by_trial = np.einsum("nm,idm,i->ind", inverse, fit.jacobian, fit.weights)
     return DISCREPANCY * np.sqrt((by_trial**2).sum(axis=-1)).sum(axis=0)

@@ -149,14 +149,25 @@ def _differentiated(
     axes = np.diag(steps)[free] if last is None else _axes(last, free)
     rows = np.clip(np.vstack([vector, vector + axes, vector - axes]), 0.0, 1.0)
     values = residuals(rows, trials)
-    apart = rows[1:] - vector
-    moved = (values[1:] - values[0]).reshape(len(apart), -1)
-    slopes = np.linalg.lstsq(apart, moved, rcond=None)[0].T
-    slopes = slopes.reshape(*values[0].shape, len(vector)) * _steadiness(values)[:, None, None]
     losses = _whole_loss(values, rows, prior, _scale(values[0]))
     chosen = int(np.argmin(losses))
     loss = float(trial_losses(values[chosen]).mean())
-    return Fit(rows[chosen], loss, values[chosen], slopes)
+    return Fit(rows[chosen], loss, values[chosen], slopes(rows, values))
+
+
+def slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the slopes (n_trials, D, n) of residuals at the first of some vectors.
+
+    Parameters
+    ----------
+    vectors : ndarray of shape (n_vectors, n), the first and others about it.
+    values : ndarray of shape (n_vectors, n_trials, D), their residuals.
+    """
+    apart = vectors[1:] - vectors[0]
+    moved = (values[1:] - values[0]).reshape(len(apart), -1)
+    found = np.linalg.lstsq(apart, moved, rcond=None)[0].T
+    found = found.reshape(*values[0].shape, vectors.shape[1])
+    return found * _steadiness(values)[:, None, None]
 
 
 def _steadiness(values: np.ndarray) -> np.ndarray:

@@ -279,16 +279,12 @@ def _run(results: Results, facts: RunFacts) -> tuple[tuple[str, str], ...]:
         *facts.sizes,
     ]
     for tuning in results.tunings:
-        bounds = [
-            name for name, p in tuning.facts.get("parameters", {}).items() if p.get("at_bound")
-        ]
-        stuck = f"; at a bound: {', '.join(bounds)}" if bounds else ""
         casts = tuning.facts.get("simulated_casts", 0)
         rows.append(
             (
                 f"Tuned, {cable_name(tuning.cable)}",
                 f"{simulator_name(tuning.simulator)} by {optimizer_name(tuning.optimizer)}, "
-                f"{thousands(casts)} simulated casts, seed {tuning.facts.get('seed', '–')}{stuck}",
+                f"{thousands(casts)} simulated casts, seed {tuning.facts.get('seed', '–')}{_doubts(tuning.facts)}",
             )
         )
     for (cable, folder), policy in results.policies.items():
@@ -304,12 +300,24 @@ def _run(results: Results, facts: RunFacts) -> tuple[tuple[str, str], ...]:
     return tuple(rows)
 
 
+def _doubts(facts: dict) -> str:
+    """Return what to know before trusting tuned parameters, empty when there is nothing."""
+    bounds = [name for name, p in facts.get("parameters", {}).items() if p.get("at_bound")]
+    vague, lost = facts.get("certainty", {}).get("vague"), facts.get("diverged_casts")
+    said = [
+        f"{thousands(lost)} diverged" if lost else "",
+        f"at a bound: {', '.join(bounds)}" if bounds else "",
+        f"hardly told by the casts: {', '.join(vague)}" if vague else "",
+    ]
+    return "".join(f"; {words}" for words in said if words)
+
+
 _COMMANDS = (
     ("make repro", "Run what changed since the last run, then write this page again."),
     ("dvc repro -s evaluate", "Run one stage by itself; any stage of dvc.yaml can stand there."),
     (
-        "python stages/tune.py -m optimizer.seed=1,2,3",
-        "Sweep a setting, outside the results.",
+        "python stages/tune.py -m hydra/launcher=joblib optimizer=de,bo,gn",
+        "Compare optimizers side by side, outside the results.",
     ),
     (
         "python stages/diagnose.py measurements=DIR output=DIR",

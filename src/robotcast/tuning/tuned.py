@@ -13,8 +13,10 @@ from robotcast.files import atomic_file, write_text
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.errors import PredictionErrors
 from robotcast.measurements.measurement_set import Cable, Trial
+from robotcast.tuning.certainty import Certainty
 from robotcast.tuning.search import Batch
 
+ILL_CONDITIONED = 1000.0  # condition number of the Jacobian
 AT_BOUND = 0.01  # of a parameter's range: closer to a bound than this is on it
 
 
@@ -27,6 +29,7 @@ class Tuned:
     effects : names of the effects that act in the simulator.
     values : parameter name → value, frozen ones and those of the effects included.
     errors : "tune" and "test" → errors on these casts.
+    simulated_casts, diverged_casts : of the search.
     """
 
     simulator: str
@@ -40,6 +43,7 @@ class Tuned:
     parameters: tuple[Parameter, ...]
     values: Mapping[str, float]
     errors: Mapping[str, PredictionErrors]
+    certainty: Certainty
     simulated_casts: int
     diverged_casts: int
 
@@ -47,6 +51,27 @@ class Tuned:
         """Tell whether a free parameter ended on one of its bounds."""
         unit = float(parameter.to_unit(np.asarray(self.values[parameter.name])))
         return not parameter.frozen and not AT_BOUND < unit < 1 - AT_BOUND
+
+    def warnings(self) -> list[str]:
+        """Return what a user should know before trusting the parameters, a sentence each."""
+        found = [
+            f"{p.name} ended on a bound: {self.values[p.name]:.3g} "
+            f"in [{p.lower:.3g}, {p.upper:.3g}] {p.unit}"
+            for p in self.parameters
+            if self.at_bound(p)
+        ]
+        if self.certainty.vague:
+            found.append(f"these casts hardly tell {', '.join(self.certainty.vague)}")
+        if self.certainty.condition > ILL_CONDITIONED:
+            together = ", ".join(self.certainty.least_known)
+            found.append(
+                f"the condition number is {self.certainty.condition:.0f}; the direction that these "
+                f"casts tell least is {together}"
+            )
+        lost = sum(errors.n_diverged for errors in self.errors.values())
+        if lost:
+            found.append(f"{lost} of the final runs diverged and count with one cable length")
+        return found
 
 
 def write_tuned(folder: Path, tuned: Tuned) -> None:
@@ -60,22 +85,33 @@ def write_tuned(folder: Path, tuned: Tuned) -> None:
         "cable": asdict(tuned.cable),
         "r0_m": tuned.r0_m,
         "period_s": tuned.period_s,
-        "parameters": {
-            p.name: {
-                "value": float(tuned.values[p.name]),
-                "unit": p.unit,
-                "lower": p.lower,
-                "upper": p.upper,
-                "frozen": p.frozen,
-                "at_bound": tuned.at_bound(p),
-            }
-            for p in tuned.parameters
+        "parameters": {p.name: _plain_parameter(tuned, p) for p in tuned.parameters},
+        "certainty": {
+            "condition": tuned.certainty.condition,
+            "least_known": list(tuned.certainty.least_known),
+            "vague": list(tuned.certainty.vague),
+            "simulated_casts": tuned.certainty.casts,
         },
+        "warnings": tuned.warnings(),
         "errors": {split: asdict(errors) for split, errors in tuned.errors.items()},
         "simulated_casts": tuned.simulated_casts,
         "diverged_casts": tuned.diverged_casts,
     }
     write_text(folder / "tuned.yaml", yaml.safe_dump(plain, sort_keys=False, allow_unicode=True))
+
+
+def _plain_parameter(tuned: Tuned, parameter: Parameter) -> dict[str, Any]:
+    low, high = tuned.certainty.intervals.get(parameter.name, (None, None))
+    return {
+        "value": float(tuned.values[parameter.name]),
+        "low": low,
+        "high": high,
+        "unit": parameter.unit,
+        "lower": parameter.lower,
+        "upper": parameter.upper,
+        "frozen": parameter.frozen,
+        "at_bound": tuned.at_bound(parameter),
+    }
 
 
 def read_values(folder: Path) -> tuple[Cable, dict[str, float]]:

@@ -1,0 +1,98 @@
+"""How well the tuning casts tell what was tuned: intervals and conditioning at the optimum."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotcast.fitting.least_squares import Fit, difference_steps, slopes, trial_losses
+from robotcast.fitting.uncertainty import bread, curvature, sandwich
+from robotcast.tuning.asking import Evaluate, Problem, Question
+
+LEAST_NOISE_PERCENT = 0.3  # of cable length: misses are judged against at least that much
+STANDARD_ERRORS = 2.0  # on either side of a value
+VAGUE = 0.5  # of a parameter's range: an interval wider than that says little
+MOST = 1e6  # a larger condition number tells no more
+TAKES_PART = 0.3  # share of a direction from which on a parameter belongs to it
+
+
+@dataclass(frozen=True)
+class Certainty:
+    """What a Jacobian at the optimum says of the tuned parameters.
+
+    Attributes
+    ----------
+    intervals : name → (low, high), two standard errors on either side, inside the bounds.
+    vague : names whose interval covers more than half of their range.
+    condition : condition number of the Jacobian over the ranges: by how much better the casts
+        tell the best-known direction than the worst. At most `MOST`.
+    least_known : the parameters of that worst direction; where there are several, the casts
+        tell them only in combination.
+    casts : how many were simulated for it.
+    """
+
+    intervals: Mapping[str, tuple[float, float]]
+    vague: tuple[str, ...]
+    condition: float
+    least_known: tuple[str, ...]
+    casts: int
+
+
+def certainty(
+    evaluate: Evaluate, problem: Problem, vector: np.ndarray, groups: np.ndarray
+) -> Certainty:
+    """Differentiate every waypoint at a unit vector (n_free,), in one question.
+
+    A standard error is the larger of two: the sandwich estimator with the repeats of an action as
+    clusters, and the one that takes each cast for one measurement. The first sees what the model
+    misses, the second does not trust a handful of casts that happen to agree.
+
+    Parameters
+    ----------
+    groups : int ndarray of shape (n_casts,), the action of every cast, numbered from 0.
+    """
+    question = Question(_about(problem, vector), with_misses=True)
+    misses = evaluate(question).misses
+    if misses is None:
+        raise ValueError("the certainty needs the miss of every waypoint")
+    residuals = misses / max(problem.noise_percent or 0.0, LEAST_NOISE_PERCENT)
+    loss = float(trial_losses(residuals[0]).mean())
+    fit = Fit(vector, loss, residuals[0], slopes(question.vectors, residuals))
+    error = _standard_errors(fit, problem, groups)
+    values, axes = np.linalg.eigh(curvature(fit))
+    names = np.array([p.name for p in problem.parameters])
+    return Certainty(
+        intervals=_intervals(problem, vector, error),
+        vague=tuple(names[2 * STANDARD_ERRORS * error > VAGUE].tolist()),
+        condition=_condition(values),
+        least_known=tuple(names[axes[:, 0] ** 2 > TAKES_PART**2].tolist()),
+        casts=question.cost(problem.casts),
+    )
+
+
+def _condition(curvatures: np.ndarray) -> float:
+    """Return the condition number of the Jacobian, `curvatures` (n,) being its squares."""
+    least, most = max(float(curvatures[0]), 0.0), float(curvatures[-1])
+    return float(np.sqrt(most / least)) if least * MOST**2 > most else MOST
+
+
+def _about(problem: Problem, vector: np.ndarray) -> np.ndarray:
+    """Return the vector and those a step to either side of it, inside the bounds."""
+    steps = np.diag(difference_steps(problem.parameters))
+    return np.clip(np.vstack([vector, vector + steps, vector - steps]), 0.0, 1.0)
+
+
+def _standard_errors(fit: Fit, problem: Problem, groups: np.ndarray) -> np.ndarray:
+    """Return the standard errors (n_free,), of the ranges."""
+    inverse = bread(fit, np.array([p.prior_sd for p in problem.parameters]))
+    return np.maximum(sandwich(fit, inverse, groups), np.sqrt(np.diag(inverse)))
+
+
+def _intervals(
+    problem: Problem, vector: np.ndarray, error: np.ndarray
+) -> dict[str, tuple[float, float]]:
+    ends = np.clip(vector + STANDARD_ERRORS * error * np.array([[-1.0], [1.0]]), 0.0, 1.0)
+    return {
+        p.name: (float(p.from_unit(low)), float(p.from_unit(high)))
+        for p, low, high in zip(problem.parameters, *ends, strict=True)
+    }
