@@ -1,6 +1,5 @@
 """Tune one simulator's parameters to one cable's casts with one optimizer."""
 
-import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,20 +8,18 @@ from pathlib import Path
 import numpy as np
 from effects import build_effects
 from hydra.utils import instantiate
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 from stage import bar, console, output_folder, stage
+from unfinished import open_journal
 
 from robotcast.files import write_text
-from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.errors import prediction_errors
-from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.noise_floor import noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
 from robotcast.reporting.revisions.page import Tuning, revisions_page
 from robotcast.tuning.asking import Problem
 from robotcast.tuning.certainty import certainty
-from robotcast.tuning.journal import Journal
 from robotcast.tuning.objective import WaypointError, full_vectors
 from robotcast.tuning.revisions import (
     LEDGER,
@@ -58,8 +55,8 @@ def tune(config: DictConfig) -> None:
     )
 
     objective = WaypointError(simulator, tuning.trials, measured.cable.length_m)
-    journal = Journal(
-        _journal_path(config, folder), _subject(config, simulator.parameters, tuning), objective
+    journal = open_journal(
+        config, folder, simulator.parameters, tuning.cable, tuning.trials, objective
     )
     problem = Problem(
         parameters=objective.free,
@@ -134,32 +131,6 @@ def _promised(config: DictConfig) -> float | None:
     diagnosed = Path(diagnosis["measurements"]).resolve()
     same = diagnosed == Path(config.paths.measurements).resolve()
     return predicted_error(diagnosis, config.effects) if same else None
-
-
-def _subject(config: DictConfig, parameters: Sequence[Parameter], tuning: MeasurementSet) -> str:
-    """Return a fingerprint of everything that the objective and the search depend on."""
-    text = OmegaConf.to_yaml(
-        OmegaConf.create(
-            {
-                "simulator": config.simulator,
-                "optimizer": config.optimizer,
-                "effects": list(config.effects),
-            },
-            parent=config,
-        ),
-        resolve=True,
-    )
-    digest = hashlib.sha256(f"{text}{parameters}{tuning.cable}".encode())
-    for trial in tuning.trials:
-        for array in (trial.tool.t_s, trial.tool.pose, trial.waypoints_s, trial.waypoints_m):
-            digest.update(array.tobytes())
-    return digest.hexdigest()
-
-
-def _journal_path(config: DictConfig, folder: Path) -> Path:
-    """Keep the journal beside DVC's outputs, which a rerun would delete."""
-    names = [part for part in folder.parts if part != folder.anchor]
-    return Path(config.paths.unfinished) / f"{'-'.join(names)}.jsonl"
 
 
 def _say(tuned: Tuned, folder: Path) -> None:

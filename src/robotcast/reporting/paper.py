@@ -30,3 +30,11 @@ CABLES = {
     "cable2": (12, 8, 16, 4, 28),
     "cable3": (14, 9, 23, 6, 38),
 }
+
+# simulator → optimizer → (least, largest) error of the tuned parameters in % ("Comparing
+# Real2Sim Tuning Methods"), Bayesian optimization over its acquisitions with 5 casts
+SIM2SIM = {
+    "hybrid": {"bo": (3.39, 17.98), "de": (None, 1.0)},
+    "segmented": {"bo": (1.09, 9.25), "de": (None, 1.0)},
+}
+SIM2SIM_CASTS = 5

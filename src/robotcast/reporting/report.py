@@ -284,7 +284,8 @@ def _run(results: Results, facts: RunFacts) -> tuple[tuple[str, str], ...]:
             (
                 f"Tuned, {cable_name(tuning.cable)}",
                 f"{simulator_name(tuning.simulator)} by {optimizer_name(tuning.optimizer)}, "
-                f"{thousands(casts)} simulated casts, seed {tuning.facts.get('seed', '–')}{_doubts(tuning.facts)}",
+                f"{thousands(casts)} simulated casts, seed {tuning.facts.get('seed', '–')}"
+                f"{_doubts(tuning.facts)}",
             )
         )
     for (cable, folder), policy in results.policies.items():
