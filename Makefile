@@ -5,12 +5,13 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro hidden-effects hidden-effects-few test quick format
+.PHONY: help install repro hidden-effects hidden-effects-few sim2sim test quick format
 
 help:
 	@echo "make repro    set up, then run the pipeline (what changed since the last run)"
 	@echo "make hidden-effects  draw, diagnose and score the hidden-effect benchmark (hours)"
 	@echo "make hidden-effects-few  the same on four small sets (minutes)"
+	@echo "make sim2sim  how near each optimizer comes to parameters that are known (hours)"
 	@echo "make test     set up, then ruff, pyright and every test"
 	@echo "make quick    ruff, pyright and the fast tests"
 	@echo "make format   format the code"
@@ -34,6 +35,9 @@ hidden-effects-few: $(INSTALLED)
 	for stage in draw diagnose rivals oracle score; do \
 		$(BIN)/python stages/hidden_$$stage.py hidden_effects=few || exit 1; \
 	done
+
+sim2sim: $(INSTALLED)
+	$(BIN)/dvc repro benchmarks/sim2sim/dvc.yaml
 
 test: $(INSTALLED)
 	$(BIN)/ruff check

@@ -4,12 +4,12 @@ python stages/sim2sim.py simulator=segmented optimizer=gn sim2sim.casts=20
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import fields
 
 import numpy as np
 from grids import build_limits, feasible_grid
 from hydra.utils import instantiate
 from omegaconf import DictConfig, open_dict
-from rigs import weighed_cable
 from stage import bar, console, output_folder, stage
 from unfinished import open_journal
 
@@ -21,12 +21,12 @@ from robotcast.simulators.simulator import Simulator
 from robotcast.tuning.asking import Problem, Question
 from robotcast.tuning.certainty import certainty
 from robotcast.tuning.journal import Journal
-from robotcast.tuning.objective import WaypointError, full_vectors
+from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError, full_vectors
 from robotcast.tuning.search import Batch, Found, search
 
 
 def sim2sim(config: DictConfig) -> None:
-    settings, cable = config.sim2sim, weighed_cable(config)
+    settings, cable = config.sim2sim, _cable(config)
     simulator = _simulator(config, cable)
     cell = f"{config.simulator.name}-{config.optimizer.name}-{settings.casts}"
     path = output_folder(settings.folder) / f"{cell}.csv"
@@ -48,6 +48,7 @@ def sim2sim(config: DictConfig) -> None:
                 objective.free,
                 np.random.default_rng([settings.seed, number, start]).random(len(objective.free)),
                 len(model.tuning),
+                LEAST_NOISE_PERCENT,
             )
             found = _tuned(config, problem, journal, number, start)
             outcomes += _outcomes(config, cable, simulator, model, found, (number, start))
@@ -55,6 +56,11 @@ def sim2sim(config: DictConfig) -> None:
     for journal in journals:
         journal.close()
     _say(outcomes, cell)
+
+
+def _cable(config: DictConfig) -> Cable:
+    """Return the configured cable as its owner would measure it."""
+    return Cable(**{field.name: config.cable[field.name] for field in fields(Cable)})
 
 
 def _simulator(config: DictConfig, cable: Cable) -> Simulator:
@@ -114,8 +120,9 @@ def _outcomes(
 ) -> list[Outcome]:
     objective = WaypointError(simulator, model.tuning, cable.length_m)
     judged = WaypointError(simulator, model.test, cable.length_m)
-    problem = Problem(objective.free, model.vector, len(model.tuning))
-    known = certainty(objective, problem, model.vector, np.arange(len(model.tuning)))
+    casts = len(model.tuning)
+    problem = Problem(objective.free, model.vector, casts, config.sim2sim.shown_percent)
+    known = certainty(objective, problem, model.vector, np.arange(casts))
     free = np.array([not p.frozen for p in simulator.parameters])
     both = np.array([model.vector, found.vector])
     true, values = full_vectors(simulator.parameters, both)[:, free]
@@ -123,7 +130,7 @@ def _outcomes(
         Outcome(
             simulator=config.simulator.name,
             optimizer=config.optimizer.name,
-            casts=len(model.tuning),
+            casts=casts,
             model=numbers[0],
             start=numbers[1],
             parameter=parameter.name,

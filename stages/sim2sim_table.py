@@ -13,8 +13,8 @@ TEXT = """# Sim2Sim: known parameters, tuned from random starts
 
 A model with arbitrary parameters simulates casts; the same simulator is then tuned to them. The
 parameter error of a tuning is the largest over the parameters that these casts tell: those that
-misses of 0.3 % of cable length would leave within {told:g} % of their value. The median and the
-worst of the tunings stand side by side, then how many came within 1 %. The waypoint error is on
+misses of {shown:g} % of cable length would leave within {told:g} % of their value. The median and
+the worst of the tunings stand side by side, then how many came within 1 %. The waypoint error is on
 casts that were not tuned to, in % of cable length. The paper's values are of its own
 implementations in another engine; its range of Bayesian optimization is over three acquisitions.
 
@@ -25,7 +25,8 @@ def sim2sim_table(config: DictConfig) -> None:
     settings = config.sim2sim
     table = rows(read_outcomes(Path(settings.folder)), settings.told_percent)
     folder = output_folder(settings.reports)
-    write_text(folder / "README.md", TEXT.format(told=settings.told_percent) + markdown(table))
+    text = TEXT.format(shown=settings.shown_percent, told=settings.told_percent)
+    write_text(folder / "README.md", text + markdown(table))
     write_text(folder / "sim2sim.csv", csv_text(table))
     console.print(f"{folder}: {len(table) - 1} rows")
 

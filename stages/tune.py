@@ -20,7 +20,7 @@ from robotcast.measurements.split import split_by_action
 from robotcast.reporting.revisions.page import Tuning, revisions_page
 from robotcast.tuning.asking import Problem
 from robotcast.tuning.certainty import certainty
-from robotcast.tuning.objective import WaypointError, full_vectors
+from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError, full_vectors
 from robotcast.tuning.revisions import (
     LEDGER,
     keep_revision,
@@ -62,7 +62,7 @@ def tune(config: DictConfig) -> None:
         parameters=objective.free,
         start=np.array([p.to_unit(np.asarray(p.nominal)) for p in objective.free]),
         casts=len(tuning.trials),
-        noise_percent=floor_percent,
+        noise_percent=max(floor_percent or 0.0, LEAST_NOISE_PERCENT),
     )
     budget = config.optimizer.budget_casts
     with bar(f"tune {config.simulator.name} with {config.optimizer.name}") as progress:

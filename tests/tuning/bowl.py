@@ -10,7 +10,7 @@ from robotcast.tuning.asking import Answer, Problem, Question
 TRUE = np.array([0.3, 0.7, 0.5])
 CASTS = 6
 PARAMETERS = tuple(Parameter(name, "1", 0.0, 1.0, 0.5) for name in "abc")
-PROBLEM = Problem(PARAMETERS, np.full(3, 0.5), CASTS, noise_percent=0.01)
+PROBLEM = Problem(PARAMETERS, np.full(3, 0.5), CASTS, noise_percent=0.3)
 
 
 @dataclass

@@ -25,7 +25,6 @@ OPTIMIZERS: dict[str, tuple[Optimizer, int, float]] = {
             share=0.65,
             rounds=Rounds(begun=2, left=1, ended=1),
             iterations=6,
-            least_noise_percent=0.3,
             seed=4,
         ),
         3000,

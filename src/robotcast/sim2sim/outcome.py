@@ -72,4 +72,6 @@ def read_outcomes(folder: Path) -> list[Outcome]:
     paths = sorted(folder.glob("*.csv"))
     if not paths:
         raise FileNotFoundError(f"{folder} holds no outcomes: run stages/sim2sim.py first")
-    return [Outcome(**row) for path in paths for row in pl.read_csv(path).to_dicts()]
+    texts = dict.fromkeys(("simulator", "optimizer", "parameter", "unit"), pl.String)
+    tables = [pl.read_csv(path, schema_overrides=texts) for path in paths]
+    return [Outcome(**row) for table in tables for row in table.to_dicts()]

@@ -22,13 +22,14 @@ class Problem:
     parameters : the free parameters.
     start : ndarray of shape (n_free,), where to start, each mapped to [0, 1] on its scale.
     casts : number of the casts to tune to.
-    noise_percent : how far repeats of one cast lie apart, % of cable length; None if unknown.
+    noise_percent : of cable length, the miss of a cast that says nothing: how far repeats lie
+        apart, or what any simulator misses.
     """
 
     parameters: tuple[Parameter, ...]
     start: np.ndarray
     casts: int
-    noise_percent: float | None = None
+    noise_percent: float
 
 
 @dataclass(frozen=True)

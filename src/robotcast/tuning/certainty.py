@@ -9,7 +9,6 @@ from robotcast.fitting.least_squares import Fit, difference_steps, slopes, trial
 from robotcast.fitting.uncertainty import bread, curvature, sandwich
 from robotcast.tuning.asking import Evaluate, Problem, Question
 
-LEAST_NOISE_PERCENT = 0.3  # of cable length: misses are judged against at least that much
 STANDARD_ERRORS = 2.0  # on either side of a value
 VAGUE = 0.5  # of a parameter's range: an interval wider than that says little
 MOST = 1e6  # a larger condition number tells no more
@@ -55,7 +54,7 @@ def certainty(
     misses = evaluate(question).misses
     if misses is None:
         raise ValueError("the certainty needs the miss of every waypoint")
-    residuals = misses / max(problem.noise_percent or 0.0, LEAST_NOISE_PERCENT)
+    residuals = misses / problem.noise_percent
     loss = float(trial_losses(residuals[0]).mean())
     fit = Fit(vector, loss, residuals[0], slopes(question.vectors, residuals))
     error = _standard_errors(fit, problem, groups)

@@ -39,8 +39,6 @@ class GaussNewton:
     share : of each cast's waypoints that these see.
     rounds : how many fits take part in each round (see `Rounds`).
     iterations : of the last fit, at most.
-    least_noise_percent : misses are judged against at least that much of cable length, more
-        where repeats of a cast lie further apart.
     """
 
     looked_at: int
@@ -49,7 +47,6 @@ class GaussNewton:
     share: float
     rounds: Rounds
     iterations: int
-    least_noise_percent: float
     seed: int = 0
 
     def begin(self, problem: Problem) -> Search:
@@ -58,7 +55,7 @@ class GaussNewton:
 
     def _run(self, problem: Problem, evaluate: Evaluate) -> None:
         evaluate(Question(problem.start[None]))
-        noise = max(problem.noise_percent or 0.0, self.least_noise_percent)
+        noise = problem.noise_percent
         early = _Fits(problem, _residuals(evaluate, noise, self.share), self.some)
         starts = hypercube(np.full(len(problem.start), 0.5), ALL_OVER, self.looked_at, self.seed)
         starts[0] = problem.start

@@ -11,6 +11,7 @@ from robotcast.measurements.measurement_set import Trial
 from robotcast.simulators.simulator import Simulator
 from robotcast.tuning.asking import Answer, Question
 
+LEAST_NOISE_PERCENT = 0.3  # of cable length: what is missed less may as well be noise
 DIVERGED_PERCENT = 100.0  # of cable length: what a run that diverged costs, and any run at most
 
 

@@ -1,0 +1,34 @@
+"""The study as users run it, at a tiny size."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robotcast.sim2sim.outcome import read_outcomes
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def run(script: str, folder: Path, *overrides: str) -> None:
+    command = [sys.executable, f"stages/{script}.py", "sim2sim=few", f"sim2sim.folder={folder}"]
+    command += [
+        f"sim2sim.reports={folder / 'reports'}",
+        f"paths.unfinished={folder / 'unfinished'}",
+    ]
+    done = subprocess.run([*command, *overrides], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_gauss_newton_finds_what_three_casts_tell(tmp_path: Path) -> None:
+    run("sim2sim", tmp_path, "optimizer=gn")
+    outcomes = read_outcomes(tmp_path)
+    told = [o for o in outcomes if o.told_within_percent <= 20]
+    assert len(told) >= 3
+    assert all(o.error_percent < 1.0 for o in told)
+    assert "cable_mass_kg" not in [o.parameter for o in outcomes]  # weighed, so not tuned
+    assert not list((tmp_path / "unfinished").glob("*"))
+    run("sim2sim_table", tmp_path)
+    assert "Segmented | 3 | Gauss–Newton | 1 |" in (tmp_path / "reports" / "README.md").read_text()
