@@ -45,7 +45,7 @@ def test_an_interval_is_a_little_wider_than_two_standard_errors_of_least_squares
         least = 4 * error * (p.upper - p.lower)
         assert least < high - low < 2 * least  # robust weights trust no cast fully
     assert found.vague == ()
-    assert found.casts == 7 * CASTS
+    assert found.casts == 2 * 7 * CASTS
 
 
 def test_two_parameters_that_casts_tell_only_together_are_named() -> None:

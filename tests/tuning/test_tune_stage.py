@@ -1,5 +1,6 @@
 """The tune stage as users run it: killed at any moment, it ends where an unbroken run does."""
 
+import importlib.util
 import subprocess
 import sys
 import time
@@ -9,13 +10,19 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 CASTING = ROOT.parent / "shared" / "data" / "casting" / "a"
-SMALL = ("scale.tune.population=8", "optimizer.budget_casts=1440")
+SMALL = {
+    "de": ("scale.tune.population=8", "optimizer.budget_casts=1440"),
+    "gn": ("optimizer.search.looked_at=12", "optimizer.budget_casts=1500"),
+}
+if importlib.util.find_spec("botorch"):
+    SMALL["bo"] = ("optimizer.search.initial=8", "optimizer.budget_casts=600")
 
 
-def start_tuning(folder: Path) -> subprocess.Popen[bytes]:
+def start_tuning(folder: Path, optimizer: str) -> subprocess.Popen[bytes]:
     command = [sys.executable, "stages/tune.py", f"paths.measurements={CASTING}"]
+    command += [f"optimizer={optimizer}", *SMALL[optimizer]]
     paths = [f"paths.tuned={folder / 'tuned'}", f"paths.unfinished={folder / 'unfinished'}"]
-    return subprocess.Popen([*command, *paths, *SMALL], cwd=ROOT, stderr=subprocess.DEVNULL)
+    return subprocess.Popen([*command, *paths], cwd=ROOT, stderr=subprocess.DEVNULL)
 
 
 def journal_lines(folder: Path) -> int:
@@ -26,19 +33,20 @@ def journal_lines(folder: Path) -> int:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not CASTING.exists(), reason="needs ../shared/data/casting")
+@pytest.mark.parametrize("optimizer", SMALL)
 def test_a_tuning_killed_three_times_gives_the_bytes_of_an_unbroken_one(
-    tmp_path: Path,
+    tmp_path: Path, optimizer: str
 ) -> None:
     unbroken, killed = tmp_path / "unbroken", tmp_path / "killed"
-    assert start_tuning(unbroken).wait() == 0
+    assert start_tuning(unbroken, optimizer).wait() == 0
     for batches in (1, 3, 6):
-        process = start_tuning(killed)
+        process = start_tuning(killed, optimizer)
         while process.poll() is None and journal_lines(killed) <= batches:
             time.sleep(0.01)
         assert process.poll() is None, "the tuning ended before it could be killed"
         process.kill()
         process.wait()
-    assert start_tuning(killed).wait() == 0
+    assert start_tuning(killed, optimizer).wait() == 0
     names = ("tuned.yaml", "trace.csv", "predictions.parquet", "revision.json")
     for name in (*(f"tuned/{name}" for name in names), "revisions.jsonl", "revisions.html"):
         assert (killed / name).read_bytes() == (unbroken / name).read_bytes(), name

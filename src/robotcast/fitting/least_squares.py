@@ -146,13 +146,14 @@ def _differentiated(
 ) -> Fit:
     """Return a fit with a fresh Jacobian, at the best of the points that it took."""
     vector = start if last is None else last.vector
-    axes = np.diag(steps)[free] if last is None else _axes(last, free)
+    axes = np.diag(steps)[free] if last is None else noise_axes(last, free)
     rows = np.clip(np.vstack([vector, vector + axes, vector - axes]), 0.0, 1.0)
     values = residuals(rows, trials)
     losses = _whole_loss(values, rows, prior, _scale(values[0]))
     chosen = int(np.argmin(losses))
     loss = float(trial_losses(values[chosen]).mean())
-    return Fit(rows[chosen], loss, values[chosen], slopes(rows, values))
+    found = slopes(rows, values) * steadiness(values)[:, None, None]
+    return Fit(rows[chosen], loss, values[chosen], found)
 
 
 def slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -166,11 +167,10 @@ def slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
     apart = vectors[1:] - vectors[0]
     moved = (values[1:] - values[0]).reshape(len(apart), -1)
     found = np.linalg.lstsq(apart, moved, rcond=None)[0].T
-    found = found.reshape(*values[0].shape, vectors.shape[1])
-    return found * _steadiness(values)[:, None, None]
+    return found.reshape(*values[0].shape, vectors.shape[1])
 
 
-def _steadiness(values: np.ndarray) -> np.ndarray:
+def steadiness(values: np.ndarray) -> np.ndarray:
     """Return by how much to trust the slopes of each trial, (n_trials,), at most 1.
 
     A trial that tips over or diverges at one of the points (n_points, n_trials, D) has no slope
@@ -180,7 +180,7 @@ def _steadiness(values: np.ndarray) -> np.ndarray:
     return np.minimum(np.sqrt((1 + mean_square[0]) / (1 + mean_square.mean(axis=0))), 1.0)
 
 
-def _axes(fit: Fit, free: np.ndarray) -> np.ndarray:
+def noise_axes(fit: Fit, free: np.ndarray) -> np.ndarray:
     """Return the curvature's axes (n_free, n), each moving the residuals by about the noise."""
     weights = fit.weights
     curvature = _curvature(fit, weights)[np.ix_(free, free)]

@@ -5,7 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.fitting.least_squares import Fit, difference_steps, slopes, trial_losses
+from robotcast.fitting.least_squares import (
+    Fit,
+    difference_steps,
+    noise_axes,
+    slopes,
+    steadiness,
+    trial_losses,
+)
 from robotcast.fitting.uncertainty import bread, curvature, sandwich
 from robotcast.tuning.asking import Evaluate, Problem, Question
 
@@ -40,7 +47,11 @@ class Certainty:
 def certainty(
     evaluate: Evaluate, problem: Problem, vector: np.ndarray, groups: np.ndarray
 ) -> Certainty:
-    """Differentiate every waypoint at a unit vector (n_free,), in one question.
+    """Differentiate every waypoint at a unit vector (n_free,), in two questions.
+
+    The first takes a step in each parameter; the second one along each axis of the curvature that
+    the first showed, as long as moves the casts by about the noise: where they are stiff a step of
+    one size for all would leave what is linear.
 
     A standard error is the larger of two: the sandwich estimator with the repeats of an action as
     clusters, and the one that takes each cast for one measurement. The first sees what the model
@@ -50,13 +61,14 @@ def certainty(
     ----------
     groups : int ndarray of shape (n_casts,), the action of every cast, numbered from 0.
     """
-    question = Question(_about(problem, vector), with_misses=True)
-    misses = evaluate(question).misses
-    if misses is None:
-        raise ValueError("the certainty needs the miss of every waypoint")
-    residuals = misses / problem.noise_percent
+    coarse = _about(vector, np.diag(difference_steps(problem.parameters)))
+    residuals = _residuals(evaluate, problem, coarse)
     loss = float(trial_losses(residuals[0]).mean())
-    fit = Fit(vector, loss, residuals[0], slopes(question.vectors, residuals))
+    fit = Fit(vector, loss, residuals[0], slopes(coarse, residuals))
+    fine = _about(vector, noise_axes(fit, np.ones(len(vector), dtype=bool)))
+    residuals = _residuals(evaluate, problem, fine)
+    jacobian = slopes(fine, residuals) * steadiness(residuals)[:, None, None]
+    fit = Fit(vector, loss, residuals[0], jacobian)
     error = _standard_errors(fit, problem, groups)
     values, axes = np.linalg.eigh(curvature(fit))
     names = np.array([p.name for p in problem.parameters])
@@ -65,7 +77,7 @@ def certainty(
         vague=tuple(names[2 * STANDARD_ERRORS * error > VAGUE].tolist()),
         condition=_condition(values),
         least_known=tuple(names[axes[:, 0] ** 2 > TAKES_PART**2].tolist()),
-        casts=question.cost(problem.casts),
+        casts=(len(coarse) + len(fine)) * problem.casts,
     )
 
 
@@ -75,9 +87,16 @@ def _condition(curvatures: np.ndarray) -> float:
     return float(np.sqrt(most / least)) if least * MOST**2 > most else MOST
 
 
-def _about(problem: Problem, vector: np.ndarray) -> np.ndarray:
-    """Return the vector and those a step to either side of it, inside the bounds."""
-    steps = np.diag(difference_steps(problem.parameters))
+def _residuals(evaluate: Evaluate, problem: Problem, vectors: np.ndarray) -> np.ndarray:
+    """Return the misses (n_vectors, n_casts, D) in units of the noise."""
+    misses = evaluate(Question(vectors, with_misses=True)).misses
+    if misses is None:
+        raise ValueError("the certainty needs the miss of every waypoint")
+    return misses / problem.noise_percent
+
+
+def _about(vector: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Return the vector and those a step (n_steps, n) to either side of it, inside the bounds."""
     return np.clip(np.vstack([vector, vector + steps, vector - steps]), 0.0, 1.0)
 
 
