@@ -21,7 +21,7 @@ from robotcast.simulators.simulator import Simulator
 from robotcast.tuning.asking import Problem, Question
 from robotcast.tuning.certainty import certainty
 from robotcast.tuning.journal import Journal
-from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError, full_vectors
+from robotcast.tuning.objective import WaypointError, full_vectors
 from robotcast.tuning.search import Batch, Found, search
 
 
@@ -48,7 +48,7 @@ def sim2sim(config: DictConfig) -> None:
                 objective.free,
                 np.random.default_rng([settings.seed, number, start]).random(len(objective.free)),
                 len(model.tuning),
-                LEAST_NOISE_PERCENT,
+                settings.shown_percent,
             )
             found = _tuned(config, problem, journal, number, start)
             outcomes += _outcomes(config, cable, simulator, model, found, (number, start))

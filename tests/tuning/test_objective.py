@@ -7,6 +7,7 @@ from robotcast.casts.action import Action
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Trial
+from robotcast.progress import silent
 from robotcast.simulators.simulator import Prediction
 from robotcast.tuning.asking import Question
 from robotcast.tuning.objective import WaypointError, full_vectors
@@ -27,7 +28,7 @@ class Drift:
     def __init__(self, says: float = np.nan) -> None:
         self.says = says
 
-    def simulate(self, casts, vectors, *, progress=None) -> Prediction:
+    def simulate(self, casts, vectors, *, retry=True, progress=silent) -> Prediction:
         waypoints_m = np.full((len(vectors), len(casts), 10, 2), np.nan)
         for i, cast in enumerate(casts):
             k = len(cast.waypoints_s)

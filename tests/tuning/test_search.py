@@ -1,13 +1,14 @@
 """Every optimizer finds known parameters within one budget, and one that is killed resumes."""
 
-import importlib.util
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from robotcast.fitting.elimination import Rounds
 from robotcast.tuning.asking import Answer, Optimizer, Problem, Question
+from robotcast.tuning.bayesian_optimization import BayesianOptimization
 from robotcast.tuning.called import Called
 from robotcast.tuning.differential_evolution import DifferentialEvolution
 from robotcast.tuning.gauss_newton import GaussNewton
@@ -30,13 +31,12 @@ OPTIMIZERS: dict[str, tuple[Optimizer, int, float]] = {
         3000,
         1e-4,
     ),
+    "bo": (
+        BayesianOptimization(initial=8, batch=4, raw_samples=64, restarts=2, seed=4),
+        (8 + 9 * 4) * CASTS,
+        0.1,
+    ),
 }
-if importlib.util.find_spec("botorch"):
-    from robotcast.tuning.bayesian_optimization import BayesianOptimization
-
-    for kind in ("ei", "lcb", "mpi"):
-        optimizer = BayesianOptimization(initial=10, batch=3, acquisition=kind, seed=4)
-        OPTIMIZERS[f"bo-{kind}"] = (optimizer, (10 + 10 * 3) * CASTS, 0.05)
 NAMES = list(OPTIMIZERS)
 
 
@@ -155,3 +155,28 @@ def test_only_vectors_tried_on_all_casts_can_be_the_best() -> None:
 def test_an_answer_has_no_misses_unless_asked() -> None:
     answer: Answer = Bowl()(Question(TRUE[None]))
     assert answer.misses is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("acquisition", ["ei", "lcb", "mpi"])
+def test_every_acquisition_finds_a_known_minimum(acquisition: str) -> None:
+    optimizer = BayesianOptimization(initial=10, batch=3, acquisition=acquisition, seed=4)
+    found = search(optimizer, PROBLEM, Bowl(), 40 * CASTS)
+    np.testing.assert_allclose(found.vector, TRUE, atol=0.05)
+
+
+def test_bayesian_optimization_asks_the_same_whatever_the_threads() -> None:
+    before, asked = torch.get_num_threads(), []
+    for threads in (1, 2):
+        torch.set_num_threads(threads)
+        try:
+            asked.append(run("bo", Bowl(), 16 * CASTS).vector)
+            assert torch.get_num_threads() == threads
+        finally:
+            torch.set_num_threads(before)
+    np.testing.assert_array_equal(*asked)
+
+
+def test_an_unknown_acquisition_is_refused() -> None:
+    with pytest.raises(ValueError, match="expected ei, lcb, mpi"):
+        BayesianOptimization(initial=8, batch=2, acquisition="ucb")

@@ -1,6 +1,5 @@
 """The tune stage as users run it: killed at any moment, it ends where an unbroken run does."""
 
-import importlib.util
 import subprocess
 import sys
 import time
@@ -13,9 +12,8 @@ CASTING = ROOT.parent / "shared" / "data" / "casting" / "a"
 SMALL = {
     "de": ("scale.tune.population=8", "optimizer.budget_casts=1440"),
     "gn": ("optimizer.search.looked_at=12", "optimizer.budget_casts=1500"),
+    "bo": ("optimizer.search.initial=8", "optimizer.budget_casts=700"),
 }
-if importlib.util.find_spec("botorch"):
-    SMALL["bo"] = ("optimizer.search.initial=8", "optimizer.budget_casts=600")
 
 
 def start_tuning(folder: Path, optimizer: str) -> subprocess.Popen[bytes]:
