@@ -11,6 +11,8 @@ from robotcast.files import atomic_file
 from robotcast.fitting.parameter import Parameter
 from robotcast.tuning.certainty import Certainty
 
+TEXTS = ("simulator", "optimizer", "parameter", "unit")  # columns that are no numbers
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -72,6 +74,6 @@ def read_outcomes(folder: Path) -> list[Outcome]:
     paths = sorted(folder.glob("*.csv"))
     if not paths:
         raise FileNotFoundError(f"{folder} holds no outcomes: run stages/sim2sim.py first")
-    texts = dict.fromkeys(("simulator", "optimizer", "parameter", "unit"), pl.String)
+    texts: dict[str, type[pl.DataType]] = dict.fromkeys(TEXTS, pl.String)
     tables = [pl.read_csv(path, schema_overrides=texts) for path in paths]
     return [Outcome(**row) for table in tables for row in table.to_dicts()]
