@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 
 from robotcast.effects.effect import Effect
 from robotcast.simulators.segmented import PARAMETERS as OWN
-from robotcast.simulators.segmented import SegmentedSimulator
+from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast
 from tests.simulators.conftest import CABLE, PARAMETERS
 
@@ -25,7 +25,7 @@ def load(name: str) -> Effect:
 
 
 def simulator(*names: str) -> SegmentedSimulator:
-    return SegmentedSimulator(CABLE, PARAMETERS, effects=[load(name) for name in names])
+    return SegmentedSimulator(CABLE, PARAMETERS, SegmentedSettings(), [load(n) for n in names])
 
 
 def test_the_library_is_complete() -> None:
