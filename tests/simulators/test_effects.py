@@ -1,31 +1,21 @@
 """What every effect of conf/effect/ must do inside the segmented simulator."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from hydra.utils import instantiate
-from omegaconf import OmegaConf
 
-from robotcast.effects.effect import Effect
 from robotcast.simulators.segmented import PARAMETERS as OWN
 from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast
-from tests.simulators.conftest import CABLE, PARAMETERS
+from tests.simulators.conftest import CABLE, CONFIGURATION, PARAMETERS, load_effect
 
-CONFIGURATION = Path(__file__).resolve().parents[2] / "conf"
 NAMES = sorted(path.stem for path in (CONFIGURATION / "effect").glob("*.yaml"))
 TUNED = SegmentedSimulator.tunes
 
 
-def load(name: str) -> Effect:
-    return instantiate(
-        OmegaConf.load(CONFIGURATION / "effect" / f"{name}.yaml"), name=name, _convert_="all"
-    )
-
-
 def simulator(*names: str) -> SegmentedSimulator:
-    return SegmentedSimulator(CABLE, PARAMETERS, SegmentedSettings(), [load(n) for n in names])
+    return SegmentedSimulator(
+        CABLE, PARAMETERS, SegmentedSettings(), [load_effect(n) for n in names]
+    )
 
 
 def test_the_library_is_complete() -> None:
