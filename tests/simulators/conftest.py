@@ -75,3 +75,10 @@ def load_effect(name: str) -> Effect:
     """Return the effect that conf/effect/ names."""
     numbers = OmegaConf.load(CONFIGURATION / "effect" / f"{name}.yaml")
     return instantiate(numbers, name=name, _convert_="all")
+
+
+def configured(name: str, *effects: str, **settings: float) -> Simulator:
+    """Return the simulator that conf/simulator/ names, of `CABLE`, with some settings replaced."""
+    model = OmegaConf.load(CONFIGURATION / "simulator" / f"{name}.yaml").model
+    model = OmegaConf.merge(model, {"settings": settings})
+    return instantiate(model, cable=CABLE, effects=[load_effect(effect) for effect in effects])
