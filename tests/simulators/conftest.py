@@ -1,15 +1,20 @@
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from hydra.utils import instantiate
+from omegaconf import OmegaConf
 
 from robotcast.casts.plan import PlanLimits, plan_cast
+from robotcast.effects.effect import Effect
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
 from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
-from robotcast.simulators.simulator import SimulatedCast
+from robotcast.simulators.simulator import SimulatedCast, Simulator
 
+CONFIGURATION = Path(__file__).resolve().parents[2] / "conf"
 CABLE = Cable("cable", 0.63, 0.008, 0.0045, 0.02)
 PARAMETERS = (
     Parameter("friction", "1", 0.0, 1.0, 0.28),
@@ -66,11 +71,24 @@ def _made(n: int, *, slowest_m_s: float, fastest_m_s: float) -> list[SimulatedCa
     return made
 
 
-def nominal(simulator: SegmentedSimulator, **changed: float) -> np.ndarray:
-    """Return the simulator's nominal vector with some values changed, (1, 7)."""
+def nominal(simulator: Simulator, **changed: float) -> np.ndarray:
+    """Return the simulator's nominal vector with some values changed, (1, n)."""
     values = {p.name: p.nominal for p in simulator.parameters} | changed
     return np.array([list(values.values())])
 
 
 def mirrored(cast: SimulatedCast) -> SimulatedCast:
     return replace(cast, tool=cast.tool.mirrored())
+
+
+def load_effect(name: str) -> Effect:
+    """Return the effect that conf/effect/ names."""
+    numbers = OmegaConf.load(CONFIGURATION / "effect" / f"{name}.yaml")
+    return instantiate(numbers, name=name, _convert_="all")
+
+
+def configured(name: str, *effects: str, **settings: float) -> Simulator:
+    """Return the simulator that conf/simulator/ names, of `CABLE`, with some settings replaced."""
+    model = OmegaConf.load(CONFIGURATION / "simulator" / f"{name}.yaml").model
+    model = OmegaConf.merge(model, {"settings": settings})
+    return instantiate(model, cable=CABLE, effects=[load_effect(effect) for effect in effects])

@@ -1,64 +1,49 @@
-"""What every effect of conf/effect/ must do inside the segmented simulator."""
-
-from pathlib import Path
+"""What every effect of conf/effect/ must do inside every simulator."""
 
 import numpy as np
 import pytest
-from hydra.utils import instantiate
-from omegaconf import OmegaConf
+from hydra.errors import InstantiationException
 
-from robotcast.effects.effect import Effect
-from robotcast.simulators.segmented import PARAMETERS as OWN
+from robotcast.simulators.hybrid import HybridSimulator
 from robotcast.simulators.segmented import SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast
-from tests.simulators.conftest import CABLE, PARAMETERS
+from tests.simulators.conftest import CONFIGURATION, configured, nominal
 
-CONFIGURATION = Path(__file__).resolve().parents[2] / "conf"
 NAMES = sorted(path.stem for path in (CONFIGURATION / "effect").glob("*.yaml"))
-TUNED = SegmentedSimulator.tunes
-
-
-def load(name: str) -> Effect:
-    return instantiate(
-        OmegaConf.load(CONFIGURATION / "effect" / f"{name}.yaml"), name=name, _convert_="all"
-    )
-
-
-def simulator(*names: str) -> SegmentedSimulator:
-    return SegmentedSimulator(CABLE, PARAMETERS, effects=[load(name) for name in names])
+TUNED = {kind.name: kind.tunes for kind in (SegmentedSimulator, HybridSimulator)}
+OFFERED = [(kind, name) for kind in TUNED for name in NAMES if name not in TUNED[kind]]
 
 
 def test_the_library_is_complete() -> None:
     assert len(NAMES) >= 17
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if n not in TUNED])
+@pytest.mark.parametrize(("kind", "name"), OFFERED)
 def test_null_changes_no_bit_and_a_probe_moves_the_end(
-    name: str, casts: list[SimulatedCast]
+    kind: str, name: str, casts: list[SimulatedCast]
 ) -> None:
     """Also beside other values in one batch: the first vector is null, the second is not."""
-    bare, with_effect = simulator(), simulator(name)
-    nominal = np.array([[p.nominal for p in bare.parameters]])
-    own = with_effect.parameters[len(OWN) :]
-    null = [p.nominal for p in own]
-    probe = [p.probes[-1] if p.null is not None else p.nominal for p in own]
-    vectors = np.array([[*nominal[0], *null], [*nominal[0], *probe]])
-    expected = bare.simulate(casts, nominal).waypoints_m[0]
-    got = with_effect.simulate(casts, vectors).waypoints_m
+    bare, with_effect = configured(kind), configured(kind, name)
+    own = with_effect.parameters[len(bare.parameters) :]
+    null = nominal(with_effect)
+    probe = nominal(with_effect, **{p.name: p.probes[-1] for p in own if p.null is not None})
+    expected = bare.simulate(casts[:2], nominal(bare)).waypoints_m[0]
+    got = with_effect.simulate(casts[:2], np.vstack([null, probe])).waypoints_m
     np.testing.assert_array_equal(got[0], expected)
     assert np.nanmax(np.abs(got[1] - expected)) > 1e-4
 
 
-def test_all_effects_at_null_change_no_bit(casts: list[SimulatedCast]) -> None:
-    bare, loaded = simulator(), simulator(*[n for n in NAMES if n not in TUNED])
-    vectors = [np.array([[p.nominal for p in s.parameters]]) for s in (bare, loaded)]
+@pytest.mark.parametrize("kind", TUNED)
+def test_all_effects_at_null_change_no_bit(kind: str, casts: list[SimulatedCast]) -> None:
+    bare = configured(kind)
+    loaded = configured(kind, *[name for name in NAMES if name not in TUNED[kind]])
     np.testing.assert_array_equal(
-        loaded.simulate(casts, vectors[1]).waypoints_m,
-        bare.simulate(casts, vectors[0]).waypoints_m,
+        loaded.simulate(casts[:2], nominal(loaded)).waypoints_m,
+        bare.simulate(casts[:2], nominal(bare)).waypoints_m,
     )
 
 
-@pytest.mark.parametrize("name", TUNED)
-def test_an_effect_that_the_simulator_tunes_is_not_offered(name: str) -> None:
-    with pytest.raises(ValueError, match="parameter of its own"):
-        simulator(name)
+@pytest.mark.parametrize(("kind", "name"), [(k, n) for k, names in TUNED.items() for n in names])
+def test_an_effect_that_the_simulator_tunes_is_not_offered(kind: str, name: str) -> None:
+    with pytest.raises(InstantiationException, match="parameter of its own"):
+        configured(kind, name)

@@ -1,7 +1,8 @@
 """A planar chain of rigid segments: its geometry, and its MuJoCo model.
 
 The chain lies in the board's plane. Its generalised coordinates are the held end's x, y and
-yaw, then one hinge angle per segment.
+yaw, then one hinge angle per segment, each with the segment's stretch behind it where the chain
+stretches.
 """
 
 from dataclasses import dataclass
@@ -43,6 +44,18 @@ class ChainGeometry:
         return cls(0.25 * full, lengths, bends)
 
     @cached_property
+    def stretches_m(self) -> np.ndarray:
+        """The length of cable whose stretching each slide carries, (n,).
+
+        That is from the centre of the segment before, or the held end, to the centre of its
+        own; the last carries what lies beyond its centre too. They add up to the cable.
+        """
+        half = 0.5 * self.lengths_m
+        reach = half + np.concatenate([[self.stub_m], half[:-1]])
+        reach[-1] += half[-1]
+        return reach
+
+    @cached_property
     def half_m(self) -> np.ndarray:
         """Half the segments' lengths, float32 (n,)."""
         return (0.5 * self.lengths_m).astype(np.float32)
@@ -53,8 +66,10 @@ def capsule_inertia(mass_kg: np.ndarray, length_m: np.ndarray, radius_m: float) 
     return mass_kg * (length_m**2 / 12 + radius_m**2 / 4)
 
 
-def chain_model(geometry: ChainGeometry, step_s: float) -> mujoco.MjModel:
+def chain_model(geometry: ChainGeometry, step_s: float, stretches: bool = False) -> mujoco.MjModel:
     """Compile the chain: slides x and y and a hinge for the tool, then one hinge a segment.
+
+    Where the chain `stretches`, a slide along the segment follows every hinge.
 
     No contacts, gravity or constraints: friction and every effect enter as applied forces,
     masses and joint properties are written per simulation.
@@ -82,4 +97,6 @@ def chain_model(geometry: ChainGeometry, step_s: float) -> mujoco.MjModel:
         )
         body.explicitinertial = True
         body.add_joint(name=f"hinge{k}", type=hinge, axis=[0, 0, 1])
+        if stretches:
+            body.add_joint(name=f"slide{k}", type=slide, axis=[1, 0, 0])
     return spec.compile()

@@ -86,7 +86,7 @@ def chain_state(
         lag,
     )
     slip, force = np.empty_like(lag), np.empty_like(lag)
-    _rub(points, lag, points_kg, friction_n, np.float32(sliding_speed_m_s**2), slip, force)
+    rub(points, lag, points_kg, friction_n, np.float32(sliding_speed_m_s**2), slip, force)
     return ChainState(axes[:, :, 1:], points[:2], points[2:], slip, force, stepped)
 
 
@@ -142,7 +142,7 @@ def _place(qpos, qvel, earlier, first, cosine, sine, stub, half, stepped, points
 
 
 @njit(nogil=True, cache=True)
-def _rub(points, lag, mass, friction, square_speed, slip, force):
+def rub(points, lag, mass, friction, square_speed, slip, force):
     """Fill `slip` and `force` = −μ m g · slip − m · lag."""
     for i in range(mass.shape[0]):
         for k in range(mass.shape[1]):

@@ -6,6 +6,7 @@ from typing import Any
 from robotcast.effects.effect import Effect
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
+from robotcast.simulators.hybrid import HybridSettings, HybridSimulator
 from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import Simulator
 
@@ -34,3 +35,14 @@ def segmented_simulator(
     """Make the segmented simulator of `cable`, with these effects, from config numbers."""
     made = [make_parameter(name, numbers, cable) for name, numbers in parameters.items()]
     return SegmentedSimulator(cable, made, SegmentedSettings(**settings), effects)
+
+
+def hybrid_simulator(
+    cable: Cable,
+    parameters: Mapping[str, Mapping[str, Any]],
+    settings: Mapping[str, Any],
+    effects: Sequence[Effect] = (),
+) -> Simulator:
+    """Make the hybrid simulator of `cable`, with these effects, from config numbers."""
+    made = [make_parameter(name, numbers, cable) for name, numbers in parameters.items()]
+    return HybridSimulator(cable, made, HybridSettings(**settings), effects)

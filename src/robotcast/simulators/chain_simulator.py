@@ -1,0 +1,80 @@
+"""A simulator whose cable is a planar chain, whatever its joints."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import ClassVar
+
+import mujoco
+import numpy as np
+
+from robotcast.effects.effect import Effect
+from robotcast.fitting.parameter import Parameter
+from robotcast.measurements.measurement_set import Cable
+from robotcast.progress import Progress, silent
+from robotcast.simulators.chain import ChainGeometry, chain_model
+from robotcast.simulators.chain_run import ChainRun, ChainSettings
+from robotcast.simulators.checks import all_parameters
+from robotcast.simulators.planar_batch import simulate_planar
+from robotcast.simulators.simulator import Cast, Prediction
+
+FINER = 2  # by how much the step of a run that diverged is cut
+
+
+class ChainSimulator:
+    """Simulates casts in batches of chains; a model names its parameters and its kind of run.
+
+    Attributes
+    ----------
+    name : of the simulator.
+    own : the names of its own parameters, in order.
+    tunes : effects that are parameters here.
+    stretches : whether the segments stretch.
+    run : what steps a batch.
+    """
+
+    name: str
+    own: ClassVar[tuple[str, ...]]
+    tunes: ClassVar[tuple[str, ...]] = ()
+    stretches: ClassVar[bool] = False
+    run: ClassVar[type[ChainRun]]
+
+    def __init__(
+        self,
+        cable: Cable,
+        parameters: Sequence[Parameter],
+        settings: ChainSettings,
+        effects: Sequence[Effect] = (),
+    ) -> None:
+        self.parameters = all_parameters(self.name, self.own, parameters, effects, self.tunes)
+        self.cable = cable
+        self.effects = tuple(effects)
+        self.settings = settings
+        self._geometry = ChainGeometry.of_cable(cable.length_m, settings.segments)
+        steps = (settings.step_s, settings.step_s / FINER)
+        self._models = {s: chain_model(self._geometry, s, self.stretches) for s in steps}
+
+    def simulate(
+        self,
+        casts: Sequence[Cast],
+        vectors: np.ndarray,
+        *,
+        retry: bool = True,
+        progress: Progress = silent,
+    ) -> Prediction:
+        """Simulate every cast under every parameter vector (see `Simulator`)."""
+        # diverged runs are marked in the prediction; MuJoCo's lines would only bury the bar
+        mujoco.set_mju_user_warning(lambda _: None)
+        starts = [
+            (step_s, partial(self.run, self.cable, self._geometry, model, self.settings))
+            for step_s, model in self._models.items()
+        ]
+        return simulate_planar(
+            starts if retry else starts[:1],
+            casts,
+            vectors,
+            n_parameters=len(self.own),
+            effects=self.effects,
+            batch_size=self.settings.batch_size,
+            threads=self.settings.threads,
+            progress=progress,
+        )

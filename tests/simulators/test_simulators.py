@@ -1,0 +1,84 @@
+"""What every simulator must do, whatever its model of the cable."""
+
+import numpy as np
+import pytest
+
+from robotcast.simulators.simulator import SimulatedCast
+from tests.simulators.conftest import CABLE, CONFIGURATION, configured, mirrored, nominal
+
+KINDS = sorted(path.stem for path in (CONFIGURATION / "simulator").glob("*.yaml"))
+MODULUS_PA = 1e6  # of a rod of `CABLE`'s radius that bends like a cord and hardly stretches
+SAME_CABLE = {
+    "segmented": {
+        "bending_stiffness_n_m2": MODULUS_PA * 0.25 * np.pi * CABLE.radius_m**4,
+        "bending_damping_s": 0.02,
+        "joint_friction_n_m": 1e-7,
+    },
+    "hybrid": {"youngs_modulus_pa": MODULUS_PA},
+}
+
+
+def displacement(kind: str, casts: list[SimulatedCast], sx: float, sy: float) -> np.ndarray:
+    """Return how far a tilted board moves the waypoints of one and the same cable."""
+    simulator = configured(kind, "board_tilt")
+    vectors = [
+        nominal(simulator, **SAME_CABLE[kind], **{"board_tilt.sx": x, "board_tilt.sy": y})
+        for x, y in ((0.0, 0.0), (sx, sy))
+    ]
+    level, tilted = simulator.simulate(casts, np.vstack(vectors)).waypoints_m
+    return tilted - level
+
+
+@pytest.mark.parametrize("kind", [kind for kind in SAME_CABLE if kind != "segmented"])
+@pytest.mark.parametrize(("sx", "sy"), [(0.03, 0.0), (0.0, 0.03), (-0.03, 0.0), (0.0, -0.03)])
+def test_a_tilt_moves_the_same_cable_as_it_does_in_the_segmented_simulator(
+    kind: str, sx: float, sy: float, casts: list[SimulatedCast]
+) -> None:
+    expected = displacement("segmented", casts, sx, sy)
+    miss = displacement(kind, casts, sx, sy) - expected
+    assert np.sqrt(np.nansum(miss**2) / np.nansum(expected**2)) < 0.1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_parameter_moves_the_end(kind: str, casts: list[SimulatedCast]) -> None:
+    simulator = configured(kind)
+    middle = [p.from_unit(np.asarray(0.5)) for p in simulator.parameters]
+    vectors = np.tile(middle, (len(middle) + 1, 1))
+    for row, p in enumerate(simulator.parameters, start=1):
+        vectors[row, row - 1] = p.from_unit(np.asarray(0.7))
+    waypoints = simulator.simulate(casts, vectors).waypoints_m
+    moved = np.nanmax(np.abs(waypoints[1:] - waypoints[0]), axis=(1, 2, 3))
+    assert (moved > 1e-4).all(), moved
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_mirrored_cast_mirrors(kind: str, casts: list[SimulatedCast]) -> None:
+    simulator = configured(kind)
+    here = simulator.simulate(casts, nominal(simulator)).waypoints_m
+    there = simulator.simulate([mirrored(c) for c in casts], nominal(simulator)).waypoints_m
+    np.testing.assert_allclose(there, here * [1.0, -1.0], atol=1e-4)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_threads_and_batches_change_no_bit(kind: str, casts: list[SimulatedCast]) -> None:
+    one = configured(kind, threads=1)
+    vectors = np.repeat(nominal(one), 3, axis=0) * np.array([[0.9], [1.0], [1.1]])
+    expected = one.simulate(casts, vectors).waypoints_m
+    for settings in ({"threads": 2}, {"threads": 1, "batch_size": 5}):
+        got = configured(kind, **settings).simulate(casts, vectors).waypoints_m
+        np.testing.assert_array_equal(got, expected)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_hundred_vectors_within_the_bounds_all_end(kind: str, casts: list[SimulatedCast]) -> None:
+    """None hangs or crashes; a cast that diverges is marked, and no other is NaN."""
+    simulator = configured(kind)
+    unit = np.random.default_rng(0).uniform(size=(100, len(simulator.parameters)))
+    vectors = np.column_stack(
+        [p.from_unit(u) for p, u in zip(simulator.parameters, unit.T, strict=True)]
+    )
+    prediction = simulator.simulate(casts[:3], vectors)
+    np.testing.assert_array_equal(
+        np.isnan(prediction.waypoints_m[:, :, 0]).all(axis=-1), prediction.diverged
+    )
