@@ -15,7 +15,7 @@ import numpy as np
 
 from robotcast.fitting.parameter import Parameter
 
-DAMPINGS = (1e-3, 3e-2, 0.5, 8.0)  # tried side by side, in units of the curvature
+DAMPINGS = (1e-5, 1e-2, 0.3, 8.0)  # tried side by side, in units of the curvature
 DIFFERENCE = 0.02  # of a parameter's range; of an effect's strength, from its probes
 REACH = 0.15  # of a parameter's range: no difference is taken over more
 ENOUGH = 1e-3  # two steps that lower the loss by less than this share end the fit
