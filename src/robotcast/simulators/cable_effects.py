@@ -5,8 +5,8 @@ import numpy as np
 from robotcast.effects.active import ActiveEffects
 from robotcast.effects.motion import CableMotion
 from robotcast.measurements.measurement_set import Cable
+from robotcast.simulators.cable_state import CableState
 from robotcast.simulators.chain import ChainGeometry
-from robotcast.simulators.chain_state import ChainState
 
 _HOOKS = ("force", "rest_curvature", "bending_moment")
 
@@ -31,7 +31,7 @@ class CableEffects:
 
     def act(
         self,
-        state: ChainState,
+        state: CableState,
         *,
         mass_kg: np.ndarray,
         friction_n: np.ndarray,

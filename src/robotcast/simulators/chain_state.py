@@ -10,39 +10,24 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from robotcast.simulators.cable_state import CableState
 from robotcast.simulators.chain import TOOL_DOFS, ChainGeometry
 
 
 @dataclass(frozen=True)
-class ChainState:
-    """Where the chains' mass points are and how they move, for a batch of simulations.
+class ChainState(CableState):
+    """The mass points of a batch of chains; their forces start as what the board does to them.
 
-    The n + 1 points are the segments' centres from hand to end, then the endpoint. Arrays are
-    float32, their first axis x and y.
+    Those are its friction and the correction of MuJoCo's centripetal force to the rates of
+    `velocity_m_s`.
 
     Attributes
     ----------
-    heading : ndarray of shape (2, n_sim, n), unit vector along each segment.
-    position_m : ndarray of shape (2, n_sim, n + 1).
-    velocity_m_s : ndarray of shape (2, n_sim, n + 1).
-    slip : ndarray of shape (2, n_sim, n + 1), v / √(v² + ε²): the way each point slides.
-    force_n : ndarray of shape (2, n_sim, n + 1), the board's friction and the correction of
-        MuJoCo's centripetal force to the rates of `velocity_m_s`.
     stepped : ndarray of shape (n_sim, n + 3), the velocities that MuJoCo steps from: the tool's
         two, then how fast it and every segment turn.
     """
 
-    heading: np.ndarray
-    position_m: np.ndarray
-    velocity_m_s: np.ndarray
-    slip: np.ndarray
-    force_n: np.ndarray
     stepped: np.ndarray
-
-    @property
-    def end_m(self) -> np.ndarray:
-        """Position of the free end, (2, n_sim)."""
-        return self.position_m[:, :, -1]
 
 
 def chain_state(

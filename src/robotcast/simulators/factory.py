@@ -6,6 +6,8 @@ from typing import Any
 from robotcast.effects.effect import Effect
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
+from robotcast.simulators.bullet import BulletSimulator
+from robotcast.simulators.bullet_settings import BulletSettings
 from robotcast.simulators.hybrid import HybridSettings, HybridSimulator
 from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import Simulator
@@ -46,3 +48,14 @@ def hybrid_simulator(
     """Make the hybrid simulator of `cable`, with these effects, from config numbers."""
     made = [make_parameter(name, numbers, cable) for name, numbers in parameters.items()]
     return HybridSimulator(cable, made, HybridSettings(**settings), effects)
+
+
+def bullet_simulator(
+    cable: Cable,
+    parameters: Mapping[str, Mapping[str, Any]],
+    settings: Mapping[str, Any],
+    effects: Sequence[Effect] = (),
+) -> Simulator:
+    """Make the PyBullet simulator of `cable`, with these effects, from config numbers."""
+    made = [make_parameter(name, numbers, cable) for name, numbers in parameters.items()]
+    return BulletSimulator(cable, made, BulletSettings(**settings), effects)

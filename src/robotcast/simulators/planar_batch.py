@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from robotcast.effects.active import ActiveEffects
 from robotcast.effects.effect import Effect
 from robotcast.progress import Progress, silent
-from robotcast.simulators.chain_state import ChainState
+from robotcast.simulators.cable_state import CableState
 from robotcast.simulators.simulator import Cast, Prediction
 from robotcast.simulators.tool_path import ToolPaths
 
@@ -23,10 +23,13 @@ REST_SPEED_M_S = 0.01  # slower than this everywhere, once the tool has stopped,
 DIVERGED_RATE = 1e4  # rad/s or m/s: no cable moves like that
 
 
-class PlanarRun(Protocol):
+StateT = TypeVar("StateT", bound=CableState)
+
+
+class PlanarRun(Protocol[StateT]):
     """One batch of simulations under way."""
 
-    def state(self) -> ChainState:
+    def state(self) -> StateT:
         """Return the mass points of the simulations."""
         ...
 
@@ -34,7 +37,7 @@ class PlanarRun(Protocol):
         """Return the largest generalised speed of each simulation, (n_sim,)."""
         ...
 
-    def step(self, state: ChainState, next_pose: np.ndarray) -> None:
+    def step(self, state: StateT, next_pose: np.ndarray) -> None:
         """Advance one step; the tool reaches `next_pose` (n_sim, 3) at its end."""
         ...
 
@@ -48,7 +51,7 @@ class Start(Protocol):
 
     def __call__(
         self, pose: np.ndarray, lean_rad: np.ndarray, vectors: np.ndarray, active: ActiveEffects
-    ) -> PlanarRun:
+    ) -> PlanarRun[Any]:
         """Start from the tool's poses (n_sim, 3), with parameters (n_sim, n_parameters).
 
         `lean_rad` (n_sim,) is the angle from the tool's yaw to the cable. The run applies what

@@ -1,0 +1,73 @@
+"""PyBullet's cable: capsules joined by 6-degree-of-freedom springs on a plane.
+
+Paper, "Three Simulation Models": PyBullet, with its ten tuned parameters. Contacts, friction,
+damping and the joints are Bullet's own, in three dimensions.
+
+TODO
+"""
+
+import os
+from collections.abc import Sequence
+
+import numpy as np
+
+from robotcast.effects.effect import Effect
+from robotcast.fitting.parameter import Parameter
+from robotcast.measurements.measurement_set import Cable
+from robotcast.progress import Progress, silent
+from robotcast.simulators.bullet_settings import PARAMETERS, BulletSettings
+from robotcast.simulators.bullet_tasks import Setup, Task
+from robotcast.simulators.checks import all_parameters
+from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast
+from robotcast.simulators.workers import Workers
+
+
+class BulletSimulator:
+    """Capsules on a plane in PyBullet, in worker processes with a physics client each."""
+
+    name = "bullet"
+    tunes = ()  # effects that are parameters here
+
+    def __init__(
+        self,
+        cable: Cable,
+        parameters: Sequence[Parameter],
+        settings: BulletSettings,
+        effects: Sequence[Effect] = (),
+    ) -> None:
+        self.parameters = all_parameters(self.name, PARAMETERS, parameters, effects, self.tunes)
+        self.cable = cable
+        self.effects = tuple(effects)
+        self.settings = settings
+        self._workers = Workers(
+            "robotcast.simulators.bullet_worker:prepare",
+            Setup(cable, settings, self.effects),
+            settings.processes or len(os.sched_getaffinity(0)),
+            settings.patience_s,
+        )
+
+    def simulate(
+        self,
+        casts: Sequence[Cast],
+        vectors: np.ndarray,
+        *,
+        retry: bool = True,
+        progress: Progress = silent,
+    ) -> Prediction:
+        """Simulate every cast under every parameter vector (see `Simulator`)."""
+        vectors = np.atleast_2d(np.asarray(vectors, dtype=float))
+        if vectors.shape[1] != len(self.parameters):
+            raise ValueError(
+                f"expected {len(self.parameters)} parameters a vector, got {vectors.shape[1]}"
+            )
+        sent = [SimulatedCast(c.tool, c.waypoints_s, c.start_m) for c in casts]
+        tasks = [Task(cast, vector, retry) for vector in vectors for cast in sent]
+        answers = self._workers.answer(tasks, progress)
+        k_max = max((len(c.waypoints_s) for c in casts), default=0)
+        waypoints_m = np.full((len(vectors) * len(casts), k_max, 2), np.nan)
+        for row, answer in zip(waypoints_m, answers, strict=True):
+            seen_m = answer.waypoints_m[0, 0]
+            row[: len(seen_m)] = seen_m
+        diverged = np.array([answer.diverged[0, 0] for answer in answers], dtype=bool)
+        shape = (len(vectors), len(casts))
+        return Prediction(waypoints_m.reshape(*shape, k_max, 2), diverged.reshape(shape))
