@@ -11,7 +11,6 @@ from robotcast.simulators.chain_run import GRAVITY_M_S2
 HELD_KG = 1e4  # and kg m²: so heavy that the cable cannot move the held end
 _PLANE, _CABLE = 1, 2  # collision groups: the cable touches the plane alone
 _ALONG_X = (0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5))  # turns a capsule's axis from z to x
-_UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -129,7 +128,7 @@ class BulletChain:
         shape = pybullet.createCollisionShape(
             pybullet.GEOM_PLANE, physicsClientId=self._client
         )
-        plane = self._add(0.0, shape, (0.0, 0.0, 0.0), _UPRIGHT)
+        plane = pybullet.createMultiBody(0.0, shape, physicsClientId=self._client)
         pybullet.changeDynamics(
             plane, -1, lateralFriction=self._surfaces.plane, physicsClientId=self._client
         )
