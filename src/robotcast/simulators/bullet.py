@@ -1,9 +1,29 @@
 """PyBullet's cable: capsules joined by 6-degree-of-freedom springs on a plane.
 
-Paper, "Three Simulation Models": PyBullet, with its ten tuned parameters. Contacts, friction,
-damping and the joints are Bullet's own, in three dimensions.
+Paper, "Three Simulation Models": PyBullet, with its ten tuned parameters. Bodies, contacts,
+friction, damping and joints are Bullet's own, in three dimensions. How the cable is made of
+them follows from how PyBullet 3.2.7 works (its C++ sources, and runs beside the segmented
+simulator):
 
-TODO
+- Its springs with six degrees of freedom exist for rigid bodies only, no call sets their
+  stiffness, they push explicitly, and they soften in silence what is too stiff for the step
+  (btGeneric6DofSpring2Constraint). Motors do not stand in: their gains scale with the mass that
+  they move. So a point-to-point constraint holds the three displacements, and bending and
+  twisting springs push as torques, computed before every step. They are explicit too, and their
+  stiffness is what its name says: the step is cut until the fastest mode of the springs is well
+  sampled. An implicit torque would let a bent cable that friction holds go slack, because
+  friction is not known before the step.
+- The capsules are separate bodies, not the links of one: with 18 spherical joints such a step took
+  ten times as long and more.
+- Friction between two rigid bodies is limited apart along and across their motion, so that what
+  slides one way can hardly be pushed aside. Against a plane that is a multi-body Bullet limits
+  the two together, as Coulomb's law has it, and the cable moves as the segmented one does.
+- Bullet multiplies the lateral frictions of two bodies. The plane's is `dynamic_friction`, the
+  endpoint's 1, the capsules' `lateral_friction`: the first scales all friction, the second that
+  of the cable beside the endpoint's. Spinning friction acts only where there is rolling
+  friction, whose bounds therefore exclude 0.
+- The springs have no damping of their own: what stills the cable's fast flutter is the angular
+  damping of the capsules.
 """
 
 import os

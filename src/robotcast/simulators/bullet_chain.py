@@ -99,7 +99,7 @@ class BulletChain:
 
     def drive(self, velocity: np.ndarray, turning: np.ndarray) -> None:
         """Set how fast the held end moves (3,) and turns (3,) in the next step."""
-        held_up = velocity + [0.0, 0.0, GRAVITY_M_S2 * self._step_s]
+        held_up = velocity + np.array([0.0, 0.0, GRAVITY_M_S2 * self._step_s])
         pybullet.resetBaseVelocity(
             self._held, held_up.tolist(), turning.tolist(), physicsClientId=self._client
         )
@@ -125,9 +125,7 @@ class BulletChain:
         pybullet.stepSimulation(physicsClientId=self._client)
 
     def _add_plane(self) -> None:
-        shape = pybullet.createCollisionShape(
-            pybullet.GEOM_PLANE, physicsClientId=self._client
-        )
+        shape = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=self._client)
         plane = pybullet.createMultiBody(0.0, shape, physicsClientId=self._client)
         pybullet.changeDynamics(
             plane, -1, lateralFriction=self._surfaces.plane, physicsClientId=self._client
@@ -158,7 +156,7 @@ class BulletChain:
             collisionFrameOrientation=_ALONG_X,
             physicsClientId=self._client,
         )
-        across = float(capsule_inertia(np.array(mass_kg), length_m, self._radius_m))
+        across = float(capsule_inertia(np.array(mass_kg), np.array(length_m), self._radius_m))
         along = 0.5 * mass_kg * self._radius_m**2
         return self._add_touching(
             mass_kg, shape, centre, turned, (along, across, across), self._surfaces.lateral
@@ -211,9 +209,7 @@ class BulletChain:
         )
 
     def _touch(self, body: int, group: int, others: int) -> None:
-        pybullet.setCollisionFilterGroupMask(
-            body, -1, group, others, physicsClientId=self._client
-        )
+        pybullet.setCollisionFilterGroupMask(body, -1, group, others, physicsClientId=self._client)
 
     def _join(self, body: int, kind: int, before_m: float, own_m: float) -> None:
         """Join a body to the last, at these places along their axes."""

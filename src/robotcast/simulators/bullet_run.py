@@ -75,7 +75,9 @@ class BulletRun:
             iterations=settings.iterations,
         )
         n = settings.segments
-        self._points_kg = np.append(capsules_kg, values["endpoint_mass_kg"]).astype(np.float32)[None]
+        self._points_kg = np.append(capsules_kg, values["endpoint_mass_kg"]).astype(np.float32)[
+            None
+        ]
         friction = values["dynamic_friction"] * np.append(
             np.full(n, values["lateral_friction"]), 1.0
         )

@@ -1,0 +1,159 @@
+"""What PyBullet's cable must do beside what every simulator must."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pybullet
+import pytest
+
+from robotcast.casts.tool_motion import ToolMotion
+from robotcast.effects.active import ActiveEffects
+from robotcast.simulators.bullet_run import BulletRun
+from robotcast.simulators.bullet_settings import BulletSettings
+from robotcast.simulators.bullet_springs import fastest_frequency, spring_torques
+from robotcast.simulators.bullet_tasks import Setup, Task
+from robotcast.simulators.bullet_worker import prepare
+from robotcast.simulators.simulator import SimulatedCast
+from tests.simulators.conftest import CABLE, configured, nominal
+from tests.simulators.test_workers import gone_within
+
+ROOT = Path(__file__).resolve().parents[2]
+BENDING = 1e-4  # N m²
+
+
+def sweep(way_m: float) -> SimulatedCast:
+    """Return a cast whose hand moves sideways in 1.2 s and waits until the cable rests."""
+    t = np.linspace(0.0, 1.2, 151)
+    y = 0.5 * way_m * (1 - np.cos(np.pi * t / 1.2))
+    tool = ToolMotion(t, np.stack([np.full_like(t, 0.6), y, 0 * t], axis=1))
+    return SimulatedCast(tool, np.arange(0.0, 1.8, 0.1))
+
+
+def tilted(kind: str, sx: float, sy: float) -> np.ndarray:
+    """Return how far a tilted board moves the end of one and the same cable, (k, 2)."""
+    if kind == "segmented":  # whose friction must hardly let what rests creep
+        same = {"bending_damping_s": 0.005, "joint_friction_n_m": 1e-7}
+        simulator = configured(kind, "board_tilt", step_s=0.001, sliding_speed_m_s=0.002)
+    else:  # rough enough not to roll, and hard to twist, as a cable in the plane is
+        same = {"twist_stiffness_n_m2": 1e-4, "rolling_friction_m": 1e-2}
+        same |= {"spinning_friction_m": 1e-5, "linear_damping": 0.0, "angular_damping": 0.9}
+        simulator = configured(kind, "board_tilt")
+    same["bending_stiffness_n_m2"] = BENDING
+    vectors = [
+        nominal(simulator, **same, **{"board_tilt.sx": x, "board_tilt.sy": y})
+        for x, y in ((0.0, 0.0), (sx, sy))
+    ]
+    waypoints_m = simulator.simulate([sweep(0.5)], np.vstack(vectors)).waypoints_m[:, 0]
+    return waypoints_m[1] - waypoints_m[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("sx", "sy"), [(0.05, 0.0), (0.0, 0.05), (-0.05, 0.0), (0.0, -0.05)])
+def test_a_tilt_moves_the_same_cable_as_it_does_in_the_segmented_simulator(
+    sx: float, sy: float
+) -> None:
+    expected = tilted("segmented", sx, sy)
+    miss = tilted("bullet", sx, sy) - expected
+    assert np.linalg.norm(miss) < 0.1 * np.linalg.norm(expected)
+
+
+def test_the_number_of_processes_changes_no_bit() -> None:
+    cast = sweep(0.4)
+    expected, got = (
+        configured("bullet", processes=n).simulate(
+            [cast, sweep(-0.3)],
+            np.vstack([nominal(configured("bullet"), dynamic_friction=mu) for mu in (0.2, 0.5)]),
+        )
+        for n in (1, 2)
+    )
+    np.testing.assert_array_equal(got.waypoints_m, expected.waypoints_m)
+
+
+def test_what_ran_before_in_a_process_changes_no_bit() -> None:
+    simulator, cast = configured("bullet"), sweep(0.4)
+    answer = prepare(Setup(CABLE, BulletSettings(), ()))
+    expected = answer(Task(cast, nominal(simulator)[0], True)).waypoints_m
+    answer(Task(sweep(-0.2), nominal(simulator, bending_stiffness_n_m2=1e-3)[0], True))
+    again = answer(Task(cast, nominal(simulator)[0], True)).waypoints_m
+    np.testing.assert_array_equal(again, expected)
+
+
+def test_friction_is_a_cone_and_the_plane_carries_the_weight() -> None:
+    """Each contact rubs with at most μ times what it carries, whichever way it slides."""
+    client = pybullet.connect(pybullet.DIRECT)
+    vector = nominal(configured("bullet"), dynamic_friction=0.3)
+    pose = np.array([[0.6, 0.0, 0.0]])
+    nothing = ActiveEffects((), np.zeros((1, 0)))
+    run = BulletRun(client, CABLE, BulletSettings(), 0.004, pose, np.zeros(1), vector, nothing)
+    carried = []
+    for step in range(150):
+        pose = pose + [[-0.001, 0.002 * min(1.0, step / 25), 0.0]]
+        run.step(run.state(), pose)
+        contacts = np.array(
+            [[c[9], c[10], c[12]] for c in pybullet.getContactPoints(physicsClientId=client)]
+        )
+        normal, *rubbing = contacts.T
+        assert (np.hypot(*rubbing) <= 0.3 * normal * (1 + 1e-6) + 1e-9).all()
+        carried.append(normal.sum())
+    pybullet.disconnect(client)
+    weight = 9.81 * (CABLE.mass_kg * (1 - 0.25 / 18) + CABLE.endpoint_mass_kg)
+    assert np.mean(carried[50:]) == pytest.approx(weight, rel=0.02)
+
+
+def test_springs_push_back_what_is_bent_and_what_is_twisted() -> None:
+    """k φ about the normal of the bend, c τ along the axis, the sums zero."""
+    half = 0.1
+    bent = [0.0, 0.0, np.sin(half), np.cos(half)]
+    twisted = [np.sin(half), 0.0, 0.0, np.cos(half)]
+    for turned, expected, bend in (
+        (bent, [0.0, 0.0, -3.0 * 2 * half], 2 * half),
+        (twisted, [-5.0 * 2 * half, 0.0, 0.0], 0.0),
+    ):
+        torques, bends = np.empty((2, 3)), np.empty(1)
+        quaternions = np.array([[0.0, 0.0, 0.0, 1.0], turned])
+        spring_torques(quaternions, np.array([3.0]), np.array([5.0]), torques, bends)
+        np.testing.assert_allclose(torques, [[-x for x in expected], expected], atol=1e-12)
+        assert bends[0] == pytest.approx(bend)
+
+
+def test_the_fastest_frequency_of_one_bar_on_a_hinge() -> None:
+    """ω² = k / (m l²/3 + m r²/4 + M l²); about its axis ω² = 2 c / m r²."""
+    m, length, endpoint, r = 0.01, 0.1, 0.02, 0.004
+    args = (np.array([length]), np.array([m]), endpoint, r)
+    inertia = m * (length**2 / 3 + r**2 / 4) + endpoint * length**2
+    one, none = np.array([0.5]), np.zeros(1)
+    assert fastest_frequency(*args, one, none) == pytest.approx(np.sqrt(0.5 / inertia))
+    assert fastest_frequency(*args, none, one) == pytest.approx(np.sqrt(0.5 / (0.5 * m * r**2)))
+
+
+def test_nothing_is_left_behind_when_the_parent_is_killed() -> None:
+    script = (
+        "import numpy as np\n"
+        "from tests.simulators.conftest import configured, nominal\n"
+        "from tests.simulators.test_bullet import sweep\n"
+        "simulator = configured('bullet', processes=2)\n"
+        "simulator.simulate([sweep(0.3)] * 2, nominal(simulator))\n"
+        "print('at work', flush=True)\n"
+        "simulator.simulate([sweep(0.3)] * 1000, nominal(simulator))\n"
+    )
+    parent = subprocess.Popen(
+        [sys.executable, "-c", script],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert parent.stdout is not None
+    while "at work" not in (line := parent.stdout.readline()):
+        assert line, "the parent ended by itself"
+    time.sleep(0.3)
+    children = Path(f"/proc/{parent.pid}/task/{parent.pid}/children").read_text().split()
+    assert len(children) == 2
+    parent.send_signal(signal.SIGKILL)
+    parent.wait()
+    assert gone_within(5.0, [int(pid) for pid in children])
