@@ -92,7 +92,7 @@ def test_friction_is_a_cone_and_the_plane_carries_the_weight() -> None:
     run = BulletRun(client, CABLE, BulletSettings(), 0.004, pose, np.zeros(1), vector, nothing)
     carried = []
     for step in range(150):
-        pose = pose + [[-0.001, 0.002 * min(1.0, step / 25), 0.0]]
+        pose = pose + np.array([-0.001, 0.002 * min(1.0, step / 25), 0.0])
         run.step(run.state(), pose)
         contacts = np.array(
             [[c[9], c[10], c[12]] for c in pybullet.getContactPoints(physicsClientId=client)]
