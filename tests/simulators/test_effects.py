@@ -4,14 +4,21 @@ import numpy as np
 import pytest
 from hydra.errors import InstantiationException
 
+from robotcast.simulators.bullet import BulletSimulator
 from robotcast.simulators.hybrid import HybridSimulator
 from robotcast.simulators.segmented import SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast
 from tests.simulators.conftest import CONFIGURATION, configured, nominal
 
 NAMES = sorted(path.stem for path in (CONFIGURATION / "effect").glob("*.yaml"))
-TUNED = {kind.name: kind.tunes for kind in (SegmentedSimulator, HybridSimulator)}
-OFFERED = [(kind, name) for kind in TUNED for name in NAMES if name not in TUNED[kind]]
+TUNED = {kind.name: kind.tunes for kind in (SegmentedSimulator, HybridSimulator, BulletSimulator)}
+SLOW = {BulletSimulator.name: pytest.mark.slow}
+OFFERED = [
+    pytest.param(kind, name, marks=SLOW.get(kind, ()))
+    for kind in TUNED
+    for name in NAMES
+    if name not in TUNED[kind]
+]
 
 
 def test_the_library_is_complete() -> None:

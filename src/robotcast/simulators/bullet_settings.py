@@ -32,7 +32,7 @@ class BulletSettings:
     """
 
     segments: int = 18
-    step_s: float = 0.004
+    step_s: float = 0.003
     iterations: int = 50
     sliding_speed_m_s: float = 0.01
     processes: int = 0
