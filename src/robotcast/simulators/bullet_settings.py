@@ -36,4 +36,4 @@ class BulletSettings:
     iterations: int = 50
     sliding_speed_m_s: float = 0.01
     processes: int = 0
-    patience_s: float = 120.0
+    patience_s: float = 600.0
