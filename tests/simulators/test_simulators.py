@@ -52,7 +52,7 @@ def test_every_parameter_moves_the_end(kind: str, casts: list[SimulatedCast]) ->
     assert (moved > 1e-4).all(), moved
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", CHAINS)
 def test_a_mirrored_cast_mirrors(kind: str, casts: list[SimulatedCast]) -> None:
     simulator = configured(kind)
     here = simulator.simulate(casts, nominal(simulator)).waypoints_m

@@ -18,16 +18,16 @@ class Surfaces:
     """What bodies and plane are like where they touch, and how bodies lose speed.
 
     Bullet multiplies the two bodies' lateral frictions; rolling and spinning friction are
-    lengths, multiplied by the other body's lateral friction. Damping is the share of its speed
-    that a body loses in a second.
+    lengths, multiplied by the other body's lateral friction. By damping a body's speed dies away
+    as exp(−damping · t); Bullet takes the share that is lost in a second.
     """
 
     plane: float
     lateral: float
     spinning_m: float
     rolling_m: float
-    linear_damping: float
-    angular_damping: float
+    linear_damping_per_s: float
+    angular_damping_per_s: float
 
 
 class BulletChain:
@@ -186,8 +186,8 @@ class BulletChain:
             lateralFriction=lateral,
             spinningFriction=self._surfaces.spinning_m,
             rollingFriction=self._surfaces.rolling_m,
-            linearDamping=self._surfaces.linear_damping,
-            angularDamping=self._surfaces.angular_damping,
+            linearDamping=-np.expm1(-self._surfaces.linear_damping_per_s),
+            angularDamping=-np.expm1(-self._surfaces.angular_damping_per_s),
             mass=mass_kg,  # without it Bullet would take 0 beside the inertia
             localInertiaDiagonal=inertia,
             physicsClientId=self._client,

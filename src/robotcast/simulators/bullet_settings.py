@@ -10,8 +10,8 @@ PARAMETERS = (
     "spinning_friction_m",
     "rolling_friction_m",
     "endpoint_mass_kg",
-    "linear_damping",
-    "angular_damping",
+    "linear_damping_per_s",
+    "angular_damping_per_s",
     "dynamic_friction",
 )
 
