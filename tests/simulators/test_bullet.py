@@ -56,7 +56,6 @@ def tilted(kind: str, sx: float, sy: float) -> np.ndarray:
     return waypoints_m[1] - waypoints_m[0]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("sx", "sy"), [(0.05, 0.0), (0.0, 0.05), (-0.05, 0.0), (0.0, -0.05)])
 def test_a_tilt_moves_the_same_cable_as_it_does_in_the_segmented_simulator(
     sx: float, sy: float
