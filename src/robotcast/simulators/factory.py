@@ -6,7 +6,8 @@ from typing import Any
 from robotcast.effects.effect import Effect
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.hybrid import HybridSettings, HybridSimulator
+from robotcast.simulators.chain_run import ChainSettings
+from robotcast.simulators.hybrid import HybridSimulator
 from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import Simulator
 
@@ -45,4 +46,4 @@ def hybrid_simulator(
 ) -> Simulator:
     """Make the hybrid simulator of `cable`, with these effects, from config numbers."""
     made = [make_parameter(name, numbers, cable) for name, numbers in parameters.items()]
-    return HybridSimulator(cable, made, HybridSettings(**settings), effects)
+    return HybridSimulator(cable, made, ChainSettings(**settings), effects)
