@@ -69,12 +69,15 @@ def seconds(work: Callable[[], object]) -> float:
 def bare_chain(simulator: SegmentedSimulator, n_sim: int) -> Batch:
     """Return a batch of the simulator's chain at its nominal parameters."""
     settings = simulator.settings
-    geometry = ChainGeometry.of_cable(CABLE.length_m, settings.segments)
+    geometry = ChainGeometry.of_cable(CABLE.length_m, settings.segments, settings.stretches)
     model = chain_model(geometry, settings.step_s)
     values = {p.name: p.nominal for p in simulator.parameters}
-    stiffness = values["bending_stiffness_n_m2"] / geometry.bends_m
-    model.jnt_stiffness[-settings.segments :] = stiffness
-    model.dof_damping[-settings.segments :] = values["bending_damping_s"] * stiffness
+    bending = values["bending_stiffness_n_m2"] / geometry.bends_m
+    model.jnt_stiffness[geometry.hinges] = bending
+    model.dof_damping[geometry.hinges] = values["bending_damping_s"] * bending
+    slides, stretching = geometry.slides[geometry.stretching], values["axial_stiffness_n"]
+    model.jnt_stiffness[slides] = stretching / geometry.stretches_m
+    model.dof_damping[slides] = settings.stretch_damping_s * stretching / geometry.stretches_m
     return Batch(model, n_sim, settings.threads)
 
 
@@ -86,12 +89,13 @@ def compare(rounds: int) -> float:
     steps = [int(np.ceil(c.waypoints_s[-1] / settings.step_s)) for c in casts]
     vector = np.array([p.nominal for p in simulator.parameters])
     bare = bare_chain(simulator, len(casts))
+    hinges = ChainGeometry.of_cable(1.0, settings.segments, settings.stretches).hinges
     moving = np.random.default_rng(1).normal(0.0, 0.2, (2, len(casts), settings.segments))
     simulator.simulate(casts[:16], vector)
     ratios = []
     for _ in range(rounds):
-        bare.bind("qpos")[:, -settings.segments :] = moving[0]
-        bare.bind("qvel")[:, -settings.segments :] = 10 * moving[1]
+        bare.bind("qpos")[:, hinges] = moving[0]
+        bare.bind("qvel")[:, hinges] = 10 * moving[1]
         bare_s = seconds(lambda: bare.step(nstep=int(np.mean(steps))))
         simulated_s = seconds(lambda: simulator.simulate(casts, vector))
         ratios.append(bare_s / simulated_s)

@@ -1,6 +1,6 @@
 """The bar's total is an estimate that gets better as steps are taken."""
 
-from robotcast.diagnosis.outlook import REFITS, STEPS, Outlook
+from robotcast.diagnosis.outlook import BEGUN, REFITS, STEPS, Outlook
 
 TRIALS, CANDIDATES, FIELDS = 10, 5, 3
 
@@ -12,8 +12,10 @@ def run(outlook: Outlook, pace: float) -> list[tuple[int, int]]:
         *["looking at this"] * CANDIDATES,
         "refitting the model around every effect",
         *["refitting with this"] * REFITS,
+        "refitting the best further",
         *["judging this"] * 2,
         *["trying a field that depends on place"] * FIELDS,
+        *["beginning with a force"] * BEGUN,
         "fitting a force",
         "choosing the next trials",
     ]

@@ -24,6 +24,7 @@ PARAMETERS = (
     Parameter("bending_stiffness_n_m2", "N m²", 0.0, 10.0, 3e-5),
     Parameter("bending_damping_s", "s", 0.0, 10.0, 0.15),
     Parameter("grip_stiffness", "1", 0.0, 10.0, 1.0),
+    Parameter("axial_stiffness_n", "N", 1.0, 1e4, 300.0),
 )
 
 MakeSimulator = Callable[..., SegmentedSimulator]

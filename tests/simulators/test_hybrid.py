@@ -6,7 +6,8 @@ import pytest
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.hybrid import HybridSettings, HybridSimulator
+from robotcast.simulators.chain_run import ChainSettings
+from robotcast.simulators.hybrid import HybridSimulator
 from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast
 from tests.simulators.conftest import CABLE, load_effect, nominal
@@ -27,7 +28,7 @@ def simulator(
         Parameter("friction", "1", 0.0, 1.0, 0.28),
         Parameter("endpoint_mass_kg", "kg", 0.0, 1.0, 0.02),
     )
-    settings = HybridSettings(step_s=step_s, damping_s=damping_s, **kw)
+    settings = ChainSettings(stretches=18, step_s=step_s, stretch_damping_s=damping_s, **kw)
     return HybridSimulator(cable, parameters, settings, [load_effect(name) for name in effects])
 
 
@@ -112,6 +113,7 @@ def test_a_rod_too_thin_to_stretch_moves_as_the_segmented_cable(
             bending_stiffness_n_m2=bending,
             bending_damping_s=0.02,
             joint_friction_n_m=0.0,
+            axial_stiffness_n=4 * bending / thin.radius_m**2,
         ),
     )
     got = rod.simulate(casts, nominal(rod, youngs_modulus_pa=modulus))

@@ -57,6 +57,35 @@ def test_a_frictionless_cable_swings_at_the_frequency_of_a_clamped_beam(
     assert frequency == pytest.approx(expected, rel=0.01)
 
 
+def test_an_endpoint_bounces_on_the_cable_as_on_a_spring(make_simulator: MakeSimulator) -> None:
+    """f = √(EA/mL) / 2π: a mass on a cable that weighs nothing, jerked along it."""
+    t = np.linspace(0.0, 2.0, 2001)
+    x = 0.6 + 0.01 * (1 - np.cos(np.pi * np.clip(t / 0.05, 0, 1)))
+    jerk = SimulatedCast(
+        ToolMotion(t, np.stack([x, 0 * t, 0 * t], axis=1)), np.arange(0.2, 2.0, 0.002)
+    )
+    simulator = make_simulator(step_s=0.0005, stretch_damping_s=0.0005)
+    vector = nominal(simulator, friction=0.0, cable_mass_kg=1e-6, axial_stiffness_n=30.0)
+    end = simulator.simulate([jerk], vector).waypoints_m[0, 0, :, 0]
+    spectrum = np.abs(np.fft.rfft((end - end.mean()) * np.hanning(len(end)), n=1 << 17))
+    frequency = np.fft.rfftfreq(1 << 17, 0.002)[spectrum.argmax()]
+    expected = np.sqrt(30.0 / (0.02 * CABLE.length_m)) / (2 * np.pi)
+    assert frequency == pytest.approx(expected, rel=0.01)
+
+
+def test_three_segments_that_stretch_move_the_end_as_all_would(
+    make_simulator: MakeSimulator, casts: list[SimulatedCast]
+) -> None:
+    few, all_of_them, none = make_simulator(), make_simulator(stretches=18), make_simulator()
+    expected = all_of_them.simulate(casts, nominal(few)).waypoints_m
+    for simulator, vector, near in (
+        (few, nominal(few), True),
+        (none, nominal(none, axial_stiffness_n=1e4), False),
+    ):
+        miss = np.linalg.norm(simulator.simulate(casts, vector).waypoints_m - expected, axis=-1)
+        assert (np.nanmean(miss) < 0.002 * CABLE.length_m) == near
+
+
 @pytest.mark.parametrize(("friction", "omega"), [(0.3, 2.0), (0.4, 2.0 * (4 / 3) ** 0.5)])
 def test_a_mass_dragged_round_keeps_the_circle_that_coulomb_and_centripetal_force_allow(
     make_simulator: MakeSimulator, friction: float, omega: float
@@ -139,7 +168,7 @@ def test_every_parameter_moves_the_end(
 ) -> None:
     simulator = make_simulator()
     base = nominal(simulator, joint_friction_n_m=1e-4)
-    vectors = np.vstack([base, base * (1 + 0.5 * np.eye(7))])
+    vectors = np.vstack([base, base * (1 + 0.5 * np.eye(base.shape[-1]))])
     waypoints = simulator.simulate(casts, vectors).waypoints_m
     moved = np.nanmax(np.abs(waypoints[1:] - waypoints[0]), axis=(1, 2, 3))
     assert (moved > 1e-4).all(), moved
@@ -195,5 +224,5 @@ def test_waypoints_of_casts_of_different_length_end_in_nan(
 def test_a_vector_of_the_wrong_length_is_refused(
     make_simulator: MakeSimulator, casts: list[SimulatedCast]
 ) -> None:
-    with pytest.raises(ValueError, match="expected 7 parameters a vector, got 2"):
+    with pytest.raises(ValueError, match="expected 8 parameters a vector, got 2"):
         make_simulator().simulate(casts, np.ones((1, 2)))

@@ -3,16 +3,19 @@
 from collections.abc import Mapping
 
 STEPS: Mapping[str, float] = {  # how a step's note begins → the runs that a trial usually takes
-    "fitting the model": 540.0,
+    "fitting the model": 460.0,
     "looking at": 7.0,
-    "refitting the model": 150.0,
-    "refitting with": 65.0,
-    "judging": 50.0,
-    "trying a field": 12.0,
-    "fitting": 100.0,
-    "choosing": 40.0,
+    "refitting the model": 250.0,
+    "refitting with": 42.0,
+    "refitting the best": 88.0,
+    "judging": 18.0,
+    "trying a field": 7.0,
+    "beginning with": 40.0,
+    "fitting": 130.0,
+    "choosing": 18.0,
 }
 REFITS, JUDGED = 4, 2  # in one search for a further effect
+BEGUN = 3  # fields fitted to beginnings
 OTHER = 40.0
 
 
@@ -30,6 +33,7 @@ class Outlook:
             "refitting with": REFITS,
             "judging": JUDGED,
             "trying a field": fields,
+            "beginning with": BEGUN,
         }
         self._taken, self._now, self._before = 0.0, 0.0, 0
 
@@ -42,7 +46,7 @@ class Outlook:
             return
         if kind == "looking at" and not self._left[kind]:
             again = {"refitting the model": 1, "refitting with": REFITS, "judging": JUDGED}
-            self._left |= again | {kind: self._candidates}
+            self._left |= again | {"refitting the best": 1, kind: self._candidates}
         earlier = list(STEPS)[: list(STEPS).index(kind)]
         self._left |= dict.fromkeys(earlier, 0)  # left out, if it has not come by now
         self._left[kind] = max(self._left[kind] - 1, 0)

@@ -38,12 +38,13 @@ class Profile:
 
         All begin; after every step those that lowered the loss least are left out.
         """
+        most_loss = (1 - HOPE) * self.revision.fit.loss
         begun = side_by_side(lambda one: (one.effect, self._begun(one.effect, one)), list(looked))
         ranked = sorted(begun, key=_loss)
         for left in LEFT:
             on = [(name, self._on(name, fit)) for name, fit in ranked[: min(left, 2 * most)]]
             ranked = sorted(on, key=_loss)
-        return [(name, fit) for name, fit in ranked if self.promises(fit, HOPE)][:most]
+        return [(name, fit) for name, fit in ranked if fit.loss < most_loss][:most]
 
     def with_field(self, one: Screened) -> Fit:
         """Return the fit with a field: so many strengths have no probe that stands for all."""
@@ -59,10 +60,6 @@ class Profile:
 
     def _held_out(self, revision: Revision) -> np.ndarray:
         return held_out(self.early, revision, seed=0, iterations=1).waypoint
-
-    def promises(self, fit: Fit, share: float) -> bool:
-        """Tell whether a fit of these beginnings takes away this share of the loss."""
-        return fit.loss < (1 - share) * self.revision.fit.loss
 
     def _begun(self, name: str, one: Screened) -> Fit:
         """Return the best of one step from every probe, and from where the first look points."""

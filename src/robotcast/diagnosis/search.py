@@ -104,7 +104,6 @@ def _round(
     top = found.ladder[-1]
     names = [name for name in candidates if name not in top.revision.effects]
     later = len(found.ladder) > 1
-    tell(found, "refitting the model to beginnings")
     profile = Profile(inquiry, top.revision)
     asked = (profile.early, profile.revision) if later else (inquiry, top.revision)
     looked, screens = looks(*asked, names), {}

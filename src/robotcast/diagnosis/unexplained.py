@@ -66,13 +66,14 @@ def look_for_the_unknown(
         return found, None
     contest = _Contest(inquiry, fields, floor, effort, tell)
     beside = contest.begin(top)
-    if beside is None or not contest.promises(beside, top):
+    if beside is None or beside.missed > (1 - HOPE) * beside.missed_before:
         return found, None
     if top is base:
         left = contest.judged(base, beside)
         return found, left if left.enough else None
     begun = contest.begin(base)
-    alone = contest.judged(base, begun) if begun and contest.promises(begun, top) else None
+    hopeful = begun is not None and begun.missed < (1 - HOPE) * beside.missed_before
+    alone = contest.judged(base, begun) if begun and hopeful else None
     if alone is not None and alone.over(inquiry, top, floor).pays:
         return replace(found, ladder=(base,), rivals={}), alone
     left = contest.judged(top, beside)
@@ -85,11 +86,17 @@ def look_for_the_unknown(
 
 @dataclass(frozen=True)
 class _Begun:
-    """A field fitted to the beginnings of some trials, and its errors there, held out [%]."""
+    """A field fitted to the beginnings of some trials.
+
+    Attributes
+    ----------
+    missed, missed_before : what is missed there, held out, with the field and without it.
+    """
 
     screened: Screened
     fit: Fit
-    errors: np.ndarray
+    missed: float
+    missed_before: float
 
 
 @dataclass(frozen=True)
@@ -111,17 +118,13 @@ class _Contest:
             self.tell(f"trying a field that depends on {depends_on}")
             looked.append(next(answers))
         usable = sorted((one for one in looked if one.status is None), key=lambda one: one.loss)
-        begun = []
+        begun, before = [], self._missed(profile.own_errors())
         for one in usable[:TRIED]:
-            self.tell(f"fitting {self._text(one.effect)} to beginnings")
+            self.tell(f"beginning with {self._text(one.effect)}")
             fit = profile.with_field(one)
-            begun.append(_Begun(one, fit, profile.errors(one.effect, fit)))
-        return min(begun, key=lambda one: self._missed(one.errors), default=None)
-
-    def promises(self, begun: _Begun, rung: Rung) -> bool:
-        """Tell whether a field misses beginnings clearly less than a rung does."""
-        before = Profile(self.inquiry, rung.revision).own_errors()
-        return self._missed(begun.errors) < (1 - HOPE) * self._missed(before)
+            missed = self._missed(profile.errors(one.effect, fit))
+            begun.append(_Begun(one, fit, missed, before))
+        return min(begun, key=lambda one: one.missed, default=None)
 
     def _missed(self, errors: np.ndarray) -> float:
         return float(self.floor.misses(errors).mean())

@@ -109,16 +109,7 @@ class BulletRun:
 
     def step(self, state: CableState, next_pose: np.ndarray) -> None:
         """Advance one step; the tool reaches `next_pose` (1, 3) at its end."""
-        moments = self._effects.act(
-            state,
-            mass_kg=self._points_kg,
-            friction_n=self._friction_n,
-            bend_rad=self._bends[None],
-            bend_rate_rad_s=np.diff(self._turning[:-1, 2])[None],
-            stiffness_n_m2=(self._bending * self._geometry.bends_m)[None],
-            time_s=self._time_s,
-            step_s=self._step_s,
-        )
+        moments = self._moments(state) if self._effects.act_here else None
         for part in range(self._parts):
             if part:
                 self._place()
@@ -134,6 +125,19 @@ class BulletRun:
             self._chain.step()
         self._time_s += self._step_s
         self._look()
+
+    def _moments(self, state: CableState) -> np.ndarray | None:
+        """Let the effects act on the points; return their moments in the joints, if any."""
+        return self._effects.act(
+            state,
+            mass_kg=self._points_kg,
+            friction_n=self._friction_n,
+            bend_rad=self._bends[None],
+            bend_rate_rad_s=np.diff(self._turning[:-1, 2])[None],
+            stiffness_n_m2=(self._bending * self._geometry.bends_m)[None],
+            time_s=self._time_s,
+            step_s=self._step_s,
+        )
 
     def _look(self) -> None:
         self._place()

@@ -12,13 +12,19 @@ _HOOKS = ("force", "rest_curvature", "bending_moment")
 
 
 class CableEffects:
-    """Lets the active effects act on chains; costs nothing when none of them does."""
+    """Lets the active effects act on chains.
+
+    Attributes
+    ----------
+    act_here : whether any of them acts while a cable moves.
+    """
 
     def __init__(self, active: ActiveEffects, cable: Cable, geometry: ChainGeometry) -> None:
         self._active = active
         self._cable = cable
         self._geometry = geometry
         self._acting = [hook for hook in _HOOKS if active.has(hook)]
+        self.act_here = bool(self._acting)
 
     def distributed(self, mass_kg: np.ndarray) -> np.ndarray:
         """Return the segments' masses (n_sim, n) as the effects distribute them."""
@@ -42,8 +48,6 @@ class CableEffects:
         step_s: float,
     ) -> np.ndarray | None:
         """Add the effects' forces to `state.force_n`; return their moments (n_sim, n), if any."""
-        if not self._acting:
-            return None
         heading = np.concatenate([state.heading, state.heading[:, :, -1:]], axis=2)
 
         def motion(memory: dict[str, np.ndarray]) -> CableMotion:

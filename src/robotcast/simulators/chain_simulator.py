@@ -28,14 +28,12 @@ class ChainSimulator:
     name : of the simulator.
     own : the names of its own parameters, in order.
     tunes : effects that are parameters here.
-    stretches : whether the segments stretch.
     run : what steps a batch.
     """
 
     name: str
     own: ClassVar[tuple[str, ...]]
     tunes: ClassVar[tuple[str, ...]] = ()
-    stretches: ClassVar[bool] = False
     run: ClassVar[type[ChainRun]]
 
     def __init__(
@@ -49,9 +47,11 @@ class ChainSimulator:
         self.cable = cable
         self.effects = tuple(effects)
         self.settings = settings
-        self._geometry = ChainGeometry.of_cable(cable.length_m, settings.segments)
+        self._geometry = ChainGeometry.of_cable(
+            cable.length_m, settings.segments, settings.stretches
+        )
         steps = (settings.step_s, settings.step_s / FINER)
-        self._models = {s: chain_model(self._geometry, s, self.stretches) for s in steps}
+        self._models = {s: chain_model(self._geometry, s) for s in steps}
 
     def simulate(
         self,

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from robotcast.simulators.cable_state import CableState
-from robotcast.simulators.chain import TOOL_DOFS, ChainGeometry
+from robotcast.simulators.chain import ChainGeometry
 
 
 @dataclass(frozen=True)
@@ -23,8 +23,8 @@ class ChainState(CableState):
 
     Attributes
     ----------
-    stepped : ndarray of shape (n_sim, n + 3), the velocities that MuJoCo steps from: the tool's
-        two, then how fast it and every segment turn.
+    stepped : ndarray of shape (n_sim, n_dof), the velocities that MuJoCo steps from, with how
+        fast the tool and every segment turn in place of how fast their hinges do.
     """
 
     stepped: np.ndarray
@@ -39,7 +39,7 @@ def chain_state(
     friction_n: np.ndarray,
     sliding_speed_m_s: float,
 ) -> ChainState:
-    """Compute the mass points from generalised coordinates of shape (n_sim, 3 + n).
+    """Compute the mass points from generalised coordinates of shape (n_sim, n_dof).
 
     Parameters
     ----------
@@ -49,11 +49,12 @@ def chain_state(
     points_kg, friction_n : float32 (n_sim, n + 1), the points' masses and their μ m g.
     sliding_speed_m_s : ε of the regularised Coulomb friction.
     """
-    angle = _accumulated(qpos, np.zeros((len(qpos), qpos.shape[1] - 2), np.float32))
+    n_sim, n = len(qpos), geometry.half_m.size
+    angle = _accumulated(qpos, geometry.hinges, np.zeros((n_sim, n + 1), np.float32))
     axes = np.empty((2, *angle.shape), np.float32)
     np.cos(angle, out=axes[0])
     np.sin(angle, out=axes[1])
-    stepped = np.empty((len(qpos), qpos.shape[1]), np.float32)
+    stepped = np.empty(qpos.shape, np.float32)
     points = np.empty((4, *points_kg.shape), np.float32)
     lag = np.empty((2, *points_kg.shape), np.float32)
     first = earlier is None
@@ -66,6 +67,8 @@ def chain_state(
         axes[1],
         np.float32(geometry.stub_m),
         geometry.half_m,
+        geometry.hinges,
+        geometry.slides,
         stepped,
         points,
         lag,
@@ -76,31 +79,33 @@ def chain_state(
 
 
 @njit(nogil=True, cache=True)
-def _accumulated(qpos: np.ndarray, angle: np.ndarray) -> np.ndarray:
+def _accumulated(qpos: np.ndarray, hinges: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """Fill `angle` with the tool's yaw and the segments' headings."""
     for i in range(angle.shape[0]):
-        sum_rad = 0.0
-        for k in range(angle.shape[1]):
-            sum_rad += qpos[i, k + 2]
-            angle[i, k] = sum_rad
+        sum_rad = qpos[i, 2]
+        angle[i, 0] = sum_rad
+        for k in range(hinges.size):
+            sum_rad += qpos[i, hinges[k]]
+            angle[i, k + 1] = sum_rad
     return angle
 
 
 @njit(nogil=True, cache=True)
-def _place(qpos, qvel, earlier, first, cosine, sine, stub, half, stepped, points, lag):
-    """Fill `stepped`, `points` (x, y, vx, vy) and the centripetal `lag` of every point.
+def _place(
+    qpos, qvel, earlier, first, cosine, sine, stub, half, hinges, slides, stepped, points, lag
+):
+    """Fill `stepped`, `points` (x, y, vx, vy) and the `lag` of every point.
 
-    Centre k = first hinge + Σ_{i<k} 2 half_i + half_k, the endpoint = first hinge + Σ_i 2 half_i.
-    `lag` is the centripetal acceleration at the extrapolated rates less that at the stepped.
+    Centre k = where segment k − 1 ends + (u_k + half_k) along segment k, u the stretch; the
+    endpoint is where the last segment ends. `lag` is the centripetal and Coriolis acceleration
+    −s ω² e + 2 u' ω n, e along the segment and n across it, at the extrapolated rates less that
+    at the stepped.
     """
     n = half.size
     late, early = np.float32(1.5), np.float32(0.5)
     for i in range(qpos.shape[0]):
-        stepped[i, 0], stepped[i, 1] = qvel[i, 0], qvel[i, 1]
-        turning = 0.0
-        for k in range(n + 1):
-            turning += qvel[i, k + 2]
-            stepped[i, k + 2] = turning
+        turning = qvel[i, 2]
+        stepped[i, 0], stepped[i, 1], stepped[i, 2] = qvel[i, 0], qvel[i, 1], turning
         vx, vy, rate = stepped[i, 0], stepped[i, 1], stepped[i, 2]
         if not first:
             vx = late * vx - early * earlier[i, 0]
@@ -112,10 +117,22 @@ def _place(qpos, qvel, earlier, first, cosine, sine, stub, half, stepped, points
         vy += stub * cosine[i, 0] * rate
         ax, ay = np.float32(0.0), np.float32(0.0)
         for k in range(n):
-            hx, hy = half[k] * cosine[i, k + 1], half[k] * sine[i, k + 1]
-            slow = stepped[i, k + 3]
-            rate = slow if first else late * slow - early * earlier[i, k + 3]
+            tx, ty, hinge, slide = cosine[i, k + 1], sine[i, k + 1], hinges[k], slides[k]
+            turning += qvel[i, hinge]
+            stepped[i, hinge] = turning
+            slow = stepped[i, hinge]
+            rate = slow if first else late * slow - early * earlier[i, hinge]
             behind = slow * slow - rate * rate
+            hx, hy = half[k] * tx, half[k] * ty
+            if slide >= 0:
+                stepped[i, slide] = qvel[i, slide]
+                drawn, stretch = stepped[i, slide], np.float32(qpos[i, slide])
+                growth = drawn if first else late * drawn - early * earlier[i, slide]
+                across = np.float32(2.0) * (rate * growth - slow * drawn)
+                ux, uy = stretch * tx, stretch * ty
+                x, y = x + ux, y + uy
+                vx, vy = vx - uy * rate + growth * tx, vy + ux * rate + growth * ty
+                ax, ay = ax + ux * behind - ty * across, ay + uy * behind + tx * across
             x, y, vx, vy = x + hx, y + hy, vx - hy * rate, vy + hx * rate
             ax, ay = ax + hx * behind, ay + hy * behind
             points[0, i, k], points[1, i, k], points[2, i, k], points[3, i, k] = x, y, vx, vy
@@ -140,44 +157,48 @@ def rub(points, lag, mass, friction, square_speed, slip, force):
 
 
 @njit(nogil=True, cache=True)
-def apply_forces(force, heading, half, applied):
-    """Write the moments about every hinge of forces at the mass points.
+def apply_forces(force, heading, half, hinges, slides, qpos, applied):
+    """Write the moments about every hinge, and the pulls on every slide, of forces on points.
 
     Parameters
     ----------
     force : float32 (2, n_sim, n + 1), on the points of `ChainState`.
     heading : float32 (2, n_sim, n).
-    applied : ndarray of shape (n_sim, 3 + n), whose hinges' columns are filled [N m].
+    half, hinges, slides : see `ChainGeometry`.
+    qpos : ndarray of shape (n_sim, n_dof).
+    applied : ndarray of shape (n_sim, n_dof), whose hinges [N m] and slides [N] are filled.
     """
-    # what acts past the centre of each segment has the lever l about its hinge, the centre l/2
-    n = half.size
+    # what acts past the centre of each segment has the lever l about its hinge, the centre l/2;
+    # both levers grow with the segment's stretch
     for i in range(force.shape[1]):
-        fx, fy = force[0, i, n], force[1, i, n]
+        fx, fy = force[0, i, half.size], force[1, i, half.size]
         moment = np.float32(0.0)
-        for k in range(n - 1, -1, -1):
+        for k in range(half.size - 1, -1, -1):
+            tx, ty, slide = heading[0, i, k], heading[1, i, k], slides[k]
             lx = fx + np.float32(0.5) * force[0, i, k]
             ly = fy + np.float32(0.5) * force[1, i, k]
-            lever = np.float32(2.0) * half[k]
-            moment += lever * (heading[0, i, k] * ly - heading[1, i, k] * lx)
-            applied[i, TOOL_DOFS + k] = moment
+            moment += np.float32(2.0) * half[k] * (tx * ly - ty * lx)
             fx, fy = fx + force[0, i, k], fy + force[1, i, k]
+            if slide >= 0:
+                moment += np.float32(qpos[i, slide]) * (tx * fy - ty * fx)
+                applied[i, slide] = tx * fx + ty * fy
+            applied[i, hinges[k]] = moment
 
 
 @njit(nogil=True, cache=True)
-def damp_joints(qvel, viscous, coulomb, square_rate, damping):
-    """Write the joints' damping so that it carries the moment M ω/√(ω² + ω₀²) too.
+def damp_hinges(qvel, hinges, viscous, coulomb, square_rate, damping):
+    """Write the hinges' damping so that it carries the moment M ω/√(ω² + ω₀²) too.
 
     MuJoCo integrates damping implicitly, which keeps a dry joint stable at any step.
 
     Parameters
     ----------
-    qvel, damping : ndarrays of shape (n_sim, 3 + n), the second is filled.
+    qvel, damping : ndarrays of shape (n_sim, n_dof), of the second the hinges are filled.
     viscous : ndarray of shape (n_sim, n) [N m s]; coulomb : (n_sim,), M [N m].
     square_rate : ω₀² [rad²/s²].
     """
     for i in range(viscous.shape[0]):
-        for k in range(viscous.shape[1]):
-            rate = qvel[i, TOOL_DOFS + k]
-            damping[i, TOOL_DOFS + k] = viscous[i, k] + coulomb[i] / np.sqrt(
-                rate * rate + square_rate
-            )
+        for k in range(hinges.size):
+            rate = qvel[i, hinges[k]]
+            dry = coulomb[i] / np.sqrt(rate * rate + square_rate)
+            damping[i, hinges[k]] = viscous[i, k] + dry

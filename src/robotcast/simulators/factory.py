@@ -1,16 +1,14 @@
 """Simulators from their numbers: parameters with bounds, some relative to a weighed mass."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from robotcast.effects.effect import Effect
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.bullet import BulletSimulator
-from robotcast.simulators.bullet_settings import BulletSettings
-from robotcast.simulators.hybrid import HybridSettings, HybridSimulator
-from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import Simulator
+
+Kind = Callable[[Cable, Sequence[Parameter], Any, Sequence[Effect]], Simulator]
 
 
 def make_parameter(name: str, numbers: Mapping[str, Any], cable: Cable) -> Parameter:
@@ -28,34 +26,20 @@ def make_parameter(name: str, numbers: Mapping[str, Any], cable: Cable) -> Param
     return Parameter(name=name, **numbers)
 
 
-def segmented_simulator(
+def make_simulator(
+    kind: Kind,
     cable: Cable,
     parameters: Mapping[str, Mapping[str, Any]],
-    settings: Mapping[str, Any],
+    settings: Any,
     effects: Sequence[Effect] = (),
 ) -> Simulator:
-    """Make the segmented simulator of `cable`, with these effects, from config numbers."""
+    """Make a simulator of `cable`, with these effects, from config numbers.
+
+    Parameters
+    ----------
+    kind : makes it from cable, parameters, settings and effects: its class.
+    parameters : name → numbers (see `make_parameter`).
+    settings : of this kind, whatever they are.
+    """
     made = [make_parameter(name, numbers, cable) for name, numbers in parameters.items()]
-    return SegmentedSimulator(cable, made, SegmentedSettings(**settings), effects)
-
-
-def hybrid_simulator(
-    cable: Cable,
-    parameters: Mapping[str, Mapping[str, Any]],
-    settings: Mapping[str, Any],
-    effects: Sequence[Effect] = (),
-) -> Simulator:
-    """Make the hybrid simulator of `cable`, with these effects, from config numbers."""
-    made = [make_parameter(name, numbers, cable) for name, numbers in parameters.items()]
-    return HybridSimulator(cable, made, HybridSettings(**settings), effects)
-
-
-def bullet_simulator(
-    cable: Cable,
-    parameters: Mapping[str, Mapping[str, Any]],
-    settings: Mapping[str, Any],
-    effects: Sequence[Effect] = (),
-) -> Simulator:
-    """Make the PyBullet simulator of `cable`, with these effects, from config numbers."""
-    made = [make_parameter(name, numbers, cable) for name, numbers in parameters.items()]
-    return BulletSimulator(cable, made, BulletSettings(**settings), effects)
+    return kind(cable, made, settings, effects)

@@ -12,39 +12,16 @@ stable at a step h of 4 ms however stiff it is. A rod of mass points, as MuJoCo'
 needs steps below 2/ω of its stiffest spring: 0.5 ms at E = 0.2 MPa and 0.2 ms at 1 MPa.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 
-from robotcast.effects.effect import Effect
-from robotcast.fitting.parameter import Parameter
-from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.chain_run import ChainRun, ChainSettings
+from robotcast.simulators.chain_run import ChainRun
 from robotcast.simulators.chain_simulator import ChainSimulator
-from robotcast.simulators.chain_state import ChainState
-from robotcast.simulators.rod_state import HINGES, SLIDES, apply_rod_forces, rod_state
 
 PARAMETERS = ("youngs_modulus_pa", "friction", "endpoint_mass_kg")
 
 
-@dataclass(frozen=True)
-class HybridSettings(ChainSettings):
-    """Numerical settings, not tuned.
-
-    Attributes
-    ----------
-    damping_s : η of the material, at least half a step.
-    """
-
-    damping_s: float = 0.02
-
-
 class _HybridRun(ChainRun):
     """One batch of rods with a spring and a damper in every hinge and slide."""
-
-    hinges = HINGES
-    _settings: HybridSettings
 
     def _set_parameters(self, vectors: np.ndarray) -> None:
         modulus, friction, endpoint_kg = vectors.T
@@ -52,27 +29,8 @@ class _HybridRun(ChainRun):
         area = np.pi * self._cable.radius_m**2
         inertia = 0.25 * np.pi * self._cable.radius_m**4
         bending = modulus[:, None] * inertia / self._geometry.bends_m
-        stretching = modulus[:, None] * area / self._geometry.stretches_m
-        self._stiffen_hinges(bending)
-        self._stiffness[:, SLIDES] = stretching
-        self._damping[:, HINGES] = self._settings.damping_s * bending
-        self._damping[:, SLIDES] = self._settings.damping_s * stretching
-
-    def state(self) -> ChainState:
-        return rod_state(
-            self._qpos,
-            self._qvel,
-            self._earlier,
-            self._geometry,
-            self._points_kg,
-            self._friction_n,
-            self._settings.sliding_speed_m_s,
-        )
-
-    def _apply(self, state: ChainState) -> None:
-        apply_rod_forces(
-            state.force_n, state.heading, self._geometry.half_m, self._qpos, self._applied
-        )
+        self._set_springs(bending, modulus * area)
+        self._damping[:, self._hinges] = self._settings.stretch_damping_s * bending
 
 
 class HybridSimulator(ChainSimulator):
@@ -84,19 +42,4 @@ class HybridSimulator(ChainSimulator):
 
     name = "hybrid"
     own = PARAMETERS
-    stretches = True
     run = _HybridRun
-
-    def __init__(
-        self,
-        cable: Cable,
-        parameters: Sequence[Parameter],
-        settings: HybridSettings,
-        effects: Sequence[Effect] = (),
-    ) -> None:
-        if settings.damping_s < 0.5 * settings.step_s:
-            raise ValueError(
-                f"hybrid simulator: damping_s must be at least half of step_s, got "
-                f"{settings.damping_s} and {settings.step_s}"
-            )
-        super().__init__(cable, parameters, settings, effects)
