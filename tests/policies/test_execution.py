@@ -14,7 +14,11 @@ from robotcast.policies.choice import Choice
 from robotcast.policies.evaluation import Executed, execute_choices
 from robotcast.rigs.rig import Rig
 
-pytestmark = [pytest.mark.slow, pytest.mark.rig]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.rig,
+    pytest.mark.xdist_group("execution"),  # one process: its fixtures take long
+]
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMITS = PlanLimits()
