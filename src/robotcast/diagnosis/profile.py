@@ -28,10 +28,17 @@ class Profile:
     revision : fitted to them.
     """
 
-    def __init__(self, inquiry: Inquiry, revision: Revision) -> None:
+    def __init__(
+        self, inquiry: Inquiry, effects: tuple[str, ...], vector: np.ndarray, iterations: int = 1
+    ) -> None:
+        """Fit the model with these effects to the beginnings, from a unit vector (n,)."""
         self.early = inquiry.beginnings(EARLY, SOME)
-        fit = self.early.fit(revision.effects, revision.fit.vector, 1)
-        self.revision = Revision(revision.effects, fit)
+        self.revision = Revision(effects, self.early.fit(effects, vector, iterations))
+
+    @classmethod
+    def of(cls, inquiry: Inquiry, revision: Revision) -> "Profile":
+        """Return the profile of a fitted revision."""
+        return cls(inquiry, revision.effects, revision.fit.vector)
 
     def contenders(self, looked: Iterable[Screened], most: int) -> list[tuple[str, Fit]]:
         """Return at most so many effects that lower the loss, each with its fit; the best first.
@@ -48,7 +55,7 @@ class Profile:
 
     def with_field(self, one: Screened) -> Fit:
         """Return the fit with a field: so many strengths have no probe that stands for all."""
-        return self.early.fit((*self.revision.effects, one.effect), one.start, 1)
+        return self.early.fit((*self.revision.effects, one.effect), one.start, 2)
 
     def errors(self, name: str, fit: Fit) -> np.ndarray:
         """Return the average errors with an effect, held out, % of the scale."""

@@ -8,7 +8,7 @@ import numpy as np
 from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.gain import Gain, gain, worse
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.profile import HOPE, Profile
+from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
 from robotcast.diagnosis.screen import Screened, looks, screen
 from robotcast.fitting.least_squares import Fit, trial_losses
@@ -18,6 +18,7 @@ LEADERS = 4  # of these, refitted to the end; half as many in later rounds
 IN_THE_RUNNING = 0.15  # of the best loss: refits that are no worse than that go on
 FINALISTS = 2  # of these, judged on held-out trials
 MOST_EFFECTS = 3
+HOPE = 0.05  # of what is missed on beginnings held out that one must take away in later rounds
 EQUAL = 0.05  # p-value above which two revisions explain the trials equally well
 
 
@@ -104,7 +105,7 @@ def _round(
     top = found.ladder[-1]
     names = [name for name in candidates if name not in top.revision.effects]
     later = len(found.ladder) > 1
-    profile = Profile(inquiry, top.revision)
+    profile = Profile.of(inquiry, top.revision)
     asked = (profile.early, profile.revision) if later else (inquiry, top.revision)
     looked, screens = looks(*asked, names), {}
     for name in names:

@@ -9,7 +9,7 @@ from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.gain import Gain, gain
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.profile import Profile
-from robotcast.diagnosis.revision import Revision, held_out
+from robotcast.diagnosis.revision import Revision, held_out, refit
 from robotcast.diagnosis.screen import Screened, looks
 from robotcast.diagnosis.search import Effort, Found, Rung
 from robotcast.fitting.least_squares import Fit
@@ -17,7 +17,7 @@ from robotcast.fitting.least_squares import Fit
 FLEXIBLE = 0.25  # of the excess over the noise floor that a field must take away
 TRIED = 3  # fields fitted to the beginnings of some trials
 HOPE = 0.1  # of what is missed there that a field must take away to be fitted to all
-ITERATIONS = 2
+LEVEL = 1.1  # a field of another dependence that misses so little more is fitted to all as well
 
 
 @dataclass(frozen=True)
@@ -65,19 +65,13 @@ def look_for_the_unknown(
     if floor.reached(top.errors.waypoint):
         return found, None
     contest = _Contest(inquiry, fields, floor, effort, tell)
-    beside = contest.begin(top)
-    if beside is None or beside.missed > (1 - HOPE) * beside.missed_before:
-        return found, None
-    if top is base:
-        left = contest.judged(base, beside)
-        return found, left if left.enough else None
-    begun = contest.begin(base)
-    hopeful = begun is not None and begun.missed < (1 - HOPE) * beside.missed_before
-    alone = contest.judged(base, begun) if begun and hopeful else None
+    on_top = Profile.of(inquiry, top.revision)
+    most_missed = (1 - HOPE) * contest.missed(on_top.own_errors())
+    alone = contest.alone(base, top, most_missed) if top is not base else None
     if alone is not None and alone.over(inquiry, top, floor).pays:
         return replace(found, ladder=(base,), rivals={}), alone
-    left = contest.judged(top, beside)
-    if not left.enough:
+    left = contest.judged(top, contest.begin(on_top), most_missed)
+    if left is None or not left.enough:
         return found, None
     if alone is not None and not left.over(inquiry, alone.rung, floor).pays:
         return replace(found, ladder=(base,), rivals={}), alone
@@ -86,17 +80,11 @@ def look_for_the_unknown(
 
 @dataclass(frozen=True)
 class _Begun:
-    """A field fitted to the beginnings of some trials.
-
-    Attributes
-    ----------
-    missed, missed_before : what is missed there, held out, with the field and without it.
-    """
+    """A field fitted to the beginnings of some trials, and what it misses of them, held out."""
 
     screened: Screened
     fit: Fit
     missed: float
-    missed_before: float
 
 
 @dataclass(frozen=True)
@@ -109,35 +97,60 @@ class _Contest:
     effort: Effort
     tell: Callable[[str], object]
 
-    def begin(self, below: Rung) -> _Begun | None:
-        """Return the field that misses beginnings least, held out, on top of a rung."""
-        profile = Profile(self.inquiry, below.revision)
+    def alone(self, base: Rung, top: Rung, most_missed: float) -> Unexplained | None:
+        """Return the best field in the place of the named effects, None if it has no hope.
+
+        It starts from the parameters that the model has beside the named effects: without
+        them and without a field they have moved far away to stand in for what is missing.
+        """
+        own = top.revision.fit.vector[: len(base.revision.fit.vector)]
+        begun = self.begin(Profile(self.inquiry, base.revision.effects, own, iterations=0))
+        return self.judged(base, begun, most_missed)
+
+    def begin(self, profile: Profile) -> list[_Begun]:
+        """Return fields fitted to beginnings; the one that misses least, held out, comes first."""
         looked, answers = [], looks(profile.early, profile.revision, self.fields)
         for name in self.fields:
             depends_on = self.inquiry.model.effects[name].depends_on
             self.tell(f"trying a field that depends on {depends_on}")
             looked.append(next(answers))
         usable = sorted((one for one in looked if one.status is None), key=lambda one: one.loss)
-        begun, before = [], self._missed(profile.own_errors())
+        begun = []
         for one in usable[:TRIED]:
             self.tell(f"beginning with {self._text(one.effect)}")
             fit = profile.with_field(one)
-            missed = self._missed(profile.errors(one.effect, fit))
-            begun.append(_Begun(one, fit, missed, before))
-        return min(begun, key=lambda one: one.missed, default=None)
+            begun.append(_Begun(one, fit, self.missed(profile.errors(one.effect, fit))))
+        return sorted(begun, key=lambda one: one.missed)
 
-    def _missed(self, errors: np.ndarray) -> float:
+    def missed(self, errors: np.ndarray) -> float:
+        """Return how much is missed on average, in what actions scatter by."""
         return float(self.floor.misses(errors).mean())
 
-    def judged(self, below: Rung, begun: _Begun) -> Unexplained:
-        """Fit a field to whole trials, on top of a rung, and judge it on trials held out."""
-        one = begun.screened
-        self.tell(f"fitting {self._text(one.effect)}")
-        inquiry, effects = self.inquiry, (*below.revision.effects, one.effect)
-        fitted = Revision(effects, inquiry.fit(effects, begun.fit.vector, ITERATIONS))
-        errors = held_out(inquiry, fitted, self.effort.seed, self.effort.fold)
+    def judged(
+        self, below: Rung, begun: Sequence[_Begun], most_missed: float
+    ) -> Unexplained | None:
+        """Fit the best fields to whole trials; judge the better one on trials held out.
+
+        None when they miss too much of the beginnings.
+        """
+        if not begun or begun[0].missed > most_missed:
+            return None
+        inquiry, fits = self.inquiry, []
+        best_of = {self._depends_on(one): one for one in reversed(begun)}  # of each dependence
+        level = [one for one in best_of.values() if one.missed < LEVEL * begun[0].missed]
+        for one in level:
+            self.tell(f"fitting {self._text(one.screened.effect)}")
+            effects = (*below.revision.effects, one.screened.effect)
+            fits.append((one.screened, Revision(effects, inquiry.fit(effects, one.fit.vector, 1))))
+        one, revision = min(fits, key=lambda fitted: fitted[1].fit.loss)
+        self.tell("judging it on trials held out")
+        revision = refit(inquiry, revision, 2)
+        errors = held_out(inquiry, revision, self.effort.seed, self.effort.fold)
         saved = gain(below.errors.waypoint, errors.waypoint, inquiry.groups, self.floor)
-        return Unexplained(one.effect, Rung(fitted, errors, one.predicted), saved)
+        return Unexplained(one.effect, Rung(revision, errors, one.predicted), saved)
+
+    def _depends_on(self, begun: _Begun) -> str | None:
+        return self.inquiry.model.effects[begun.screened.effect].depends_on
 
     def _text(self, name: str) -> str:
         return self.inquiry.model.effects[name].text

@@ -100,6 +100,8 @@ def fit_robustly(
 ) -> Fit:
     """Minimise the loss from `start` (n,), inside [0, 1].
 
+    No iterations only look at the start, and take its slopes.
+
     Parameters
     ----------
     steps : differences of the first Jacobian, (n,).
@@ -110,10 +112,10 @@ def fit_robustly(
     """
     free = np.ones(len(start), bool) if free is None else free
     prior = prior or Prior(start, np.ones(len(start)))
-    best = known
+    best = known or _differentiated(residuals, None, start, steps, trials, free, prior)
     small = 0
     for iteration in range(iterations):
-        if best is None or iteration:
+        if iteration:
             best = _differentiated(residuals, best, start, steps, trials, free, prior)
         scale = _scale(best.residual)
         before = _whole_loss(best.residual[None], best.vector[None], prior, scale)[0]
@@ -126,8 +128,6 @@ def fit_robustly(
         small = small + 1 if losses[chosen] > before * (1 - ENOUGH) else 0
         if small == 2:
             break
-    if best is None:
-        raise ValueError("a fit needs at least one iteration")
     return best
 
 
