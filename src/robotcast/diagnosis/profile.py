@@ -55,7 +55,7 @@ class Profile:
 
     def with_field(self, one: Screened) -> Fit:
         """Return the fit with a field: so many strengths have no probe that stands for all."""
-        return self.early.fit((*self.revision.effects, one.effect), one.start, 2)
+        return self.early.fit((*self.revision.effects, one.effect), one.start, 1)
 
     def errors(self, name: str, fit: Fit) -> np.ndarray:
         """Return the average errors with an effect, held out, % of the scale."""

@@ -13,12 +13,12 @@ from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, 
 from robotcast.diagnosis.screen import Screened, looks, screen
 from robotcast.fitting.least_squares import Fit, trial_losses
 
-CONTENDERS = 8  # effects that a later round fits to beginnings of trials; the first, all
+CONTENDERS = 6  # effects that a later round fits to beginnings of trials; the first, all
 LEADERS = 4  # of these, refitted to the end; half as many in later rounds
 IN_THE_RUNNING = 0.15  # of the best loss: refits that are no worse than that go on
 FINALISTS = 2  # of these, judged on held-out trials
 MOST_EFFECTS = 3
-HOPE = 0.05  # of what is missed on beginnings held out that one must take away in later rounds
+HOPE = 0.05  # of the loss, and of what is missed on beginnings, that a later one must take away
 EQUAL = 0.05  # p-value above which two revisions explain the trials equally well
 
 
@@ -124,6 +124,9 @@ def _round(
         revision = _refit(inquiry, (*top.revision.effects, name), start.vector, effort.refit - 1)
         whole = screen(inquiry, top.revision, name) if later else screens[name]
         fitted.append(_Refitted(whole, revision))
+    if later:
+        most_loss = (1 - HOPE) * top.revision.fit.loss
+        fitted = [one for one in fitted if one.loss < most_loss]
     tell(found, "refitting the best further")
     fitted = _further(inquiry, fitted)
     if not fitted:
