@@ -17,8 +17,6 @@ from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.simulators.simulator import SimulatedCast, Simulator
 
-pytestmark = pytest.mark.xdist_group("compare")  # one process: its fixtures take long
-
 ROOT = Path(__file__).resolve().parents[1]
 CABLE = Cable("cable", 0.63, 0.008, 0.0045, 0.02)
 ACTIONS = (

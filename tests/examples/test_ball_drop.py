@@ -13,8 +13,6 @@ import pytest
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.model import Record
 
-pytestmark = pytest.mark.xdist_group("ball_drop")  # one process: its fixtures take long
-
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "ball_drop"
 TIMES_S = np.arange(0.02, 3.6, 1 / 15)
 G = 9.81

@@ -11,8 +11,6 @@ import pytest
 from robotcast.hidden_effects.layout import diagnosis_folder, oracle_path, rivals_path
 from robotcast.hidden_effects.outcome import Outcome, read_outcomes
 
-pytestmark = pytest.mark.xdist_group("benchmark")  # one process: its fixtures take long
-
 ROOT = Path(__file__).resolve().parents[2]
 CANDIDATES = ("air_drag", "board_tilt", "camera_latency", "tool_lag")  # a few, to be quick
 FORCED = "case-001"

@@ -14,11 +14,7 @@ from robotcast.policies.choice import Choice
 from robotcast.policies.evaluation import Executed, execute_choices
 from robotcast.rigs.rig import Rig
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.rig,
-    pytest.mark.xdist_group("execution"),  # one process: its fixtures take long
-]
+pytestmark = [pytest.mark.slow, pytest.mark.rig]
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMITS = PlanLimits()
