@@ -22,13 +22,13 @@ def run(script: str, folder: Path, *overrides: str) -> None:
 
 
 @pytest.mark.slow
-def test_gauss_newton_finds_what_three_casts_tell(tmp_path: Path) -> None:
+def test_gauss_newton_finds_what_five_casts_tell_well(tmp_path: Path) -> None:
     run("sim2sim", tmp_path, "optimizer=gn")
     outcomes = read_outcomes(tmp_path)
-    told = [o for o in outcomes if o.told_within_percent <= 20]
-    assert len(told) >= 3
+    told = [o for o in outcomes if o.told_within_percent <= 2]
+    assert len(told) >= 2
     assert all(o.error_percent < 1.0 for o in told)
     assert "cable_mass_kg" not in [o.parameter for o in outcomes]  # weighed, so not tuned
     assert not list((tmp_path / "unfinished").glob("*"))
     run("sim2sim_table", tmp_path)
-    assert "Segmented | 3 | Gauss–Newton | 1 |" in (tmp_path / "reports" / "README.md").read_text()
+    assert "Segmented | 5 | Gauss–Newton | 1 |" in (tmp_path / "reports" / "README.md").read_text()
