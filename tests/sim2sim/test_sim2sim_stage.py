@@ -22,12 +22,14 @@ def run(script: str, folder: Path, *overrides: str) -> None:
 
 
 @pytest.mark.slow
-def test_gauss_newton_finds_what_five_casts_tell_well(tmp_path: Path) -> None:
+def test_gauss_newton_finds_what_five_casts_tell(tmp_path: Path) -> None:
     run("sim2sim", tmp_path, "optimizer=gn")
     outcomes = read_outcomes(tmp_path)
-    told = [o for o in outcomes if o.told_within_percent <= 2]
-    assert len(told) >= 2
-    assert all(o.error_percent < 1.0 for o in told)
+    told = [o for o in outcomes if o.told_within_percent <= 20]
+    assert len(told) >= 3
+    for outcome in told:  # misses of 0.05 % tell it so well; those left may be a little larger
+        assert outcome.tuning_percent < 0.1
+        assert outcome.error_percent < 2 * outcome.told_within_percent
     assert "cable_mass_kg" not in [o.parameter for o in outcomes]  # weighed, so not tuned
     assert not list((tmp_path / "unfinished").glob("*"))
     run("sim2sim_table", tmp_path)

@@ -10,7 +10,7 @@ from robotcast.simulators.chain_run import ChainSettings
 from robotcast.simulators.hybrid import HybridSimulator
 from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast
-from tests.simulators.conftest import CABLE, load_effect, nominal
+from tests.simulators.conftest import CABLE, configured, load_effect, nominal
 from tests.simulators.conftest import PARAMETERS as SEGMENTED
 
 GRAVITY_M_S2 = 9.81
@@ -131,6 +131,16 @@ def test_halving_the_step_hardly_moves_the_end(casts: list[SimulatedCast]) -> No
         axis=-1,
     )
     assert (np.median(np.nanmean(difference, axis=-1), axis=1) < 0.005 * CABLE.length_m).all()
+
+
+def test_six_segments_that_stretch_move_the_end_as_all_would(casts: list[SimulatedCast]) -> None:
+    every, few = simulator(), configured("hybrid")
+    vectors = np.vstack([nominal(few, youngs_modulus_pa=modulus) for modulus in (2e4, 2e5, 2e6)])
+    miss = np.linalg.norm(
+        few.simulate(casts, vectors).waypoints_m - every.simulate(casts, vectors).waypoints_m,
+        axis=-1,
+    )
+    assert (np.nanmean(miss, axis=(1, 2)) < 0.003 * CABLE.length_m).all()
 
 
 def test_a_material_damped_too_little_for_the_step_is_refused() -> None:

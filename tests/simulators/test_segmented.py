@@ -76,14 +76,13 @@ def test_an_endpoint_bounces_on_the_cable_as_on_a_spring(make_simulator: MakeSim
 def test_three_segments_that_stretch_move_the_end_as_all_would(
     make_simulator: MakeSimulator, casts: list[SimulatedCast]
 ) -> None:
-    few, all_of_them, none = make_simulator(), make_simulator(stretches=18), make_simulator()
-    expected = all_of_them.simulate(casts, nominal(few)).waypoints_m
-    for simulator, vector, near in (
-        (few, nominal(few), True),
-        (none, nominal(none, axial_stiffness_n=1e4), False),
-    ):
-        miss = np.linalg.norm(simulator.simulate(casts, vector).waypoints_m - expected, axis=-1)
-        assert (np.nanmean(miss) < 0.002 * CABLE.length_m) == near
+    """A cable that hardly stretches, for comparison, is further off."""
+    few, every = make_simulator(), make_simulator(stretches=18)
+    vectors = np.vstack([nominal(few), nominal(few, axial_stiffness_n=1e4)])
+    expected = every.simulate(casts, vectors[:1]).waypoints_m
+    miss = np.linalg.norm(few.simulate(casts, vectors).waypoints_m - expected, axis=-1)
+    stretching, rigid = np.nanmean(miss, axis=(1, 2)) / CABLE.length_m
+    assert stretching < 0.002 < rigid
 
 
 @pytest.mark.parametrize(("friction", "omega"), [(0.3, 2.0), (0.4, 2.0 * (4 / 3) ** 0.5)])

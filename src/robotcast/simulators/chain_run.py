@@ -63,8 +63,8 @@ class ChainRun(ABC):
 
     MuJoCo's Euler step keeps velocities half a step behind positions. Forces that depend on
     velocity are therefore taken at 1.5 v_n − 0.5 v_{n−1}, and the centripetal forces, which
-    MuJoCo takes at v_n, are corrected to it. At 4 ms that brings the step's error on a cast
-    from 1.3 % to 0.1 % of cable length (tests/simulators/test_segmented.py).
+    MuJoCo takes at v_n, are corrected to it. So a step of 4 ms errs by less than 0.3 % of cable
+    length on most casts (tests/simulators/test_segmented.py).
 
     Parameters
     ----------

@@ -5,8 +5,8 @@ they amount to on a level board: Coulomb friction μ m g against the motion of e
 
 A few segments also stretch. By length it is little, 0.1 % at the tension of a cast, but it
 decides what happens when a slack cable comes taut: it throws the endpoint back, or eases the
-jerk that an inextensible chain passes on at once. Against an independent reference of
-E A ≈ 300 N, whip-like casts of an inextensible chain end up to 18 cm off.
+jerk that an inextensible chain passes on at once. A whip-like cast with E A = 190 N can end
+more than 10 cm from one with an inextensible cable.
 """
 
 from dataclasses import dataclass
