@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 
 STEPS: Mapping[str, float] = {  # how a step's note begins → the runs that a trial usually takes
-    "fitting the model": 460.0,
+    "fitting the model": 400.0,
     "looking at": 7.0,
-    "refitting the model": 250.0,
-    "refitting with": 42.0,
+    "refitting the model": 210.0,
+    "refitting with": 110.0,
     "refitting the best": 88.0,
     "judging": 18.0,
     "trying a field": 7.0,
@@ -14,7 +14,7 @@ STEPS: Mapping[str, float] = {  # how a step's note begins → the runs that a t
     "fitting": 130.0,
     "choosing": 18.0,
 }
-REFITS, JUDGED = 4, 2  # in one search for a further effect
+JUDGED = 2  # in one search for a further effect
 BEGUN = 3  # fields fitted to beginnings
 OTHER = 40.0
 
@@ -30,7 +30,6 @@ class Outlook:
         self._trials, self._candidates = trials, candidates
         self._left = dict.fromkeys(STEPS, 1) | {
             "looking at": candidates,
-            "refitting with": REFITS,
             "judging": JUDGED,
             "trying a field": fields,
             "beginning with": BEGUN,
@@ -45,8 +44,8 @@ class Outlook:
         if not kind:
             return
         if kind == "looking at" and not self._left[kind]:
-            again = {"refitting the model": 1, "refitting with": REFITS, "judging": JUDGED}
-            self._left |= again | {"refitting the best": 1, kind: self._candidates}
+            again = {"refitting the model": 1, "refitting with": 1, "refitting the best": 1}
+            self._left |= again | {"judging": JUDGED, kind: self._candidates}
         earlier = list(STEPS)[: list(STEPS).index(kind)]
         self._left |= dict.fromkeys(earlier, 0)  # left out, if it has not come by now
         self._left[kind] = max(self._left[kind] - 1, 0)

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.side_by_side import side_by_side
 from robotcast.fitting.elimination import (
     Rounds,
     best_first,
@@ -98,13 +99,17 @@ def folds(groups: np.ndarray, seed: int) -> list[np.ndarray]:
 
 def held_out(inquiry: Inquiry, revision: Revision, seed: int, iterations: int) -> HeldOut:
     """Refit without each fold, from the fit on all trials, and predict the fold."""
-    waypoint, final = np.empty((2, len(inquiry.records)))
-    vectors = []
-    for fold in folds(inquiry.groups, seed):
+    whole = revision.fit
+
+    def rest_fit(fold: np.ndarray) -> Fit:
         rest = np.setdiff1d(inquiry.everything, fold)
-        whole = revision.fit
         known = Fit(whole.vector, whole.loss, whole.residual[rest], whole.jacobian[rest])
-        fit = inquiry.fit(revision.effects, whole.vector, iterations, trials=rest, known=known)
+        start, effects = whole.vector, revision.effects
+        return inquiry.fit(effects, start, iterations, trials=rest, known=known)
+
+    cut = folds(inquiry.groups, seed)
+    fits = list(side_by_side(rest_fit, cut))
+    waypoint, final = np.empty((2, len(inquiry.records)))
+    for fold, fit in zip(cut, fits, strict=True):
         waypoint[fold], final[fold] = inquiry.errors(revision.effects, fit.vector, fold)
-        vectors.append(fit.vector)
-    return HeldOut(waypoint, final, np.array(vectors))
+    return HeldOut(waypoint, final, np.array([fit.vector for fit in fits]))

@@ -11,9 +11,10 @@ from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
 from robotcast.diagnosis.screen import Screened, looks, screen
+from robotcast.diagnosis.side_by_side import side_by_side
 from robotcast.fitting.least_squares import Fit, trial_losses
 
-CONTENDERS = 6  # effects that a later round fits to beginnings of trials; the first, all
+CONTENDERS = 5  # effects that a later round fits to beginnings of trials; the first, all
 LEADERS = 4  # of these, refitted to the end; half as many in later rounds
 IN_THE_RUNNING = 0.15  # of the best loss: refits that are no worse than that go on
 FINALISTS = 2  # of these, judged on held-out trials
@@ -118,12 +119,15 @@ def _round(
         begun = _generalising(profile, profile.contenders(usable[:CONTENDERS], LEADERS // 2), floor)
     else:
         begun = profile.contenders(usable, LEADERS)
-    fitted = []
-    for name, start in begun:
-        tell(found, f"refitting with {name}")
+    tell(found, f"refitting with {', '.join(name for name, _ in begun)}")
+
+    def whole(started: tuple[str, Fit]) -> _Refitted:
+        name, start = started
         revision = _refit(inquiry, (*top.revision.effects, name), start.vector, effort.refit - 1)
-        whole = screen(inquiry, top.revision, name) if later else screens[name]
-        fitted.append(_Refitted(whole, revision))
+        screened = screen(inquiry, top.revision, name) if later else screens[name]
+        return _Refitted(screened, revision)
+
+    fitted = list(side_by_side(whole, begun))
     if later:
         most_loss = (1 - HOPE) * top.revision.fit.loss
         fitted = [one for one in fitted if one.loss < most_loss]
@@ -179,13 +183,13 @@ class _Refitted:
 def _further(inquiry: Inquiry, fitted: Sequence[_Refitted]) -> list[_Refitted]:
     """Go on with the refits that are still in the running; the best comes first."""
     best = min((one.loss for one in fitted), default=0.0)
-    on = [
-        replace(one, revision=refit(inquiry, one.revision, 2))
-        if one.loss < (1 + IN_THE_RUNNING) * best
-        else one
-        for one in fitted
-    ]
-    return sorted(on, key=lambda one: one.loss)
+
+    def on(one: _Refitted) -> _Refitted:
+        if one.loss > (1 + IN_THE_RUNNING) * best:
+            return one
+        return replace(one, revision=refit(inquiry, one.revision, 2))
+
+    return sorted(side_by_side(on, fitted), key=lambda one: one.loss)
 
 
 def _rivals(inquiry: Inquiry, fitted: Sequence[_Refitted], best: Revision) -> tuple[str, ...]:

@@ -57,26 +57,38 @@ class PlaceField(_Field):
         width_m: float,
         endpoint: bool = False,
     ) -> None:
-        self.centres_m = np.array([(x, y) for x in x_m for y in y_m])
+        self.x_m, self.y_m = (np.asarray(at, np.float32) for at in (x_m, y_m))
         self.width_m = width_m
-        super().__init__(name, text, 2 * len(self.centres_m), "place", endpoint=endpoint)
+        super().__init__(name, text, 2 * len(x_m) * len(y_m), "place", endpoint=endpoint)
 
     def force(self, cable: CableMotion, **values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        x, y = (np.zeros_like(cable.x) for _ in range(2))
-        for k, bump in enumerate(self._bumps(cable.x, cable.y)):
-            x += values[f"c{2 * k}"] * bump
-            y += values[f"c{2 * k + 1}"] * bump
-        mass = self.acts_on(cable)
-        return mass * x, mass * y
+        strengths = np.concatenate([values[p.name] for p in self.parameters], axis=1)
+        if not self.endpoint:
+            x, y = self._accelerations(cable.x, cable.y, strengths)
+            return cable.mass_kg * x, cable.mass_kg * y
+        x, y = self._accelerations(cable.x[:, -1:], cable.y[:, -1:], strengths)
+        mass = cable.mass_kg[:, -1:]
+        return cable.on_endpoint(mass * x), cable.on_endpoint(mass * y)
 
     def at(self, points_m: np.ndarray, strengths: np.ndarray) -> np.ndarray:
         """Return the accelerations (m, 2) at points (m, 2)."""
-        bumps = np.stack(list(self._bumps(*points_m.T)), axis=1)
-        return bumps @ strengths.reshape(-1, 2)
+        x, y = points_m.T[:, None].astype(np.float32)
+        return np.concatenate(self._accelerations(x, y, strengths[None])).T
 
-    def _bumps(self, x: np.ndarray, y: np.ndarray):
-        for cx, cy in self.centres_m.tolist():
-            yield np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / np.float32(2 * self.width_m**2))
+    def _accelerations(
+        self, x: np.ndarray, y: np.ndarray, strengths: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return both components (n, m) at points (n, m); a bump is a product of two hats.
+
+        `strengths` (n, n_strengths): of every centre, x before y, its two components.
+        """
+        bumps = self._hats(x, self.x_m)[..., None] * self._hats(y, self.y_m)[..., None, :]
+        found = bumps.reshape(*x.shape, -1) @ strengths.reshape(len(x), -1, 2)
+        return found[..., 0], found[..., 1]
+
+    def _hats(self, at: np.ndarray, centres: np.ndarray) -> np.ndarray:
+        apart = at[..., None] - centres
+        return np.exp(apart * apart * np.float32(-0.5 / self.width_m**2))
 
 
 class AlongMotionField(_Field):

@@ -3,9 +3,10 @@
 Levenberg–Marquardt on finite-difference Jacobians (Nocedal and Wright 2006, ch. 10), for models
 that are chaotic on some trials. Two things make it work there. A trial counts by the logarithm
 of its mean square (a Cauchy loss over whole trials), because a few whip-like trials jump by ten
-times the rest where the whip tips over. Differences are central and taken along the axes of the
-last curvature, each as long as the trials tell parameters apart along it: an axis along which
-the model is stiff is probed where it is linear, a soft one beyond the noise.
+times the rest where the whip tips over. Differences are central at first; later they are taken
+downhill along the axes of the last curvature, each as long as the trials tell parameters apart
+along it: an axis along which the model is stiff is probed where it is linear, a soft one beyond
+the noise.
 """
 
 from collections.abc import Callable, Sequence
@@ -145,15 +146,31 @@ def _differentiated(
     prior: Prior,
 ) -> Fit:
     """Return a fit with a fresh Jacobian, at the best of the points that it took."""
-    vector = start if last is None else last.vector
-    axes = np.diag(steps)[free] if last is None else noise_axes(last, free)
-    rows = np.clip(np.vstack([vector, vector + axes, vector - axes]), 0.0, 1.0)
+    axes = np.diag(steps)[free]
+    rows = np.vstack([start, start + axes, start - axes]) if last is None else _downhill(last, free)
+    rows = np.clip(rows, 0.0, 1.0)
     values = residuals(rows, trials)
     losses = _whole_loss(values, rows, prior, _scale(values[0]))
     chosen = int(np.argmin(losses))
     loss = float(trial_losses(values[chosen]).mean())
     found = slopes(rows, values) * steadiness(values)[:, None, None]
     return Fit(rows[chosen], loss, values[chosen], found)
+
+
+def _downhill(last: Fit, free: np.ndarray) -> np.ndarray:
+    """Return a fit's vector, and others (1 + n_free, n) one axis of the curvature away from it.
+
+    On the side where the loss falls, so that the fit may go on from there; on the other side
+    where that lies out of the range.
+    """
+    axes = noise_axes(last, free)
+    weighted = last.jacobian * last.weights[:, None, None]
+    rises = axes @ np.einsum("idn,id->n", weighted, last.residual) > 0
+    axes[rises] *= -1
+    beyond = last.vector + axes
+    outside = ((beyond < 0) | (beyond > 1)).any(axis=1)
+    axes[outside] *= -1
+    return np.vstack([last.vector, last.vector + axes])
 
 
 def slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
