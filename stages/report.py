@@ -1,13 +1,11 @@
 """Write tables, figures and the HTML page from whatever results there are."""
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 from stage import console, output_folder, stage
 
-from robotcast.reporting.names import optimizer_name, thousands
 from robotcast.reporting.report import RunFacts, write_report
 from robotcast.reporting.results import read_results
 
@@ -26,8 +24,7 @@ def report(config: DictConfig) -> None:
             ),
             (
                 "Tuned",
-                f"on {scale.tune.tune_casts} casts, tested on {scale.tune.test_casts}; "
-                f"at most {_budgets(scale.tune.budget_casts)} simulated casts",
+                f"on at most {scale.tune.tune_casts} casts, tested on {scale.tune.test_casts}",
             ),
             ("Generated", f"grid of {grid} actions, less those that the arm cannot do"),
             ("Trained", f"at most {scale.train.epochs} epochs"),
@@ -40,11 +37,6 @@ def report(config: DictConfig) -> None:
     folder = output_folder(config.paths.reports)
     written = write_report(read_results(Path("data")), facts, folder)
     console.print(f"{folder}: {len(written)} files, open {written[-1]}")
-
-
-def _budgets(budgets: Mapping[str, int]) -> str:
-    """{de: 14000, gn: 700} → 14 000 (DE) or 700 (Gauss–Newton)."""
-    return " or ".join(f"{thousands(n)} ({optimizer_name(name)})" for name, n in budgets.items())
 
 
 if __name__ == "__main__":

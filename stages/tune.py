@@ -19,7 +19,7 @@ from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
 from robotcast.reporting.revisions.page import Tuning, revisions_page
 from robotcast.tuning.asking import Problem
-from robotcast.tuning.certainty import certainty
+from robotcast.tuning.certainty import certainty, certainty_casts
 from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError, full_vectors
 from robotcast.tuning.revisions import (
     LEDGER,
@@ -37,6 +37,7 @@ def tune(config: DictConfig) -> None:
     measured = read_measurement_set(Path(config.paths.measurements))
     sizes = config.scale.tune
     tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
+    tuning = tuning.spread(sizes[config.simulator.name].casts)
     effects = build_effects(config.effects)
     simulator = instantiate(config.simulator.model, cable=measured.cable, effects=list(effects))
     folder = output_folder(config.paths.tuned)
@@ -75,7 +76,9 @@ def tune(config: DictConfig) -> None:
         found = search(instantiate(config.optimizer.search), problem, journal, budget, look)
 
     groups = np.unique([t.action_id for t in tuning.trials], return_inverse=True)[1]
-    sure = certainty(objective, problem, found.vector, groups)
+    sure = None
+    if certainty_casts(problem) <= budget:  # a budget too small for it is for a first look
+        sure = certainty(objective, problem, found.vector, groups)
     vector = full_vectors(simulator.parameters, found.vector)
     errors, predicted = {}, {}
     for name, part in (("tune", tuning), ("test", test)):

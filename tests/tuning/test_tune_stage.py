@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 CASTING = ROOT.parent / "shared" / "data" / "casting" / "a"
 SMALL = {
-    "de": ("scale.tune.population=8", "optimizer.budget_casts=1440"),
+    "de": ("scale.tune.segmented.population=8", "optimizer.budget_casts=1440"),
     "gn": ("optimizer.search.looked_at=12", "optimizer.budget_casts=1500"),
     "bo": ("optimizer.search.initial=8", "optimizer.budget_casts=700"),
 }

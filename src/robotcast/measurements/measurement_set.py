@@ -89,3 +89,8 @@ class MeasurementSet:
         """Return the set with only the given trial numbers, in this set's order."""
         wanted = set(trials)
         return replace(self, trials=tuple(t for t in self.trials if t.trial in wanted))
+
+    def spread(self, n: int) -> "MeasurementSet":
+        """Return the set with at most `n` of its trials, evenly spaced."""
+        kept = np.linspace(0, len(self.trials), min(n, len(self.trials)), endpoint=False)
+        return replace(self, trials=tuple(self.trials[int(i)] for i in kept))

@@ -19,7 +19,7 @@ from robotcast.reporting.names import (
     thousands,
 )
 from robotcast.reporting.page import Glance, Page, PageFigure, Section
-from robotcast.reporting.results import CableData, Evaluation, Results
+from robotcast.reporting.results import CableData, Evaluation, Results, Tuning
 from robotcast.reporting.revisions.rungs import comparable
 from robotcast.reporting.tables import cables_table, policies_table, tuning_table
 
@@ -105,17 +105,18 @@ def make_page(results: Results, facts: RunFacts) -> Page:
 def _tuning_section(results: Results) -> Section:
     figures = []
     lengths = {c.name: c.measured.cable.length_m for c in results.cables if c.measured}
-    for tuning in results.tunings:
-        paths = tuning.test_paths
-        if paths is None or tuning.cable not in lengths:
+    for cable in results.cables:
+        tuning = _best_tuning(results, cable.name)
+        paths = tuning.test_paths if tuning else None
+        if tuning is None or paths is None or tuning.cable not in lengths:
             continue
         method = f"{simulator_name(tuning.simulator)}, {optimizer_name(tuning.optimizer)}"
         figures.append(
             PageFigure(
                 f"overlay_{tuning.cable}_{tuning.simulator}-{tuning.optimizer}",
                 f"{cable_name(tuning.cable)}, {method}: measured and simulated paths",
-                "Five held-out casts from the best to the worst by average waypoint error, seen "
-                "from above; grey lines join waypoints of the same time, 100 ms apart. "
+                "The tuned simulator that does best on this cable. Five held-out casts from the "
+                "best to the worst by average waypoint error, seen from above; grey lines join waypoints of the same time, 100 ms apart. "
                 f"Measured on the {rig_name(tuning.facts.get('rig', ''))}.",
                 svg(overlay_figure(tuning, paths, lengths[tuning.cable])),
             )
@@ -127,8 +128,9 @@ def _tuning_section(results: Results) -> Section:
             PageFigure(
                 "tuning_trace",
                 "How tuning went",
-                "The best error found so far against the casts simulated for it; dotted, the "
-                "noise floor that repeats of one action show.",
+                "The best error found so far against the casts simulated for it, on the casts "
+                "that each simulator is tuned to; dotted, the noise floor that repeats of one "
+                "action show.",
                 svg(trace_figure(traced, floors)),
             )
         )
@@ -143,11 +145,11 @@ def _revisions_section(results: Results) -> tuple[Section, ...]:
     """Draw one ladder a cable; no section where nothing was tuned."""
     figures = []
     for cable in results.cables:
-        for rungs in comparable(cable.revisions):
+        for number, rungs in enumerate(comparable(cable.revisions), start=1):
             one = rungs.revisions[0]
             figures.append(
                 PageFigure(
-                    f"revisions_{cable.name}",
+                    f"revisions_{cable.name}" + (f"_{number}" if number > 1 else ""),
                     f"{cable_name(cable.name)}: the error of every revision of the model",
                     f"Bars: average waypoint error on {one.heldout_casts} held-out casts after "
                     f"tuning on {one.tuning_casts} others, ± one standard error, and how far it "
@@ -241,8 +243,7 @@ def _glance(results: Results) -> Glance:
 
 def _glance_row(results: Results, cable: CableData) -> tuple[str, ...]:
     measured, floor = cable.measured, cable.floor
-    tunings = [t for t in results.tunings if t.cable == cable.name and _test_error(t) is not None]
-    best = min(tunings, key=_test_error, default=None)  # type: ignore[arg-type]
+    best = _best_tuning(results, cable.name)
     mixed = results.evaluation(cable.name, "nn", "mixed")
     has_errors = mixed is not None and len(mixed.errors_percent) > 0
     return (
@@ -259,7 +260,13 @@ def _glance_row(results: Results, cable: CableData) -> tuple[str, ...]:
     )
 
 
-def _test_error(tuning) -> float | None:
+def _best_tuning(results: Results, cable: str) -> Tuning | None:
+    """Return the tuned simulator that does best on held-out casts of a cable."""
+    tunings = [t for t in results.tunings if t.cable == cable and _test_error(t) is not None]
+    return min(tunings, key=_test_error, default=None)  # type: ignore[arg-type]
+
+
+def _test_error(tuning: Tuning) -> float | None:
     return tuning.error("test", "waypoint_percent")
 
 
@@ -309,6 +316,7 @@ def _doubts(facts: dict) -> str:
         f"{thousands(lost)} diverged" if lost else "",
         f"at a bound: {', '.join(bounds)}" if bounds else "",
         f"hardly told by the casts: {', '.join(vague)}" if vague else "",
+        "" if "certainty" in facts else "too few casts to say how well these tell the parameters",
     ]
     return "".join(f"; {words}" for words in said if words)
 

@@ -44,6 +44,11 @@ class Certainty:
     casts: int
 
 
+def certainty_casts(problem: Problem) -> int:
+    """Return how many casts the certainty simulates."""
+    return 2 * (2 * len(problem.parameters) + 1) * problem.casts
+
+
 def certainty(
     evaluate: Evaluate, problem: Problem, vector: np.ndarray, groups: np.ndarray
 ) -> Certainty:

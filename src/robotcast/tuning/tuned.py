@@ -1,6 +1,6 @@
 """A tuned simulator on disk: its parameters, how well it does, and how it was found."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ class Tuned:
     effects : names of the effects that act in the simulator.
     values : parameter name → value, frozen ones and those of the effects included.
     errors : "tune" and "test" → errors on these casts.
+    certainty : None where the budget was too small for it.
     simulated_casts, diverged_casts : of the search.
     """
 
@@ -43,7 +44,7 @@ class Tuned:
     parameters: tuple[Parameter, ...]
     values: Mapping[str, float]
     errors: Mapping[str, PredictionErrors]
-    certainty: Certainty
+    certainty: Certainty | None
     simulated_casts: int
     diverged_casts: int
 
@@ -60,18 +61,25 @@ class Tuned:
             for p in self.parameters
             if self.at_bound(p)
         ]
-        if self.certainty.vague:
-            found.append(f"these casts hardly tell {', '.join(self.certainty.vague)}")
-        if self.certainty.condition > ILL_CONDITIONED:
-            together = ", ".join(self.certainty.least_known)
-            found.append(
-                f"the condition number is {self.certainty.condition:.0f}; the direction that these "
-                f"casts tell least is {together}"
-            )
+        found += _doubts(self.certainty)
         lost = sum(errors.n_diverged for errors in self.errors.values())
         if lost:
             found.append(f"{lost} of the final runs diverged and count with one cable length")
         return found
+
+
+def _doubts(known: Certainty | None) -> Iterator[str]:
+    """Yield what the casts do not tell, a sentence each."""
+    if known is None:
+        yield "the budget was too small to say how well the casts tell the parameters"
+        return
+    if known.vague:
+        yield f"these casts hardly tell {', '.join(known.vague)}"
+    if known.condition > ILL_CONDITIONED:
+        yield (
+            f"the condition number is {known.condition:.0f}; the direction that these "
+            f"casts tell least is {', '.join(known.least_known)}"
+        )
 
 
 def write_tuned(folder: Path, tuned: Tuned) -> None:
@@ -86,12 +94,7 @@ def write_tuned(folder: Path, tuned: Tuned) -> None:
         "r0_m": tuned.r0_m,
         "period_s": tuned.period_s,
         "parameters": {p.name: _plain_parameter(tuned, p) for p in tuned.parameters},
-        "certainty": {
-            "condition": tuned.certainty.condition,
-            "least_known": list(tuned.certainty.least_known),
-            "vague": list(tuned.certainty.vague),
-            "simulated_casts": tuned.certainty.casts,
-        },
+        **({"certainty": _plain_certainty(tuned.certainty)} if tuned.certainty else {}),
         "warnings": tuned.warnings(),
         "errors": {split: asdict(errors) for split, errors in tuned.errors.items()},
         "simulated_casts": tuned.simulated_casts,
@@ -100,8 +103,18 @@ def write_tuned(folder: Path, tuned: Tuned) -> None:
     write_text(folder / "tuned.yaml", yaml.safe_dump(plain, sort_keys=False, allow_unicode=True))
 
 
+def _plain_certainty(known: Certainty) -> dict[str, Any]:
+    return {
+        "condition": known.condition,
+        "least_known": list(known.least_known),
+        "vague": list(known.vague),
+        "simulated_casts": known.casts,
+    }
+
+
 def _plain_parameter(tuned: Tuned, parameter: Parameter) -> dict[str, Any]:
-    low, high = tuned.certainty.intervals.get(parameter.name, (None, None))
+    intervals = tuned.certainty.intervals if tuned.certainty else {}
+    low, high = intervals.get(parameter.name, (None, None))
     return {
         "value": float(tuned.values[parameter.name]),
         "low": low,

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotcast.reporting.figures.style import CYCLE, GREY
@@ -14,51 +15,55 @@ from robotcast.reporting.names import (
 )
 from robotcast.reporting.results import Tuning
 
-_DASHES = ("-", "--", ":", "-.")
 _DOTTED = (0, (1, 2))
 
 
 def trace_figure(tunings: Sequence[Tuning], floors: dict[str, float | None]) -> Figure:
-    """Draw one line a tuning: colour tells the cable, dashes the simulator and optimizer.
+    """Draw one panel a cable and one line a tuning, whose colour tells simulator and optimizer.
 
     Parameters
     ----------
     floors : cable → noise floor of the average waypoint error in % of cable length.
     """
-    figure = Figure(figsize=(7.2, 3.8))
-    axes = figure.subplots()
     cables = sorted({t.cable for t in tunings})
     methods = sorted({(t.simulator, t.optimizer) for t in tunings})
-    for tuning in tunings:
-        if tuning.trace is None:
-            continue
-        method = (tuning.simulator, tuning.optimizer)
-        color = CYCLE[cables.index(tuning.cable) % len(CYCLE)]
-        label = cable_name(tuning.cable)
-        if len(methods) > 1:
-            label += f", {simulator_name(method[0])} {optimizer_name(method[1])}"
-        axes.plot(
-            tuning.trace["simulated_casts"].to_numpy(),
-            tuning.trace["best_percent"].to_numpy(),
-            _DASHES[methods.index(method) % len(_DASHES)],
-            color=color,
-            lw=1.6,
-            drawstyle="steps-post",
-            label=label,
-        )
-    for cable in cables:
+    figure = Figure(figsize=(7.2, 3.8))
+    panels = figure.subplots(1, len(cables), sharex=True, sharey=True, squeeze=False)[0]
+    for axes, cable in zip(panels, cables, strict=True):
+        axes.set_title(cable_name(cable))
+        for tuning in (t for t in tunings if t.cable == cable):
+            number = methods.index((tuning.simulator, tuning.optimizer))
+            _draw(axes, tuning, CYCLE[number % len(CYCLE)])
         floor = floors.get(cable)
         if floor is not None:
-            axes.axhline(floor, color=CYCLE[cables.index(cable) % len(CYCLE)], lw=0.8, ls=_DOTTED)
-    if any(f is not None for f in floors.values()):
-        axes.plot([], [], color=GREY, lw=0.8, ls=_DOTTED, label="noise floor (same colour)")
-    axes.set_ylim(bottom=0)
-    axes.set_xlim(left=0)
-    axes.set_xlabel("simulated casts")
-    axes.set_ylabel("best average waypoint error\non tuning casts [% of cable length]")
+            axes.axhline(floor, color=GREY, lw=0.8, ls=_DOTTED, label="noise floor")
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(lambda value, _: thousands(value))
+    panels[0].set_ylim(bottom=0)
+    panels[0].set_ylabel("best average waypoint error\non tuning casts [% of cable length]")
+    figure.supxlabel("simulated casts", fontsize=9)
     rigs = tuple(sorted({t.facts.get("rig", "") for t in tunings} - {""}))
-    named = ", ".join(f"{simulator_name(s)} by {optimizer_name(o)}" for s, o in methods)
-    axes.set_title(f"{named}, against casts of the {rig_names(rigs)}")
-    axes.xaxis.set_major_formatter(lambda value, _: thousands(value))
-    axes.legend(loc="upper right")
+    figure.suptitle(f"Tuned to casts of the {rig_names(rigs)}", fontsize=9.5)
+    shown = {
+        label: line
+        for axes in panels
+        for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    columns = min(4, len(shown))
+    figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=columns)
     return figure
+
+
+def _draw(axes: Axes, tuning: Tuning, color: str) -> None:
+    """Draw how one tuning went; a single batch is a point."""
+    if tuning.trace is None:
+        return
+    axes.plot(
+        tuning.trace["simulated_casts"].to_numpy(),
+        tuning.trace["best_percent"].to_numpy(),
+        color=color,
+        lw=1.6,
+        marker="." if len(tuning.trace) == 1 else "",
+        drawstyle="steps-post",
+        label=f"{simulator_name(tuning.simulator)} {optimizer_name(tuning.optimizer)}",
+    )
