@@ -1,6 +1,7 @@
 """Every optimizer has its row, its trace and its doubts in the report."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,8 +11,16 @@ from robotcast.reporting.figures.trace import trace_figure
 from robotcast.reporting.report import RunFacts, make_page
 from robotcast.reporting.results import Results, read_results
 from robotcast.reporting.tables import tuning_table
+from robotcast.tuning.revisions import Revision
 
 NAMES = {"de": "DE", "bo": "BO (EI)", "gn": "Gauss–Newton"}
+REVISION = Revision(
+    cable="cable1", rig="virtual", split="a", tuning_casts=20, heldout_casts=30,
+    simulator="segmented", optimizer="de", effects=("board_tilt",),
+    tuning_waypoint_error_percent=2.0, heldout_waypoint_error_percent=2.0,
+    heldout_final_error_percent=2.0, standard_error_percent=None, noise_floor_percent=None,
+    simulated_casts=100,
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +40,40 @@ def results(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Resu
 def test_every_optimizer_has_a_row(results: Results) -> None:
     labels = [row.labels[0] for row in tuning_table(results).rows]
     assert {f"Segmented, {name}" for name in NAMES.values()} < set(labels)
+
+
+def test_every_simulator_has_a_row_for_every_optimizer(results: Results) -> None:
+    labels = [row.labels[0] for row in tuning_table(results).rows]
+    assert labels == [
+        *(f"{s}, {o}" for s in ("PyBullet", "Hybrid", "Segmented") for o in _ordered()),
+        "Noise floor (repeats)",
+    ]
+
+
+def _ordered() -> list[str]:
+    return [NAMES[name] for name in ("de", "bo", "gn")]
+
+
+def test_a_row_with_an_effect_stands_where_it_helps(results: Results) -> None:
+    first = results.cables[0]
+    base = next(t for t in results.tunings if (t.cable, t.optimizer) == (first.name, "de"))
+    error = base.error("test", "waypoint_percent") or 0.0
+    helps = replace(REVISION, cable=first.name, heldout_waypoint_error_percent=error - 0.5)
+    hurts = replace(helps, effects=("air_drag",), heldout_waypoint_error_percent=error + 0.5)
+    cables = (replace(first, revisions=(helps, hurts)), *results.cables[1:])
+    rows = {r.labels[0]: r for r in tuning_table(replace(results, cables=cables)).rows}
+    assert "Segmented, DE + air drag" not in rows
+    shown = rows["Segmented, DE + board tilt"].cells
+    assert shown[0].value == error - 0.5
+    assert [cell.value for cell in shown[2:]] == [None] * 10  # of other cables, and the paper
+
+
+def test_the_caption_says_who_was_given_how_much(results: Results) -> None:
+    assert "Tuned to: " not in tuning_table(results).caption
+    fewer = {**results.tunings[0].facts, "simulated_casts": 48}
+    tunings = (replace(results.tunings[0], facts=fewer), *results.tunings[1:])
+    caption = tuning_table(replace(results, tunings=tunings)).caption
+    assert "Tuned to: Segmented, BO (EI) 30 casts, 48 simulated; " in caption
 
 
 def test_every_optimizer_has_a_trace(results: Results) -> None:

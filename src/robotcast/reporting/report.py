@@ -116,7 +116,8 @@ def _tuning_section(results: Results) -> Section:
                 f"overlay_{tuning.cable}_{tuning.simulator}-{tuning.optimizer}",
                 f"{cable_name(tuning.cable)}, {method}: measured and simulated paths",
                 "The tuned simulator that does best on this cable. Five held-out casts from the "
-                "best to the worst by average waypoint error, seen from above; grey lines join waypoints of the same time, 100 ms apart. "
+                "best to the worst by average waypoint error, seen from above; grey lines join "
+                "waypoints of the same time, 100 ms apart. "
                 f"Measured on the {rig_name(tuning.facts.get('rig', ''))}.",
                 svg(overlay_figure(tuning, paths, lengths[tuning.cable])),
             )

@@ -1,20 +1,24 @@
 """The paper's three tables, filled with this run's results (tab:tuning, tab:error, tab:results)."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robotcast.reporting.names import (
     cable_name,
     dataset_name,
+    effect_name,
     optimizer_name,
     policy_name,
     rig_names,
     simulator_name,
+    thousands,
 )
 from robotcast.reporting.paper import CABLES, PAPER_RIG, POLICIES, QUARTILES, TUNING
-from robotcast.reporting.results import Evaluation, Results
+from robotcast.reporting.results import Evaluation, Results, Tuning
 from robotcast.reporting.table import Cell, Group, Row, Table
+from robotcast.tuning.revisions import Revision
 
 _PAPER_NOTE = f"Columns “{PAPER_RIG}”: the paper’s values, a UR5 and real cables, for reference."
 _TUNING_METRICS = ("waypoint_percent", "final_percent")
@@ -26,20 +30,17 @@ def all_tables(results: Results) -> tuple[Table, Table, Table]:
 
 
 def tuning_table(results: Results) -> Table:
-    """Error of each tuned simulator on held-out casts, per cable, with the noise floor."""
+    """Error of each tuned simulator on held-out casts, per cable, with the noise floor.
+
+    Every simulator of the paper has a row for every optimizer that was run, whether or not that
+    cell was. Below stand the models with effects that do better than without on some cable.
+    """
     cables = _cables(results)
-    pairs = [(s, "de") for s in TUNING]
-    pairs += sorted({(t.simulator, t.optimizer) for t in results.tunings} - set(pairs))
-    ours = [[_tuned(results, cable, *pair) for cable in cables] for pair in pairs]
-    paper = [
-        [TUNING.get(s, {}).get(c, (None, None)) if o == "de" else (None, None) for c in CABLES]
-        for s, o in pairs
-    ]
+    rows_of = _methods(results)
+    ours = [[_tuned(results, cable, row) for cable in cables] for row in rows_of]
+    paper = [[_papers(row, cable) for cable in CABLES] for row in rows_of]
     own, reference = _marked(_flat(ours), digits=1), _marked(_flat(paper), digits=0)
-    rows = [
-        Row((f"{simulator_name(s)}, {optimizer_name(o)}",), (*a, *b))
-        for (s, o), a, b in zip(pairs, own, reference, strict=True)
-    ]
+    rows = [Row((row.label,), (*a, *b)) for row, a, b in zip(rows_of, own, reference, strict=True)]
     rig = rig_names(results.rigs)
     floors = [results.cable(c) for c in cables]
     floor_cells = [
@@ -49,14 +50,16 @@ def tuning_table(results: Results) -> Table:
     ]
     blanks = [Cell(None)] * (2 * len(CABLES))
     rows.append(Row(("Noise floor (repeats)",), (*floor_cells, *blanks)))
-    n_test = sorted({t.facts["errors"]["test"]["n_casts"] for t in results.tunings if _tested(t)})
+    n_test = sorted(
+        {t.facts["errors"]["test"]["n_casts"] for t in results.tunings if _judged(t, "test")}
+    )
     return Table(
         name="tuning",
         caption=(
             f"Error of the tuned simulators on {_numbers(n_test)} held-out casts for each cable, "
             f"in % of cable length, on the {rig}: average waypoint error "
             "(Wayp.) and median final distance (Last). The noise floor is how far repeats of one "
-            f"action lie from their mean: no model does better. {_PAPER_NOTE}"
+            f"action lie from their mean: no model does better. {_efforts(results)}{_PAPER_NOTE}"
         ),
         label_columns=("Sim. model",),
         groups=(
@@ -135,16 +138,95 @@ def _of_cable(results: Results, cable: str) -> list[Evaluation]:
     return [e for e in results.evaluations if e.cable == cable]
 
 
-def _tested(tuning) -> bool:
-    return "test" in tuning.facts.get("errors", {})
+def _judged(tuning: Tuning, split: str) -> bool:
+    return split in tuning.facts.get("errors", {})
 
 
-def _tuned(results: Results, cable: str, simulator: str, optimizer: str):
-    wanted = (cable, simulator, optimizer)
+@dataclass(frozen=True)
+class _Method:
+    """A row of table "tuning": what was tuned by what, with which effects, by name."""
+
+    simulator: str
+    optimizer: str
+    effects: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        added = "".join(f" + {effect_name(effect)}" for effect in self.effects)
+        return f"{simulator_name(self.simulator)}, {optimizer_name(self.optimizer)}{added}"
+
+
+def _methods(results: Results) -> list[_Method]:
+    """Return the rows: without effects first, then those with effects that help."""
+    pairs = {(t.simulator, t.optimizer) for t in results.tunings}
+    simulators = [*TUNING, *sorted({s for s, _ in pairs} - set(TUNING))]
+    optimizers = ["de", *sorted({o for _, o in pairs} - {"de"})]
+    base = [_Method(s, o) for s in simulators for o in optimizers]
+    found = {_Method(t.simulator, t.optimizer, _effects(t)) for t in results.tunings}
+    for cable in results.cables:
+        found |= {_Method(r.simulator, r.optimizer, r.effects) for r in cable.revisions}
+    richer = sorted(
+        (m for m in found if m.effects), key=lambda m: (m.simulator, m.optimizer, m.effects)
+    )
+    return [*base, *(method for method in richer if _helps(results, method))]
+
+
+def _helps(results: Results, method: _Method) -> bool:
+    """Tell whether the effects lower the waypoint error on some cable."""
+    plain = replace(method, effects=())
+    for cable in _cables(results):
+        richer, base = _tuned(results, cable, method)[0], _tuned(results, cable, plain)[0]
+        if richer is not None and (base is None or richer < base):
+            return True
+    return False
+
+
+def _tuned(results: Results, cable: str, method: _Method) -> tuple[float | None, float | None]:
+    """Return both errors of a row on one cable, None where it was not run there.
+
+    What lies tuned now is asked first, then the revisions that a later tuning has replaced.
+    """
     for tuning in results.tunings:
-        if (tuning.cable, tuning.simulator, tuning.optimizer) == wanted:
-            return tuple(tuning.error("test", metric) for metric in _TUNING_METRICS)
+        if tuning.cable == cable and _Method(*_pair(tuning), _effects(tuning)) == method:
+            waypoint, final = (tuning.error("test", metric) for metric in _TUNING_METRICS)
+            return waypoint, final
+    known = results.cable(cable)
+    for r in known.revisions if known else ():
+        if _Method(*_pair(r), r.effects) == method:
+            return r.heldout_waypoint_error_percent, r.heldout_final_error_percent
     return None, None
+
+
+def _pair(tuned: Tuning | Revision) -> tuple[str, str]:
+    return tuned.simulator, tuned.optimizer
+
+
+def _effects(tuning: Tuning) -> tuple[str, ...]:
+    return tuple(sorted(tuning.facts.get("effects", ())))
+
+
+def _papers(method: _Method, cable: str) -> tuple[float | None, float | None]:
+    """Return the paper's errors, which are of differential evolution and no effects."""
+    if method.optimizer != "de" or method.effects:
+        return None, None
+    return TUNING.get(method.simulator, {}).get(cable, (None, None))
+
+
+def _efforts(results: Results) -> str:
+    """Say what each tuning was given, where it was not the same for all."""
+    efforts: dict[str, set[tuple[int, int]]] = {}
+    for tuning in results.tunings:
+        casts = tuning.facts["errors"]["tune"]["n_casts"] if _judged(tuning, "tune") else 0
+        label = _Method(*_pair(tuning), _effects(tuning)).label
+        efforts.setdefault(label, set()).add((casts, tuning.facts.get("simulated_casts", 0)))
+    if len(set().union(*efforts.values())) < 2:
+        return ""
+    said = [
+        f"{label} {_numbers(sorted({n for n, _ in both}))} casts, "
+        f"{thousands(max(n for _, n in both))} simulated"
+        for label, both in sorted(efforts.items())
+    ]
+    return f"Tuned to: {'; '.join(said)}. "
 
 
 def _quartiles(evaluation: Evaluation | None) -> tuple[float | None, ...]:
