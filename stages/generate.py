@@ -1,58 +1,71 @@
-"""Generate D_sim for one cable with its tuned simulator."""
+"""Generate D_sim for one cable with its tuned simulator, whole or one shard of it."""
 
+import hashlib
 from functools import partial
 from pathlib import Path
 
-import polars as pl
-import yaml
+import numpy as np
 from effects import build_effects
 from grids import build_limits, feasible_grid
 from hydra.utils import instantiate
-from omegaconf import DictConfig
+from omegaconf import DictConfig, OmegaConf
 from stage import bar, console, output_folder, stage
 
-from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.plan import plan_actions
-from robotcast.files import atomic_file, write_text
-from robotcast.simulators.generation import Generated, generate_casts
+from robotcast.simulators.generation import generate_casts
+from robotcast.simulators.shards import Shard, write_d_sim
 from robotcast.tuning.tuned import read_effects, read_values, vector_of
 
 
 def generate(config: DictConfig) -> None:
+    shard = _shard(config)
     cable, values = read_values(Path(config.paths.tuned))
     effects = build_effects(read_effects(Path(config.paths.tuned)))
     simulator = instantiate(config.simulator.model, cable=cable, effects=list(effects))
+    vector = vector_of(simulator.parameters, values)
     with bar("grid of actions") as progress:
         actions = feasible_grid(config, progress, grid="generated")
-    with bar(f"generate {config.cable.name}") as progress:
+    facts = {
+        "simulator": config.simulator.name,
+        "optimizer": config.optimizer.name,
+        "effects": [effect.name for effect in effects],
+    }
+    if shard is None:
+        folder, title = output_folder(config.paths.simulated), config.cable.name
+    else:
+        facts["subject"] = _subject(config, cable, facts, vector, actions)
+        actions = shard.part(actions)
+        folder, title = Path(config.paths.shards) / shard.name, f"{config.cable.name} {shard.name}"
+    with bar(f"generate {title}") as progress:
         generated = generate_casts(
             simulator,
-            vector_of(simulator.parameters, values),
+            vector,
             actions,
             partial(plan_actions, r0_m=config.casts.r0_m, limits=build_limits(config)),
             settle_s=config.simulator.settle_s,
             progress=progress,
         )
-    folder = output_folder(config.paths.simulated)
-    _write(folder, generated, config, [effect.name for effect in effects])
+    write_d_sim(folder, generated, facts)
     lost = int(generated.diverged.sum())
     console.print(f"{folder}: {len(actions) - lost} casts, {lost} diverged and were left out")
 
 
-def _write(folder: Path, generated: Generated, config: DictConfig, effects: list[str]) -> None:
-    kept = ~generated.diverged
-    columns = dict(zip(ACTION_COLUMNS, generated.actions[kept].T, strict=True))
-    x, y = generated.endpoints_m[kept].T
-    with atomic_file(folder / "casts.parquet") as temporary:
-        pl.DataFrame({**columns, "x": x, "y": y}).write_parquet(temporary)
-    facts = {
-        "simulator": config.simulator.name,
-        "optimizer": config.optimizer.name,
-        "effects": effects,
-        "casts": int(kept.sum()),
-        "diverged": int((~kept).sum()),
-    }
-    write_text(folder / "generation.yaml", yaml.safe_dump(facts, sort_keys=False))
+def _shard(config: DictConfig) -> Shard | None:
+    """Return the shard that is asked for, None for the whole."""
+    number, of = config.generate.shard, config.generate.shards
+    if number is None and of > 1:
+        raise ValueError(f"generate.shards={of} needs generate.shard, from 0 to {of - 1}")
+    return None if number is None else Shard(number, of)
+
+
+def _subject(config: DictConfig, *known: object) -> str:
+    """Return a fingerprint of everything that the casts of a D_sim depend on."""
+    part = {"simulator": config.simulator, "casts": config.casts, "grid": config.scale.generate}
+    text = OmegaConf.to_yaml(OmegaConf.create(part, parent=config), resolve=True)
+    digest = hashlib.sha256(text.encode())
+    for item in known:
+        digest.update(item.tobytes() if isinstance(item, np.ndarray) else str(item).encode())
+    return digest.hexdigest()
 
 
 if __name__ == "__main__":

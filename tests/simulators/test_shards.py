@@ -1,0 +1,95 @@
+"""Shards of D_sim, generated apart, merge into the bytes of the whole."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from robotcast.simulators.generation import Generated
+from robotcast.simulators.shards import Shard, merge_shards, write_d_sim
+
+ROOT = Path(__file__).resolve().parents[2]
+FACTS = {"simulator": "segmented", "optimizer": "de", "effects": []}
+
+
+def generated(n: int) -> Generated:
+    rng = np.random.default_rng(0)
+    diverged = np.arange(n) % 5 == 3
+    ends = np.where(diverged[:, None], np.nan, rng.normal(size=(n, 2)))
+    return Generated(rng.normal(size=(n, 6)), ends, diverged)
+
+
+def cut(whole: Generated, shard: Shard) -> Generated:
+    rows = shard.part(np.arange(len(whole.actions)))
+    return Generated(whole.actions[rows], whole.endpoints_m[rows], whole.diverged[rows])
+
+
+def write_shards(folder: Path, whole: Generated, of: int) -> list[Path]:
+    shards = [Shard(number, of) for number in range(of)]
+    for shard in shards:
+        write_d_sim(folder / shard.name, cut(whole, shard), {**FACTS, "subject": "one"})
+    return [folder / shard.name for shard in shards]
+
+
+@pytest.mark.parametrize("of", [1, 3, 4])
+def test_shards_merge_into_the_bytes_of_the_whole(tmp_path: Path, of: int) -> None:
+    whole = generated(11)
+    write_d_sim(tmp_path / "whole", whole, FACTS)
+    merge_shards(write_shards(tmp_path, whole, of), tmp_path / "merged")
+    for name in ("casts.parquet", "generation.yaml"):
+        assert (tmp_path / "merged" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_a_missing_shard_is_named(tmp_path: Path) -> None:
+    folders = write_shards(tmp_path, generated(11), 3)
+    (folders[1] / "generation.yaml").unlink()
+    with pytest.raises(FileNotFoundError, match="1-of-3"):
+        merge_shards(folders, tmp_path / "merged")
+
+
+def test_shards_of_different_simulators_do_not_merge(tmp_path: Path) -> None:
+    folders = write_shards(tmp_path, generated(11), 3)
+    facts = yaml.safe_load((folders[2] / "generation.yaml").read_text())
+    (folders[2] / "generation.yaml").write_text(yaml.safe_dump({**facts, "subject": "two"}))
+    with pytest.raises(ValueError, match="2-of-3 and .*0-of-3 come from different"):
+        merge_shards(folders, tmp_path / "merged")
+
+
+def test_there_is_no_shard_beyond_the_last() -> None:
+    with pytest.raises(ValueError, match="of 4 shards there is none numbered 4"):
+        Shard(4, 4)
+
+
+@pytest.mark.slow
+def test_a_sweep_over_shards_gives_the_bytes_of_one_run(tmp_path: Path) -> None:
+    tuned = tmp_path / "tuned"
+    tuned.mkdir()
+    names = {
+        "friction": 0.4, "cable_mass_kg": 0.008, "endpoint_mass_kg": 0.02,
+        "joint_friction_n_m": 1e-5, "bending_stiffness_n_m2": 6e-4, "bending_damping_s": 0.1,
+        "grip_stiffness": 1.0, "axial_stiffness_n": 300.0,
+    }  # fmt: skip
+    cable = {
+        "name": "cable1", "length_m": 0.63, "mass_kg": 0.008, "radius_m": 0.0045,
+        "endpoint_mass_kg": 0.02,
+    }  # fmt: skip
+    known = {"cable": cable, "parameters": {n: {"value": v} for n, v in names.items()}}
+    (tuned / "tuned.yaml").write_text(yaml.safe_dump(known))
+    common = [f"paths.tuned={tuned}", f"paths.shards={tmp_path / 'shards'}"]
+    common += ["scale.generate.grid={theta1: 3, theta2: 3, r2: 2, alpha: 2, vmax: 1}"]
+    shards = ["generate.shards=3", "hydra/launcher=joblib", f"hydra.sweep.dir={tmp_path / 'jobs'}"]
+    run("generate", *common, f"paths.simulated={tmp_path / 'whole'}")
+    run("generate", "-m", *common, *shards, "generate.shard=2,0,1")
+    run("merge_shards", *common, "generate.shards=3", f"paths.simulated={tmp_path / 'merged'}")
+    for name in ("casts.parquet", "generation.yaml"):
+        assert (tmp_path / "merged" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def run(script: str, *arguments: str) -> None:
+    command = [sys.executable, f"stages/{script}.py", *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**os.environ})
+    assert done.returncode == 0, done.stderr
