@@ -55,7 +55,7 @@ def test_shards_of_different_simulators_do_not_merge(tmp_path: Path) -> None:
     folders = write_shards(tmp_path, generated(11), 3)
     facts = yaml.safe_load((folders[2] / "generation.yaml").read_text())
     (folders[2] / "generation.yaml").write_text(yaml.safe_dump({**facts, "subject": "two"}))
-    with pytest.raises(ValueError, match="2-of-3 and .*0-of-3 come from different"):
+    with pytest.raises(ValueError, match="come from different"):
         merge_shards(folders, tmp_path / "merged")
 
 

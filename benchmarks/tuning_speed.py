@@ -1,0 +1,282 @@
+"""Tuning the segmented simulator, beside what users would pick instead, in one run.
+
+    .venv/bin/python benchmarks/tuning_speed.py [--measurements DIR] [--only evolution]
+
+Evolution: casts/s of differential evolution whose generations are one simulate call each, against
+SciPy's with workers=2 on the same simulator, called for one cast under one vector at a time. Both
+see the same casts; rounds of the two alternate.
+
+Least squares: Gauss–Newton as tune runs it, from several starts, against `mujoco.sysid.optimize`
+with MuJoCo's own least squares, on the same casts, from the same start. sysid's rollout knows no
+friction on a board and no joint whose dry friction is integrated with it, so sysid is given the
+segmented simulator itself, all its parameters, on their scales, and the same batches and threads
+for its differences: what is compared is the search. Its differences are taken over each of
+several shares of the ranges, and the quickest to its best counts: the default, 1.5e-8, is below
+what the simulator's single precision resolves. How far the model is off on held-out casts is
+looked at afterwards, off the clock.
+
+Exits with 1 when the batched evolution is less than 8 times as fast, or Gauss–Newton takes more
+than a third of the time in which sysid reaches its best held-out error.
+"""
+
+import argparse
+import resource
+import statistics
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from hydra import compose, initialize_config_dir
+from hydra.utils import instantiate
+from mujoco import sysid
+from omegaconf import DictConfig
+from scipy.optimize import differential_evolution
+
+from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.noise_floor import noise_floor
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.split import split_by_action
+from robotcast.tuning.asking import Answer, Problem, Question
+from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError
+from robotcast.tuning.search import search
+
+ROOT = Path(__file__).resolve().parents[1]
+FASTER, QUICKER = 8.0, 3.0
+DIFFERENCES = (1e-2, 1e-3)  # of the ranges, for sysid
+_alone: list[WaypointError] = []  # of a worker process: one objective a cast
+
+
+@dataclass(frozen=True)
+class Split:
+    """The casts to tune to and those to judge on."""
+
+    tuning: MeasurementSet
+    heldout: MeasurementSet
+    noise_percent: float
+
+
+def composed(*overrides: str) -> DictConfig:
+    """Return the configuration at paper scale."""
+    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
+        return compose("config", overrides=["scale=paper", *overrides])
+
+
+def read_split(folder: Path, tune_casts: int, test_casts: int) -> Split:
+    """Split a measurement set as tune does."""
+    measured = read_measurement_set(folder)
+    floor = noise_floor(measured).waypoint_percent
+    sides = split_by_action(measured, tune_casts, test_casts, seed=0)
+    return Split(*sides, max(floor or 0.0, LEAST_NOISE_PERCENT))
+
+
+def objective(part: MeasurementSet, *overrides: str) -> WaypointError:
+    """Return the error of the segmented simulator on some casts."""
+    simulator = instantiate(composed(*overrides).simulator.model, cable=part.cable, effects=[])
+    return WaypointError(simulator, part.trials, part.cable.length_m)
+
+
+def start_vector(error: WaypointError) -> np.ndarray:
+    """Return the nominal parameters, each mapped to [0, 1]."""
+    return np.array([p.to_unit(np.asarray(p.nominal)) for p in error.free])
+
+
+def cpu_s() -> float:
+    """Return the processor time of this process and of the children that have ended."""
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(u.ru_utime + u.ru_stime for u in used)
+
+
+def rates(work: Callable[[], int]) -> tuple[float, float]:
+    """Return how many casts `work` simulates a second, and a second of processor time."""
+    begun_s, begun_cpu_s = time.perf_counter(), cpu_s()
+    casts = work()
+    return casts / (time.perf_counter() - begun_s), casts / (cpu_s() - begun_cpu_s)
+
+
+def prepare_alone(tuning: MeasurementSet) -> None:
+    """Make what a worker process evaluates: every cast by itself, on one thread."""
+    for trial in tuning.trials:
+        alone = tuning.select([trial.trial])
+        _alone.append(objective(alone, "simulator.model.settings.threads=1"))
+    _alone[0](Question(start_vector(_alone[0])[None]))  # compiled before the clock starts
+
+
+def error_alone(vector: np.ndarray) -> float:
+    """Return the error of one vector, cast by cast, in %."""
+    return float(np.mean([error(Question(vector[None])).percent[0] for error in _alone]))
+
+
+def compare_evolution(split: Split, population: int, generations: int, rounds: int) -> float:
+    """Print casts/s of both evolutions; return the median ratio."""
+    batched, n_casts = objective(split.tuning), len(split.tuning.trials)
+    dimensions = len(batched.free)
+    first = np.random.default_rng(0).random((population, dimensions))
+    common = {
+        "bounds": [(0.0, 1.0)] * dimensions, "init": first, "maxiter": generations, "tol": 0,
+        "polish": False, "updating": "deferred", "mutation": (0.5, 1.0), "recombination": 0.9,
+    }  # fmt: skip
+
+    def percent(columns: np.ndarray) -> np.ndarray:
+        return batched(Question(np.ascontiguousarray(columns.T))).percent
+
+    def together() -> int:
+        rng = np.random.default_rng(0)
+        differential_evolution(percent, vectorized=True, rng=rng, **common)
+        return population * (generations + 1) * n_casts
+
+    def apart() -> int:
+        rng = np.random.default_rng(0)
+        found = differential_evolution(error_alone, workers=pool.map, rng=rng, **common)
+        return found.nfev * n_casts
+
+    ratios = []
+    percent(first[:1].T)
+    for _ in range(rounds):
+        with get_context("spawn").Pool(2, prepare_alone, (split.tuning,)) as pool:
+            pool.map(error_alone, [first[0]] * 2)
+            at_once, at_once_cpu = rates(together)
+            one_by_one, _ = rates(apart)
+        ratios.append(at_once / one_by_one)
+        print(
+            f"differential evolution: batched {at_once:6.1f} casts/s "
+            f"({at_once_cpu:.1f} a second of processor time), one at a time with workers=2 "
+            f"{one_by_one:6.1f} casts/s, ratio {ratios[-1]:.1f}",
+            flush=True,
+        )
+    ratio = statistics.median(ratios)
+    print(f"median ratio {ratio:.1f} (asked: ≥ {FASTER:g})")
+    return ratio
+
+
+class Clocked:
+    """Answers a search's questions and remembers when each best vector was found.
+
+    Attributes
+    ----------
+    found : (seconds, simulated casts, vector), each better than those before it.
+    """
+
+    def __init__(
+        self, error: WaypointError, casts: int, worth: Callable[[Answer], np.ndarray]
+    ) -> None:
+        self.found: list[tuple[float, int, np.ndarray]] = []
+        self._error, self._worth, self._set_casts = error, worth, casts
+        self._best, self._casts = np.inf, 0
+        self._begun_s = time.perf_counter()
+
+    def __call__(self, question: Question) -> Answer:
+        answer = self._error(question)
+        self._casts += question.cost(self._set_casts)
+        if question.whole:
+            worth = self._worth(answer)
+            best = int(np.argmin(worth))
+            if worth[best] < self._best:
+                self._best = float(worth[best])
+                vector = question.vectors[best].copy()
+                self.found.append((time.perf_counter() - self._begun_s, self._casts, vector))
+        return answer
+
+
+def gauss_newton(split: Split, error: WaypointError) -> Clocked:
+    """Search as tune does with optimizer=gn."""
+    config = composed("optimizer=gn")
+    clocked = Clocked(error, len(split.tuning.trials), lambda answer: answer.percent)
+    problem = Problem(
+        error.free, start_vector(error), len(split.tuning.trials), split.noise_percent
+    )
+    budget = config.optimizer.budget_casts
+    search(instantiate(config.optimizer.search), problem, clocked, budget)
+    return clocked
+
+
+def system_identification(split: Split, error: WaypointError, difference: float) -> Clocked:
+    """Search with mujoco.sysid, which minimises the sum of squares of all misses."""
+
+    def squares(answer: Answer) -> np.ndarray:
+        assert answer.misses is not None
+        return (answer.misses**2).sum(axis=(1, 2))
+
+    clocked = Clocked(error, len(split.tuning.trials), squares)
+
+    def residual(x: np.ndarray, params: sysid.ParameterDict) -> tuple[list[np.ndarray], None, None]:
+        columns = x.reshape(len(error.free), -1)
+        misses = clocked(Question(columns.T.copy(), with_misses=True)).misses
+        assert misses is not None
+        rows = misses.reshape(columns.shape[1], -1).T / split.noise_percent
+        return [rows if x.ndim > 1 else rows.ravel()], None, None
+
+    start = start_vector(error)
+    free = [sysid.Parameter(p.name, s, 0.0, 1.0) for p, s in zip(error.free, start, strict=True)]
+    sysid.optimize(
+        sysid.ParameterDict({p.name: p for p in free}),
+        residual,
+        optimizer="mujoco",
+        verbose=False,
+        eps=difference,
+    )
+    return clocked
+
+
+def judged(clocked: Clocked, heldout: WaypointError) -> list[tuple[float, int, float]]:
+    """Return (seconds, casts, held-out error in %) of every best vector."""
+    vectors = np.array([vector for _, _, vector in clocked.found])
+    errors = heldout(Question(vectors)).percent.tolist()
+    return [(s, n, e) for (s, n, _), e in zip(clocked.found, errors, strict=True)]
+
+
+def compare_least_squares(split: Split, differences: Sequence[float]) -> float:
+    """Print how soon both reach sysid's best held-out error; return the ratio of the times."""
+    error, heldout = objective(split.tuning), objective(split.heldout)
+    error(Question(start_vector(error)[None]))
+    ours = judged(gauss_newton(split, error), heldout)
+    rivals = []
+    for difference in differences:
+        course = judged(system_identification(split, error, difference), heldout)
+        best = min(course, key=lambda point: point[2])
+        rivals.append(best)
+        print(
+            f"mujoco.sysid, differences of {difference:g}: best held-out {best[2]:.2f} % after "
+            f"{best[0]:.1f} s and {best[1]} casts",
+            flush=True,
+        )
+    seconds, _, bar = min(rivals, key=lambda point: point[2])
+    reached = next((point for point in ours if point[2] <= bar), None)
+    last = ours[-1]
+    print(
+        f"Gauss–Newton: ends at {last[2]:.2f} % after {last[0]:.1f} s and {last[1]} casts; "
+        + (f"at {bar:.2f} % after {reached[0]:.1f} s" if reached else f"never at {bar:.2f} %")
+    )
+    ratio = seconds / reached[0] if reached else 0.0
+    print(f"sysid takes {ratio:.1f} times as long (asked: ≥ {QUICKER:g})")
+    return ratio
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    default = ROOT / "data/measurements/cable1"
+    parser.add_argument("--measurements", type=Path, default=default)
+    parser.add_argument("--tune-casts", type=int, default=20)
+    parser.add_argument("--test-casts", type=int, default=30)
+    parser.add_argument("--population", type=int, default=28)
+    parser.add_argument("--generations", type=int, default=2)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--differences", type=float, nargs="+", default=DIFFERENCES)
+    kinds = ("evolution", "least-squares")
+    parser.add_argument("--only", nargs="+", choices=kinds, default=kinds)
+    asked = parser.parse_args()
+    split = read_split(asked.measurements, asked.tune_casts, asked.test_casts)
+    good = True
+    if "evolution" in asked.only:
+        ratio = compare_evolution(split, asked.population, asked.generations, asked.rounds)
+        good = good and ratio >= FASTER
+    if "least-squares" in asked.only:
+        good = compare_least_squares(split, asked.differences) >= QUICKER and good
+    sys.exit(0 if good else 1)
+
+
+if __name__ == "__main__":
+    main()
