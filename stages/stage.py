@@ -1,5 +1,6 @@
 """What every stage script shares: its entry point, its bar, where its output goes."""
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -36,6 +37,7 @@ CONFIGURATION = str(Path(__file__).resolve().parents[1] / "conf")
 
 def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
     """Turn `body(config)` into a command: composed by Hydra, refusing bad input in one line."""
+    _let_jobs_import_stages()
 
     @wraps(body)  # Hydra names the job after the file that `body` stands in
     def run(config: DictConfig) -> None:
@@ -46,6 +48,13 @@ def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
             sys.exit(2)
 
     return hydra.main(version_base=None, config_path=CONFIGURATION, config_name="config")(run)
+
+
+def _let_jobs_import_stages() -> None:
+    """Put the stages where the jobs of a sweep, on any launcher, look for modules."""
+    known = os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    paths = [str(Path(__file__).resolve().parent), *(path for path in known if path)]
+    os.environ["PYTHONPATH"] = os.pathsep.join(dict.fromkeys(paths))
 
 
 def require(config: DictConfig, *names: str) -> None:
