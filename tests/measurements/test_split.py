@@ -51,3 +51,9 @@ def test_repeats_that_fit_no_side_are_refused(measured: MeasurementSet) -> None:
 def test_an_empty_side_is_refused(measured: MeasurementSet) -> None:
     with pytest.raises(ValueError, match="both sides"):
         split_by_action(measured, 20, 0, seed=0)
+
+
+def test_a_spread_is_even_and_no_larger_than_the_set(measured: MeasurementSet) -> None:
+    numbers = [t.trial for t in measured.trials]
+    assert [t.trial for t in measured.spread(2).trials] == [numbers[0], numbers[len(numbers) // 2]]
+    assert measured.spread(10_000) == measured
