@@ -31,6 +31,7 @@ from dataclasses import dataclass
 from io import StringIO
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from hydra import compose, initialize_config_dir
@@ -137,7 +138,9 @@ def compare_evolution(split: Split, population: int, generations: int, rounds: i
 
     def apart() -> int:
         rng = np.random.default_rng(0)
-        found = differential_evolution(error_alone, workers=pool.map, rng=rng, **common)
+        # any map serves as workers, which SciPy's annotation does not say
+        workers: Any = pool.map
+        found = differential_evolution(error_alone, workers=workers, rng=rng, **common)
         return found.nfev * n_casts
 
     ratios = []
