@@ -4,6 +4,7 @@ import torch
 
 from robotcast.policies.datasets import Dataset, real_dataset, simulated_dataset
 from robotcast.policies.network import Network
+from robotcast.policies.training import best_epoch
 from robotcast.policies.network_learner import NetworkLearner
 
 SMALL = NetworkLearner(
@@ -96,8 +97,8 @@ def test_training_stops_early_and_keeps_the_best_epoch(world) -> None:
     network = learner.fit(few, seed=0)
     losses = [e.validation_loss for e in network.history]
     assert len(losses) < 400
-    assert network.best_epoch == 1 + int(np.argmin(losses))
-    assert len(losses) == network.best_epoch + 5
+    assert best_epoch(network.history).epoch == 1 + int(np.argmin(losses))
+    assert len(losses) == best_epoch(network.history).epoch + 5
 
 
 def test_a_heavier_example_is_fitted_better(world) -> None:

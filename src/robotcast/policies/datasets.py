@@ -7,6 +7,7 @@ duplicates are drawn after the split, so validation never sees a cast that was t
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -62,7 +63,7 @@ class Dataset:
     name: str
     training: Examples
     validation: Examples
-    facts: Mapping[str, int | float] = field(default_factory=dict)
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
 
 def real_dataset(

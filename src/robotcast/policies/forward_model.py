@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from robotcast.policies.datasets import Dataset
+from robotcast.policies.training import Epoch
 from robotcast.progress import Progress, silent
 
 
@@ -26,8 +27,25 @@ class Predictor(Protocol):
         ...
 
 
-class ForwardModel(Predictor, Protocol):
-    """A predictor that can be kept."""
+class SmoothPredictor(Predictor, Protocol):
+    """A predictor that knows its own gradient."""
+
+    def slopes(self, actions: np.ndarray) -> np.ndarray:
+        """Return the endpoint's derivatives (n, 2, 6) by the numbers of actions (n, 6)."""
+        ...
+
+
+class ForwardModel(SmoothPredictor, Protocol):
+    """A predictor that says how sure it is, and can be kept."""
+
+    @property
+    def history(self) -> tuple[Epoch, ...]:
+        """One entry a pass over the training examples."""
+        ...
+
+    def spread(self, actions: np.ndarray) -> np.ndarray:
+        """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
+        ...
 
     def save(self, folder: Path) -> None:
         """Write the model into `folder`; `policy.yaml` is written last."""
@@ -37,8 +55,21 @@ class ForwardModel(Predictor, Protocol):
 class Learner(Protocol):
     """One way to make a forward model: what conf/policy/*.yaml configures."""
 
-    def fit(self, dataset: Dataset, *, seed: int, progress: Progress = silent) -> ForwardModel:
-        """Learn a forward model; the same dataset and seed give the same bytes."""
+    def fit(
+        self,
+        dataset: Dataset,
+        *,
+        seed: int,
+        unfinished: Path | None = None,
+        progress: Progress = silent,
+    ) -> ForwardModel:
+        """Learn a forward model; the same dataset and seed give the same bytes.
+
+        Parameters
+        ----------
+        unfinished : file that keeps the state of the training, so that one that was killed goes
+            on where it was; None keeps none.
+        """
         ...
 
     def load(self, folder: Path) -> ForwardModel:
