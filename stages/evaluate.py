@@ -23,7 +23,8 @@ from robotcast.policies.evaluation import (
     executed_table,
     predicted_table,
 )
-from robotcast.policies.forward_model import Predictor
+from robotcast.policies.forward_model import ForwardModel
+from robotcast.policies.refinement import Neighbourhood, refine_choices
 from robotcast.policies.targets import Board, spread_targets
 
 
@@ -39,7 +40,7 @@ def evaluate(config: DictConfig) -> None:
     console.print(f"{folder}: {len(table)} casts, {shown}")
 
 
-def _executed(config: DictConfig, model: Predictor) -> pl.DataFrame:
+def _executed(config: DictConfig, model: ForwardModel) -> pl.DataFrame:
     rig = build_rig(config)
     simulated = read_simulated(Path(config.paths.simulated) / "casts.parquet")
     targets = spread_targets(
@@ -47,8 +48,14 @@ def _executed(config: DictConfig, model: Predictor) -> pl.DataFrame:
     )
     limits, envelope = build_limits(config), build_envelope(config)
     feasible = partial(are_feasible, r0_m=rig.r0_m, limits=limits, envelope=envelope)
-    candidates = build_grid(config, "candidates").candidates(rig.r0_m, limits)
-    choices = choose_actions(model, candidates, targets, feasible)
+    grid = build_grid(config, "candidates")
+    choices = choose_actions(model, grid.candidates(rig.r0_m, limits), targets, feasible)
+    choices = refine_choices(
+        model, choices, Neighbourhood.of(grid, rig.r0_m, limits), feasible
+    )
+    for target, choice in enumerate(choices):
+        if not choice.reachable:
+            console.print(f"target {target}: {choice.out_of_reach()}", style="yellow")
     with bar(f"evaluate {config.policy.name}-{config.dataset.name}") as progress:
         executed = execute_choices(
             rig,
@@ -65,7 +72,7 @@ def _executed(config: DictConfig, model: Predictor) -> pl.DataFrame:
     return executed_table(subject, choices, executed)
 
 
-def _predicted(config: DictConfig, model: Predictor) -> pl.DataFrame:
+def _predicted(config: DictConfig, model: ForwardModel) -> pl.DataFrame:
     measured = read_measurement_set(Path(config.paths.measurements))
     sizes = config.scale.tune
     _, held_out = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)

@@ -34,7 +34,7 @@ def test_test_casts_are_left_out_of_d_real(world) -> None:
     dataset = real_dataset(measured, range(10), validation_fraction=0.2, seed=0)
     left_out = {t.action.as_array().tobytes() for t in measured.trials[6:10]}
     assert not left_out & (rows(dataset.training) | rows(dataset.validation))
-    assert dataset.facts == {"real_casts": 26, "left_out_casts": 10}
+    assert dataset.facts == {"cable": "made up", "real_casts": 26, "left_out_casts": 10}
 
 
 def test_d_real_with_nothing_left_is_refused(world) -> None:

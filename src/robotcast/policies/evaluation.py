@@ -93,7 +93,10 @@ def execute_choices(
 
 
 def executed_table(subject: Subject, choices: Sequence[Choice], executed: Executed) -> pl.DataFrame:
-    """Return evaluation.csv for executed casts; a lost cast has no endpoint and no error."""
+    """Return evaluation.csv for executed casts; a lost cast has no endpoint and no error.
+
+    `predicted_x`, `predicted_y` of a target out of reach are the nearest point within reach.
+    """
     rows = []
     for target, (choice, ends) in enumerate(zip(choices, executed.ends_m, strict=True)):
         for repeat, end in enumerate(ends):

@@ -72,6 +72,10 @@ class Learner(Protocol):
         """
         ...
 
+    def shortened(self, passes: int) -> "Learner":
+        """Return a learner of at most so many passes over the examples, to try settings with."""
+        ...
+
     def load(self, folder: Path) -> ForwardModel:
         """Read back what `ForwardModel.save` wrote."""
         ...

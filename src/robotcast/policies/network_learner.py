@@ -1,7 +1,7 @@
 """Training of the network by mini-batches."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +30,7 @@ class NetworkLearner:
     hidden : widths of the hidden layers.
     outlier_m : errors beyond it count linearly instead of squared; whip-like casts amplify small
         differences, and the few that no smooth function explains must not bend the others.
-    epochs : at most so many passes; the learning rate falls to zero along a cosine over them.
+    passes : at most so many passes; the learning rate falls to zero along a cosine over them.
     patience : passes without a better validation loss before it stops.
     """
 
@@ -39,11 +39,11 @@ class NetworkLearner:
     learning_rate: float
     weight_decay: float
     outlier_m: float
-    epochs: int
+    passes: int
     patience: int
 
     def __post_init__(self) -> None:
-        for name in ("batch_size", "learning_rate", "outlier_m", "epochs", "patience"):
+        for name in ("batch_size", "learning_rate", "outlier_m", "passes", "patience"):
             if getattr(self, name) <= 0:
                 raise ValueError(f"policy nn: {name} must be positive, got {getattr(self, name)}")
 
@@ -68,7 +68,7 @@ class NetworkLearner:
             )
             history = train(
                 _NetworkFit(layers, adam, training, validation, loss, self, seed),
-                passes=self.epochs,
+                passes=self.passes,
                 patience=self.patience,
                 unfinished=unfinished,
                 subject=subject_of(dataset, self, seed),
@@ -86,6 +86,10 @@ class NetworkLearner:
             seed=seed,
             history=history,
         )
+
+    def shortened(self, passes: int) -> "NetworkLearner":
+        """Return a learner of fewer passes, to try settings with."""
+        return replace(self, passes=min(passes, self.passes))
 
     def load(self, folder: Path) -> Network:
         """Read a network that `Network.save` wrote."""
@@ -145,7 +149,7 @@ class _NetworkFit:
 
     def one_pass(self, number: int) -> float:
         """Pass over all training examples once; return the mean loss on the way."""
-        done = (number - 1) / self.settings.epochs
+        done = (number - 1) / self.settings.passes
         for group in self.optimizer.param_groups:
             group["lr"] = self.settings.learning_rate * (1 + math.cos(math.pi * done)) / 2
         rng = np.random.default_rng(np.random.SeedSequence((self.seed, 2, number)))
