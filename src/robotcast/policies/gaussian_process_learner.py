@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from gpytorch.kernels import MaternKernel, ScaleKernel
-from gpytorch.utils.cholesky import psd_safe_cholesky
+from linear_operator.utils.cholesky import psd_safe_cholesky
 from torch import nn
 from torch.nn.functional import softplus
 
