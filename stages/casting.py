@@ -22,7 +22,7 @@ from robotcast.rigs.rig import Rig
 
 def spread_over_board(config: DictConfig) -> np.ndarray:
     """Return the targets (k, 2) that every policy of the configured cable is tested on."""
-    simulated = read_simulated(Path(config.paths.simulated) / "casts.parquet")
+    simulated = read_simulated(Path(config.paths.targets) / "casts.parquet")
     count = config.scale.evaluate.targets
     return spread_targets(simulated.endpoints_m, count, Board(**config.camera.board))
 

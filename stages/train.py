@@ -96,6 +96,7 @@ def _real(config: DictConfig) -> Dataset:
         [t.trial for t in test.trials],
         validation_fraction=config.dataset.validation_fraction,
         seed=config.seed,
+        casts=config.dataset.casts,
     )
 
 

@@ -4,7 +4,7 @@ Every dataset keeps a validation part. Repeats of a real action never stand on b
 duplicates are drawn after the split, so validation never sees a cast that was trained on.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import polars as pl
 import yaml
 
 from robotcast.casts.action import ACTION_COLUMNS
-from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.measurement_set import MeasurementSet, Trial
 
 
 @dataclass(frozen=True)
@@ -80,13 +80,21 @@ def real_dataset(
     *,
     validation_fraction: float,
     seed: int,
+    casts: int | None = None,
 ) -> Dataset:
-    """Make D_real: every tracked cast of `measurements` but the trials in `leave_out`."""
+    """Make D_real: every tracked cast of `measurements` but the trials in `leave_out`.
+
+    Parameters
+    ----------
+    casts : take so many of them, action by action; fewer are contained in more. None takes all.
+    """
     trials = [
         t for t in measurements.trials if t.trial not in set(leave_out) and len(t.waypoints_m) > 0
     ]
     if not trials:
         raise ValueError("dataset real: no tracked cast is left once the test casts are taken out")
+    if casts is not None:
+        trials = _first_casts(trials, casts, seed)
     examples = Examples(
         np.stack([t.action.as_array() for t in trials]),
         np.stack([t.endpoint_m for t in trials]),
@@ -97,6 +105,17 @@ def real_dataset(
     _refuse_not_finite(examples, lambda row: f"dataset real: trial {trials[row].trial}")
     facts = {"cable": measurements.cable.name, "real_casts": len(trials), "left_out_casts": len(measurements.trials) - len(trials)}
     return Dataset("real", training, validation, facts)
+
+
+def _first_casts(trials: Sequence[Trial], casts: int, seed: int) -> list[Trial]:
+    """Draw `casts` casts, action by action; refuse a number that there is not."""
+    if not 0 < casts <= len(trials):
+        raise ValueError(f"dataset real: asked for {casts} casts, {len(trials)} are to be had")
+    rng = np.random.default_rng(np.random.SeedSequence((seed, 4)))
+    order = rng.permutation(np.unique([t.action_id for t in trials])).tolist()
+    place = {action_id: k for k, action_id in enumerate(order)}
+    drawn = sorted(trials, key=lambda t: (place[t.action_id], t.trial))[:casts]
+    return sorted(drawn, key=lambda t: t.trial)
 
 
 def simulated_dataset(path: Path, *, validation_fraction: float, seed: int) -> Dataset:

@@ -12,6 +12,8 @@ _DATASETS = {"real": "D_real", "simulated": "D_sim", "mixed": "D_real ∪ D_sim"
 _POLICIES = {
     ("cast_and_pull", "none"): "Cast and Pull",
     ("gp", "real"): "Gaussian Proc.",
+    ("gp", "simulated"): "Gaussian Proc.",
+    ("gp", "mixed"): "Gaussian Proc.",
     ("nn", "real"): "π_RD",
     ("nn", "simulated"): "π_SD",
     ("nn", "mixed"): "π_R2S2R",
