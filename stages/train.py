@@ -76,9 +76,7 @@ def _mixed(config: DictConfig, learner: Learner) -> Dataset:
         f"{len(tried)} on {len(real.validation)} held-out casts "
         f"({1000 * best.held_out_miss_m:.0f} mm)"
     )
-    trials = [
-        {**vars(m), "held_out_miss_m": round(m.held_out_miss_m or 0.0, 6)} for m in tried
-    ]
+    trials = [{**vars(m), "held_out_miss_m": round(m.held_out_miss_m or 0.0, 6)} for m in tried]
     held_out = {"held_out_real_casts": len(real.validation), "mixtures": trials}
     return replace(mixed, facts={**mixed.facts, **held_out})
 

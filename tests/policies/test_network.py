@@ -4,8 +4,8 @@ import torch
 
 from robotcast.policies.datasets import Dataset, real_dataset, simulated_dataset
 from robotcast.policies.network import Network
-from robotcast.policies.training import best_epoch
 from robotcast.policies.network_learner import NetworkLearner
+from robotcast.policies.training import best_epoch
 
 SMALL = NetworkLearner(
     hidden=(32, 32),

@@ -45,9 +45,7 @@ def written(folder: Path) -> dict[str, bytes]:
     return {p.name: p.read_bytes() for p in folder.iterdir()}
 
 
-def test_a_killed_training_goes_on_and_ends_with_the_same_bytes(
-    learner, dataset, tmp_path
-) -> None:
+def test_a_killed_training_goes_on_and_ends_with_the_same_bytes(learner, dataset, tmp_path) -> None:
     unfinished = tmp_path / "state.safetensors"
     with pytest.raises(Killed):
         learner.fit(dataset, seed=0, unfinished=unfinished, progress=killed_at(8))

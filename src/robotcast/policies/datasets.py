@@ -103,7 +103,11 @@ def real_dataset(
     groups = np.array([t.action_id for t in trials])
     training, validation = _split(examples, groups, validation_fraction, seed)
     _refuse_not_finite(examples, lambda row: f"dataset real: trial {trials[row].trial}")
-    facts = {"cable": measurements.cable.name, "real_casts": len(trials), "left_out_casts": len(measurements.trials) - len(trials)}
+    facts = {
+        "cable": measurements.cable.name,
+        "real_casts": len(trials),
+        "left_out_casts": len(measurements.trials) - len(trials),
+    }
     return Dataset("real", training, validation, facts)
 
 
@@ -166,7 +170,8 @@ def mixed_dataset(
         raise ValueError(f"dataset mixed: real_weight must be positive, got {real_weight}")
     if len(cables := {d.facts["cable"] for d in (simulated, real) if "cable" in d.facts}) > 1:
         raise ValueError(
-            f"dataset mixed: casts of different cables do not mix, got {' and '.join(sorted(cables))}"
+            f"dataset mixed: casts of {' and '.join(sorted(cables))} do not mix; "
+            "take measured and simulated casts of one cable"
         )
     n_real, n_simulated = len(real.training), len(simulated.training)
     wanted = max(n_real, round(n_simulated * real_fraction / (1 - real_fraction)))

@@ -65,7 +65,9 @@ def median_interval(errors: Sequence[np.ndarray], level: float = 0.95) -> tuple[
     random = np.random.default_rng(_SEED)
     filled = [e for e in errors if len(e)]
     medians = [
-        np.median(np.concatenate([filled[k] for k in random.integers(len(filled), size=len(filled))]))
+        np.median(
+            np.concatenate([filled[k] for k in random.integers(len(filled), size=len(filled))])
+        )
         for _ in range(_DRAWS)
     ]
     low, high = np.percentile(medians, [50 * (1 - level), 50 * (1 + level)])

@@ -61,7 +61,9 @@ class Network:
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
         """Predict endpoints (n, 2) [m] of actions (n, 6)."""
-        return self.endpoints.undo(in_parts(self.layers, self._inputs(actions)).numpy().astype(float))
+        return self.endpoints.undo(
+            in_parts(self.layers, self._inputs(actions)).numpy().astype(float)
+        )
 
     def spread(self, actions: np.ndarray) -> np.ndarray:
         """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""

@@ -8,9 +8,7 @@ import torch
 from robotcast.policies.reproducible import reproducible_torch
 
 
-def row_slopes(
-    function: Callable[[torch.Tensor], torch.Tensor], actions: np.ndarray
-) -> np.ndarray:
+def row_slopes(function: Callable[[torch.Tensor], torch.Tensor], actions: np.ndarray) -> np.ndarray:
     """Differentiate a function of rows, (n, 6) → (n, 2), row by row.
 
     Returns

@@ -22,7 +22,13 @@ from robotcast.reporting.names import (
 from robotcast.reporting.page import Glance, Page, PageFigure, Section
 from robotcast.reporting.results import CableData, Evaluation, Results, Tuning
 from robotcast.reporting.revisions.rungs import comparable
-from robotcast.reporting.tables import all_tables, cables_table, parts_table, policies_table, tuning_table
+from robotcast.reporting.tables import (
+    all_tables,
+    cables_table,
+    parts_table,
+    policies_table,
+    tuning_table,
+)
 
 _ORDER = {"real": 0, "simulated": 1, "mixed": 2}
 

@@ -176,7 +176,7 @@ def read_results(data: Path) -> Results:
         cables=tuple(cables.values()),
         tunings=tuple(_read_tuning(p) for p in sorted(data.glob("tuned/*/*/tuned.yaml"))),
         evaluations=tuple(
-            _read_evaluation(p) for p in sorted(data.glob("evaluation/*/*/evaluation.csv"))
+            read_evaluation(p) for p in sorted(data.glob("evaluation/*/*/evaluation.csv"))
         ),
         policies={
             (cables[p.parent.parent.name].name, p.parent.name): _read_yaml(p)
@@ -229,7 +229,8 @@ def _read_tuning(path: Path) -> Tuning:
     )
 
 
-def _read_evaluation(path: Path) -> Evaluation:
+def read_evaluation(path: Path) -> Evaluation:
+    """Read one evaluation.csv."""
     table = pl.read_csv(path, infer_schema_length=None)
     if table.is_empty():
         raise ValueError(f"{path} holds no casts: run the evaluate stage again")

@@ -33,9 +33,9 @@ def board_errors_figure(evaluations: Sequence[Evaluation], columns: int = 4) -> 
             linewidths=0.5,
         )
         for (x, y), error in zip(places, errors, strict=True):
-            panel.annotate(f"{error:.0f}", (y, x), ha="center", va="center", fontsize=6.5).set_color(
-                "white" if error > 15 else "black"
-            )
+            panel.annotate(
+                f"{error:.0f}", (y, x), ha="center", va="center", fontsize=6.5
+            ).set_color("white" if error > 15 else "black")
         panel.plot(0, 0, "k^", ms=6, clip_on=False)
         name = policy_name(evaluation.policy, evaluation.dataset)
         panel.set_title(
