@@ -30,6 +30,7 @@ def evaluate(config: DictConfig) -> None:
 
 def _executed(config: DictConfig, model: ForwardModel) -> pl.DataFrame:
     rig, limits, envelope = build_rig(config), build_limits(config), build_envelope(config)
+    _refuse_other_cable(model, rig.cable.name)
     feasible = partial(are_feasible, r0_m=rig.r0_m, limits=limits, envelope=envelope)
     grid = build_grid(config, "candidates")
     candidates = grid.candidates(rig.r0_m, limits)
@@ -40,11 +41,18 @@ def _executed(config: DictConfig, model: ForwardModel) -> pl.DataFrame:
 
 def _predicted(config: DictConfig, model: ForwardModel) -> pl.DataFrame:
     measured = read_measurement_set(Path(config.paths.measurements))
+    _refuse_other_cable(model, measured.cable.name)
     sizes = config.scale.tune
     _, held_out = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
     console.print("a recorded set cannot cast: endpoints of held-out casts are predicted instead")
     subject = Subject(measured.rig, measured.cable, config.policy.name, config.dataset.name)
     return predicted_table(subject, model, held_out)
+
+
+def _refuse_other_cable(model: ForwardModel, cable: str) -> None:
+    known = model.facts.get("cable", cable)
+    if known != cable:
+        raise ValueError(f"the policy learned from casts of {known}, the rig holds {cable}")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """What every forward model answers, whatever it is made of (paper, "Policies")."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
@@ -37,6 +38,11 @@ class SmoothPredictor(Predictor, Protocol):
 
 class ForwardModel(SmoothPredictor, Protocol):
     """A predictor that says how sure it is, and can be kept."""
+
+    @property
+    def facts(self) -> Mapping[str, object]:
+        """What is told of the examples; `cable` names the cable they are of, where known."""
+        ...
 
     @property
     def history(self) -> tuple[Epoch, ...]:
