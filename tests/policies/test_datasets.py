@@ -110,9 +110,7 @@ def test_an_endpoint_that_is_not_a_number_is_refused_with_its_trial(world) -> No
         real_dataset(replace(measured, trials=trials), [], validation_fraction=0.2, seed=0)
 
 
-def test_a_simulated_endpoint_that_is_not_a_number_is_refused_with_its_row(
-    world, tmp_path
-) -> None:
+def test_a_simulated_endpoint_that_is_not_a_number_is_refused_with_its_row(world, tmp_path) -> None:
     path = world.simulated(tmp_path)
     table = pl.read_parquet(path)
     column = table["x"].to_numpy().copy()

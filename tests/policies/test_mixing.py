@@ -32,9 +32,7 @@ def tried(real: Dataset, simulated: Dataset, weights: list[float]) -> tuple[Mixt
     )
 
 
-def test_where_the_simulation_is_wrong_real_casts_weigh_more(
-    world, real, tmp_path_factory
-) -> None:
+def test_where_the_simulation_is_wrong_real_casts_weigh_more(world, real, tmp_path_factory) -> None:
     found = tried(real, simulated(world, tmp_path_factory, SHIFT_M), [0.02, 20.0])
     assert found[0].real_weight == 20.0
 

@@ -46,6 +46,12 @@ def policy_name(policy: str, dataset: str) -> str:
     return _POLICIES.get((policy, dataset), policy)
 
 
+def policy_label(policy: str, dataset: str) -> str:
+    """Return the policy's name with its dataset where the name does not tell it."""
+    name = policy_name(policy, dataset)
+    return f"{name}, {dataset_name(dataset)}" if policy == "gp" else name
+
+
 def rig_name(rig: str) -> str:
     """virtual → virtual rig, recorded → recorded set."""
     return {"virtual": "virtual rig", "recorded": "recorded set"}.get(rig, rig)

@@ -13,7 +13,7 @@ from robotcast.reporting.figures.trace import trace_figure
 from robotcast.reporting.names import (
     cable_name,
     optimizer_name,
-    policy_name,
+    policy_label,
     rig_name,
     rig_names,
     simulator_name,
@@ -200,7 +200,8 @@ def _policies_section(results: Results) -> Section:
             figures.append(_targets(results, several, f"targets_{cable}", cable_name(cable)))
     text = (
         "A policy looks up, among the feasible candidate actions, the one whose predicted endpoint "
-        "is nearest to the target. π_RD learned from measured casts, π_SD from simulated ones, "
+        "is nearest to the target, and moves on from it along the model’s gradient. "
+        "π_RD learned from measured casts, π_SD from simulated ones, "
         "π_R2S2R from both. All are tested on the same targets."
     )
     title = "Which data make the better policy?"
@@ -326,7 +327,7 @@ def _run(results: Results, facts: RunFacts) -> tuple[tuple[str, str], ...]:
             )
         )
     for (cable, folder), policy in results.policies.items():
-        name = policy_name(*folder.rsplit("-", 1))
+        name = policy_label(*folder.rsplit("-", 1))
         told = {k: v for k, v in policy["examples"].items() if k not in ("cable", "mixtures")}
         examples = ", ".join(f"{k.replace('_', ' ')} {v}" for k, v in told.items())
         rows.append(

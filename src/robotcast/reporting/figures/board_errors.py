@@ -51,8 +51,7 @@ def board_errors_figure(evaluations: Sequence[Evaluation], columns: int = 4) -> 
         bar = figure.colorbar(drawn, ax=panels, shrink=0.7, ticks=[1, 3, 10, 30, 100])
         bar.ax.set_yticklabels(["≤ 1", "3", "10", "30", "≥ 100"])
         bar.set_label("median error at the target [% of cable length]")
-    fit_height(figure, panel_in=6.0 / columns, around_in=1.2)
-    figure.set_figheight(figure.get_figheight() * rows)
+    fit_height(figure, panel_in=max(1.9, 6.0 / columns), around_in=1.2, rows=rows)
     return figure
 
 
