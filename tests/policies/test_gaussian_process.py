@@ -75,7 +75,7 @@ def test_an_example_of_weight_two_is_one_seen_twice(real) -> None:
     repeated = Dataset("repeated", twice, real.validation)
     actions = real.validation.actions
     one, other = (SMALL.fit(d, seed=0).predict(actions) for d in (heavy, repeated))
-    assert one == pytest.approx(other, abs=1e-6)
+    assert one == pytest.approx(other, abs=1e-4)
 
 
 def test_the_spread_grows_away_from_the_casts(exact, sparse, world) -> None:
@@ -91,13 +91,13 @@ def test_about_two_thirds_of_fresh_casts_miss_by_less_than_the_spread(sparse, wo
 
 
 def test_slopes_are_those_of_the_prediction(exact, sparse, world) -> None:
-    actions, nudge = world.actions(4, seed=3), 1e-5
+    actions, nudge = world.actions(4, seed=3), 0.01
     for model in (exact, sparse):
         slopes = model.slopes(actions)
         for column in range(6):
             step = nudge * np.eye(6)[column]
             change = model.predict(actions + step) - model.predict(actions - step)
-            assert slopes[:, :, column] == pytest.approx(change / (2 * nudge), abs=1e-4)
+            assert slopes[:, :, column] == pytest.approx(change / (2 * nudge), abs=5e-3)
 
 
 def test_a_saved_process_predicts_the_same_after_loading(sparse, world, tmp_path) -> None:

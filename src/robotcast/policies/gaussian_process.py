@@ -1,7 +1,7 @@
 """A Gaussian process as forward model (paper, "Baseline Policies"), exact or sparse."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,8 @@ from robotcast.policies.training import Epoch
 class Posterior:
     """What a Gaussian process with a Matérn 5/2 kernel believes, told by its inducing points.
 
-    Everything is in normalised units and of double precision. x and y share the kernel.
+    Everything is in normalised units. x and y share the kernel. Learning needs double precision;
+    the mean of a fitted process does not.
 
     Attributes
     ----------
@@ -35,6 +36,10 @@ class Posterior:
     noise: torch.Tensor
     mean_weights: torch.Tensor
     known: torch.Tensor
+
+    def single(self) -> "Posterior":
+        """Return the same in single precision: a third of the time, micrometres off."""
+        return Posterior(*(getattr(self, field.name).float() for field in fields(self)))
 
     def mean(self, rows: torch.Tensor) -> torch.Tensor:
         """Return normalised endpoints (n, 2) of normalised actions (n, 6)."""
@@ -77,7 +82,9 @@ class GaussianProcess:
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
         """Predict endpoints (n, 2) [m] of actions (n, 6)."""
-        return self.endpoints.undo(in_parts(self.posterior.mean, self._inputs(actions)).numpy())
+        rows = self._inputs(actions).float()
+        found = in_parts(self.posterior.single().mean, rows).numpy()
+        return self.endpoints.undo(found.astype(float))
 
     def spread(self, actions: np.ndarray) -> np.ndarray:
         """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
