@@ -35,9 +35,9 @@ def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData
         panel.plot(0, 0, "k^", ms=7, clip_on=False, zorder=5)
         median = np.median(evaluation.errors_percent)
         name = policy_name(evaluation.policy, evaluation.dataset)
+        data = "" if evaluation.dataset == "none" else f" on {dataset_name(evaluation.dataset)}"
         panel.set_title(
-            math_text(f"{cable_name(evaluation.cable)} · {name} on ")
-            + math_text(f"{dataset_name(evaluation.dataset)}\n")
+            math_text(f"{cable_name(evaluation.cable)} · {name}{data}\n")
             + f"{rig_name(evaluation.rig)}, median {median:.1f} % of cable length"
         )
         board_axes(panel)
