@@ -5,13 +5,17 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro hidden-effects hidden-effects-few sim2sim test quick format
+.PHONY: help install repro hidden-effects hidden-effects-few sim2sim \
+	real-casts real-casts-few better-model better-model-few test quick format
 
 help:
 	@echo "make repro    set up, then run the pipeline (what changed since the last run)"
 	@echo "make hidden-effects  draw, diagnose and score the hidden-effect benchmark (hours)"
 	@echo "make hidden-effects-few  the same on four small sets (minutes)"
 	@echo "make sim2sim  how near each optimizer comes to parameters that are known (hours)"
+	@echo "make real-casts  what real casts are worth to a policy (hours, after a paper-scale run)"
+	@echo "make better-model  what a better model is worth to a policy (hours)"
+	@echo "make real-casts-few, make better-model-few  the same at demo scale (minutes)"
 	@echo "make test     set up, then ruff, pyright and every test"
 	@echo "make quick    ruff, pyright and the fast tests"
 	@echo "make format   format the code"
@@ -38,6 +42,43 @@ hidden-effects-few: $(INSTALLED)
 
 sim2sim: $(INSTALLED)
 	$(BIN)/dvc repro benchmarks/sim2sim/dvc.yaml
+
+real-casts: $(INSTALLED)
+	$(BIN)/dvc repro benchmarks/real_casts/dvc.yaml
+
+real-casts-few: $(INSTALLED)
+	for cell in real-20 real-40 mixed-20 mixed-40; do \
+		set -- dataset=$${cell%-*} paths.policy=data/real_casts_few/policies/$$cell \
+			paths.evaluation=data/real_casts_few/evaluation/$$cell \
+			paths.evaluation_sessions=data/real_casts_few/sessions/$$cell; \
+		$(BIN)/python stages/train.py $$@ dataset.casts=$${cell#*-} || exit 1; \
+		$(BIN)/python stages/evaluate.py $$@ || exit 1; \
+	done
+	$(BIN)/python stages/real_casts_table.py studies=few
+
+better-model: $(INSTALLED)
+	$(BIN)/dvc repro benchmarks/better_model/dvc.yaml
+
+FEW := data/better_model_few
+better-model-few: $(INSTALLED)
+	$(BIN)/python stages/collect.py rig=tilted paths.sessions=$(FEW)/sessions
+	$(BIN)/python stages/track.py paths.sessions=$(FEW)/sessions \
+		paths.measurements=$(FEW)/measurements
+	$(BIN)/python stages/diagnose.py measurements=$(FEW)/measurements output=$(FEW)/diagnosis
+	for model in base diagnosed; do \
+		set -- optimizer=gn paths.measurements=$(FEW)/measurements \
+			paths.tuned=$(FEW)/tuned/$$model paths.simulated=$(FEW)/simulated/$$model \
+			paths.targets=$(FEW)/simulated/base paths.policy=$(FEW)/policies/$$model-mixed \
+			paths.evaluation=$(FEW)/evaluation/$$model-mixed \
+			paths.evaluation_sessions=$(FEW)/evaluation_sessions/$$model-mixed; \
+		named=$$($(BIN)/python stages/verdict.py output=$(FEW)/diagnosis \
+			studies.better_model.model=$$model); \
+		$(BIN)/python stages/tune.py $$@ "effects=[$$named]" || exit 1; \
+		$(BIN)/python stages/generate.py $$@ || exit 1; \
+		$(BIN)/python stages/train.py $$@ || exit 1; \
+		$(BIN)/python stages/evaluate.py rig=tilted $$@ || exit 1; \
+	done
+	$(BIN)/python stages/better_model_table.py studies=few
 
 test: $(INSTALLED)
 	$(BIN)/ruff check

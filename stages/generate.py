@@ -26,6 +26,7 @@ def generate(config: DictConfig) -> None:
     with bar("grid of actions") as progress:
         actions = feasible_grid(config, progress, grid="generated")
     facts = {
+        "cable": cable.name,
         "simulator": config.simulator.name,
         "optimizer": config.optimizer.name,
         "effects": [effect.name for effect in effects],

@@ -27,7 +27,7 @@ def report(config: DictConfig) -> None:
                 f"on at most {scale.tune.tune_casts} casts, tested on {scale.tune.test_casts}",
             ),
             ("Generated", f"grid of {grid} actions, less those that the arm cannot do"),
-            ("Trained", f"at most {scale.train.epochs} epochs"),
+            ("Trained", f"at most {scale.train.passes} passes"),
             (
                 "Evaluated",
                 f"{scale.evaluate.targets} targets × {scale.evaluate.repeats} casts",

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from grids import plain_config
+from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from stage import CONFIGURATION
 
@@ -78,4 +79,5 @@ def build_virtual_rig(config: DictConfig, scatter: StartScatter | None = None) -
         tracker=tracker,
         seed=plain["seed"],
         workers=plain["rig"]["workers"],
+        hidden=tuple(instantiate(effect) for effect in config.rig.hidden),
     )

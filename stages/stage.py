@@ -71,6 +71,15 @@ def output_folder(default: str) -> Path:
     return Path(default)
 
 
+def unfinished_file(config: DictConfig, output: Path, suffix: str) -> Path:
+    """Return where work whose result goes to `output` keeps its state until it is done.
+
+    It lies beside DVC's outputs, which a rerun would delete.
+    """
+    names = [part for part in output.parts if part != output.anchor]
+    return Path(config.paths.unfinished) / f"{'-'.join(names)}{suffix}"
+
+
 class _Rate(ProgressColumn):
     def render(self, task: Task) -> Text:
         speed = task.finished_speed or task.speed

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
+from stage import unfinished_file
 
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable, Trial
@@ -21,8 +22,7 @@ def open_journal(
     evaluate: Evaluate,
 ) -> Journal:
     """Return the journal of the search whose result goes to `output`."""
-    names = [part for part in output.parts if part != output.anchor]
-    path = Path(config.paths.unfinished) / f"{'-'.join(names)}.jsonl"
+    path = unfinished_file(config, output, ".jsonl")
     return Journal(path, _subject(config, parameters, cable, trials), evaluate)
 
 

@@ -39,6 +39,12 @@ class World:
         """Answer as a forward model that is never wrong."""
         return self.endpoints(actions)
 
+    def slopes(self, actions: np.ndarray) -> np.ndarray:
+        """Differentiate the endpoints by differences, (n, 2, 6)."""
+        steps = 1e-6 * np.eye(6)
+        ends = [self.endpoints(actions + s) - self.endpoints(actions - s) for s in steps]
+        return np.stack(ends, axis=2) / 2e-6
+
     def simulated(self, folder: Path, count: int = 600) -> Path:
         """Write a D_sim of `count` casts."""
         actions = self.actions(count)

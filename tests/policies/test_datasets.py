@@ -1,4 +1,7 @@
+from dataclasses import replace
+
 import numpy as np
+import polars as pl
 import pytest
 
 from robotcast.policies.datasets import (
@@ -34,7 +37,7 @@ def test_test_casts_are_left_out_of_d_real(world) -> None:
     dataset = real_dataset(measured, range(10), validation_fraction=0.2, seed=0)
     left_out = {t.action.as_array().tobytes() for t in measured.trials[6:10]}
     assert not left_out & (rows(dataset.training) | rows(dataset.validation))
-    assert dataset.facts == {"real_casts": 26, "left_out_casts": 10}
+    assert dataset.facts == {"cable": "made up", "real_casts": 26, "left_out_casts": 10}
 
 
 def test_d_real_with_nothing_left_is_refused(world) -> None:
@@ -91,3 +94,54 @@ def test_a_mixture_that_cannot_be_is_refused(real, simulated, settings) -> None:
     fraction, weight = settings
     with pytest.raises(ValueError, match="dataset mixed: real_"):
         mixed_dataset(real, simulated, real_fraction=fraction, real_weight=weight, seed=0)
+
+
+def test_casts_of_two_cables_do_not_mix(real, simulated) -> None:
+    other = replace(simulated, facts={**simulated.facts, "cable": "cable2"})
+    with pytest.raises(ValueError, match="casts of cable2 and made up do not mix"):
+        mixed_dataset(real, other, real_fraction=0.35, real_weight=2.0, seed=0)
+
+
+def test_an_endpoint_that_is_not_a_number_is_refused_with_its_trial(world) -> None:
+    measured = world.measured()
+    bad = replace(measured.trials[4], waypoints_m=np.array([[np.nan, 0.1]]))
+    trials = (*measured.trials[:4], bad, *measured.trials[5:])
+    with pytest.raises(ValueError, match="trial 4 is not finite"):
+        real_dataset(replace(measured, trials=trials), [], validation_fraction=0.2, seed=0)
+
+
+def test_a_simulated_endpoint_that_is_not_a_number_is_refused_with_its_row(world, tmp_path) -> None:
+    path = world.simulated(tmp_path)
+    table = pl.read_parquet(path)
+    column = table["x"].to_numpy().copy()
+    column[7] = np.nan
+    table.with_columns(pl.Series("x", column)).write_parquet(path)
+    with pytest.raises(ValueError, match="row 7 is not finite"):
+        simulated_dataset(path, validation_fraction=0.1, seed=0)
+
+
+def test_five_casts_make_a_dataset_and_one_action_does_not(world) -> None:
+    five = real_dataset(world.measured(5, 0), [], validation_fraction=0.15, seed=0)
+    assert (len(five.training), len(five.validation)) == (4, 1)
+    with pytest.raises(ValueError, match="at least 2 different actions"):
+        real_dataset(world.measured(1, 1), [], validation_fraction=0.15, seed=0)
+
+
+def test_fewer_real_casts_are_contained_in_more(world) -> None:
+    measured = world.measured()
+    few, more = (
+        real_dataset(measured, [], validation_fraction=0.2, seed=0, casts=n) for n in (10, 25)
+    )
+    assert few.facts["real_casts"] == 10
+    assert rows(few.training) | rows(few.validation) <= rows(more.training) | rows(more.validation)
+
+
+def test_more_casts_than_there_are_are_refused(world) -> None:
+    with pytest.raises(ValueError, match="asked for 100 casts, 36 are to be had"):
+        real_dataset(world.measured(), [], validation_fraction=0.2, seed=0, casts=100)
+
+
+def test_duplicates_are_merged_into_their_weight(real) -> None:
+    twice = real.training.joined(real.training.weighted(2.0)).merged()
+    assert rows(twice) == rows(real.training)
+    assert twice.weights.sum() == pytest.approx(3 * real.training.weights.sum())

@@ -5,6 +5,7 @@ import torch
 from robotcast.policies.datasets import Dataset, real_dataset, simulated_dataset
 from robotcast.policies.network import Network
 from robotcast.policies.network_learner import NetworkLearner
+from robotcast.policies.training import best_epoch
 
 SMALL = NetworkLearner(
     hidden=(32, 32),
@@ -12,7 +13,7 @@ SMALL = NetworkLearner(
     learning_rate=3e-3,
     weight_decay=0.0,
     outlier_m=0.01,
-    epochs=40,
+    passes=40,
     patience=40,
 )
 
@@ -92,12 +93,12 @@ def test_weights_that_do_not_belong_to_the_description_are_refused(network, tmp_
 
 def test_training_stops_early_and_keeps_the_best_epoch(world) -> None:
     few = real_dataset(world.measured(12, 0), [], validation_fraction=0.3, seed=0)
-    learner = NetworkLearner((32,), 64, 0.05, 0.0, 0.01, epochs=400, patience=5)
+    learner = NetworkLearner((32,), 64, 0.05, 0.0, 0.01, passes=400, patience=5)
     network = learner.fit(few, seed=0)
     losses = [e.validation_loss for e in network.history]
     assert len(losses) < 400
-    assert network.best_epoch == 1 + int(np.argmin(losses))
-    assert len(losses) == network.best_epoch + 5
+    assert best_epoch(network.history).epoch == 1 + int(np.argmin(losses))
+    assert len(losses) == best_epoch(network.history).epoch + 5
 
 
 def test_a_heavier_example_is_fitted_better(world) -> None:
@@ -106,7 +107,7 @@ def test_a_heavier_example_is_fitted_better(world) -> None:
     few = real_dataset(world.measured(12, 0), [], validation_fraction=0.3, seed=0)
     contradiction = type(few.training)(actions, ends, np.array([3.0, 1.0]))
     dataset = Dataset("contradiction", contradiction, contradiction)
-    network = NetworkLearner((16,), 64, 0.02, 0.0, 0.01, epochs=300, patience=300).fit(
+    network = NetworkLearner((16,), 64, 0.02, 0.0, 0.01, passes=300, patience=300).fit(
         dataset, seed=0
     )
     assert network.predict(actions)[0] == pytest.approx([0.801, -0.3], abs=3e-4)
@@ -114,11 +115,11 @@ def test_a_heavier_example_is_fitted_better(world) -> None:
 
 def test_progress_is_reported_every_epoch(dataset) -> None:
     seen = []
-    learner = NetworkLearner((8,), 256, 1e-3, 0.0, 0.01, epochs=3, patience=9)
+    learner = NetworkLearner((8,), 256, 1e-3, 0.0, 0.01, passes=3, patience=9)
     learner.fit(dataset, seed=0, progress=lambda done, total, note="": seen.append((done, total)))
     assert seen == [(1, 3), (2, 3), (3, 3)]
 
 
 def test_a_setting_that_cannot_train_is_refused() -> None:
     with pytest.raises(ValueError, match="batch_size must be positive"):
-        NetworkLearner((8,), 0, 1e-3, 0.0, 0.01, epochs=3, patience=9)
+        NetworkLearner((8,), 0, 1e-3, 0.0, 0.01, passes=3, patience=9)

@@ -24,7 +24,7 @@ def test_tables_come_in_three_forms_and_figures_as_svg(report) -> None:
     tables = {p.name for p in (report / "tables").iterdir()}
     assert tables == {
         f"{name}.{suffix}"
-        for name in ("tuning", "policies", "cables")
+        for name in ("tuning", "policies", "cables", "parts")
         for suffix in ("md", "tex", "csv")
     }
     figures = {p.stem for p in (report / "figures").glob("*.svg")}

@@ -3,7 +3,7 @@ import pytest
 
 from robotcast.reporting.results import Results, read_results
 from robotcast.reporting.table import Table
-from robotcast.reporting.tables import cables_table, policies_table, tuning_table
+from robotcast.reporting.tables import cables_table, parts_table, policies_table, tuning_table
 
 
 @pytest.fixture(scope="module")
@@ -78,3 +78,17 @@ def test_every_caption_names_the_rig_and_the_paper(results) -> None:
 
 def test_captions_count_targets_and_repeats(results) -> None:
     assert "16 targets × 5 casts each" in cables_table(results).caption
+
+
+def test_parts_tell_repeatability_from_the_models_share(results) -> None:
+    table = parts_table(results)
+    row = {
+        name: float(text.rstrip("%"))
+        for name, text in row_of(table, "Cable 1", "π_R2S2R", "D_real ∪ D_sim").items()
+    }
+    assert row["Median: from"] <= row["Median: Median"] <= row["Median: to"]
+    repeats, model = row["Root mean square: Repeatability"], row["Root mean square: Model"]
+    share = 100 * repeats**2 / (repeats**2 + model**2)
+    assert row["Root mean square: Share"] == pytest.approx(share, abs=2)
+    far = row_of(table, "Cable 1", "π_RD", "D_real")["Root mean square: Model"]
+    assert float(far.rstrip("%")) > model

@@ -68,21 +68,20 @@ class ActionGrid:
             if not kept:
                 raise ValueError(f"grid: {name} must be {rule}, got {list(getattr(self, name))}")
 
+    def axes(self) -> list[tuple[float, float, int]]:
+        """Return first, last and count of θ₁, θ₂, r₂, α and v_max."""
+        ends = (self.theta1_rad, self.theta2_rad, self.r2_m, self.alpha_rad, self.vmax_m_s)
+        return [
+            (first, last, getattr(self.counts, field.name))
+            for (first, last), field in zip(ends, fields(self.counts), strict=True)
+        ]
+
     def candidates(self, r0_m: float, limits: PlanLimits) -> np.ndarray:
         """Return every action of the grid with its r₁, (n, 6), the last coordinate fastest."""
         return self._curves(r0_m, limits).actions
 
     def _curves(self, r0_m: float, limits: PlanLimits) -> CastCurves:
-        axes = [
-            np.linspace(*ends, getattr(self.counts, name))
-            for name, ends in (
-                ("theta1", self.theta1_rad),
-                ("theta2", self.theta2_rad),
-                ("r2", self.r2_m),
-                ("alpha", self.alpha_rad),
-                ("vmax", self.vmax_m_s),
-            )
-        ]
+        axes = [np.linspace(*axis) for axis in self.axes()]
         axes.insert(1, np.array([np.nan]))
         actions = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 6)
         check_actions(actions, r0_m, limits, r1_given=False)

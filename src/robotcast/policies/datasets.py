@@ -4,15 +4,17 @@ Every dataset keeps a validation part. Repeats of a real action never stand on b
 duplicates are drawn after the split, so validation never sees a cast that was trained on.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
+import yaml
 
 from robotcast.casts.action import ACTION_COLUMNS
-from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.measurement_set import MeasurementSet, Trial
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,13 @@ class Examples:
         """Return the examples with every weight times `factor`."""
         return Examples(self.actions, self.endpoints_m, self.weights * factor)
 
+    def merged(self) -> "Examples":
+        """Return the different examples, each with the summed weight of its duplicates."""
+        pairs = np.concatenate([self.actions, self.endpoints_m], axis=1)
+        _, first, which = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
+        summed = np.bincount(which.ravel(), weights=self.weights)
+        return Examples(self.actions[first], self.endpoints_m[first], summed)
+
     def joined(self, other: "Examples") -> "Examples":
         """Return these examples followed by `other`."""
         return Examples(
@@ -62,7 +71,7 @@ class Dataset:
     name: str
     training: Examples
     validation: Examples
-    facts: Mapping[str, int | float] = field(default_factory=dict)
+    facts: Mapping[str, Any] = field(default_factory=dict)
 
 
 def real_dataset(
@@ -71,13 +80,21 @@ def real_dataset(
     *,
     validation_fraction: float,
     seed: int,
+    casts: int | None = None,
 ) -> Dataset:
-    """Make D_real: every tracked cast of `measurements` but the trials in `leave_out`."""
+    """Make D_real: every tracked cast of `measurements` but the trials in `leave_out`.
+
+    Parameters
+    ----------
+    casts : take so many of them, action by action; fewer are contained in more. None takes all.
+    """
     trials = [
         t for t in measurements.trials if t.trial not in set(leave_out) and len(t.waypoints_m) > 0
     ]
     if not trials:
         raise ValueError("dataset real: no tracked cast is left once the test casts are taken out")
+    if casts is not None:
+        trials = _first_casts(trials, casts, seed)
     examples = Examples(
         np.stack([t.action.as_array() for t in trials]),
         np.stack([t.endpoint_m for t in trials]),
@@ -85,16 +102,35 @@ def real_dataset(
     )
     groups = np.array([t.action_id for t in trials])
     training, validation = _split(examples, groups, validation_fraction, seed)
-    facts = {"real_casts": len(trials), "left_out_casts": len(measurements.trials) - len(trials)}
+    _refuse_not_finite(examples, lambda row: f"dataset real: trial {trials[row].trial}")
+    facts = {
+        "cable": measurements.cable.name,
+        "real_casts": len(trials),
+        "left_out_casts": len(measurements.trials) - len(trials),
+    }
     return Dataset("real", training, validation, facts)
+
+
+def _first_casts(trials: Sequence[Trial], casts: int, seed: int) -> list[Trial]:
+    """Draw `casts` casts, action by action; refuse a number that there is not."""
+    if not 0 < casts <= len(trials):
+        raise ValueError(f"dataset real: asked for {casts} casts, {len(trials)} are to be had")
+    rng = np.random.default_rng(np.random.SeedSequence((seed, 4)))
+    order = rng.permutation(np.unique([t.action_id for t in trials])).tolist()
+    place = {action_id: k for k, action_id in enumerate(order)}
+    drawn = sorted(trials, key=lambda t: (place[t.action_id], t.trial))[:casts]
+    return sorted(drawn, key=lambda t: t.trial)
 
 
 def simulated_dataset(path: Path, *, validation_fraction: float, seed: int) -> Dataset:
     """Make D_sim from the casts.parquet that generate wrote."""
     examples = read_simulated(path)
+    facts = path.with_name("generation.yaml")
+    told = yaml.safe_load(facts.read_text(encoding="utf-8")) if facts.exists() else {}
+    cable = {"cable": told["cable"]} if "cable" in told else {}
     groups = np.arange(len(examples))
     training, validation = _split(examples, groups, validation_fraction, seed)
-    return Dataset("simulated", training, validation, {"simulated_casts": len(examples)})
+    return Dataset("simulated", training, validation, {**cable, "simulated_casts": len(examples)})
 
 
 def read_simulated(path: Path) -> Examples:
@@ -107,10 +143,15 @@ def read_simulated(path: Path) -> Examples:
         raise ValueError(f"{path}: column {missing[0]} is missing")
     actions = table.select(ACTION_COLUMNS).to_numpy().astype(float)
     endpoints = table.select("x", "y").to_numpy().astype(float)
-    bad = ~(np.isfinite(actions).all(axis=1) & np.isfinite(endpoints).all(axis=1))
-    if bad.any():
-        raise ValueError(f"{path}: row {int(np.argmax(bad))} is not finite")
-    return Examples(actions, endpoints, np.ones(len(actions)))
+    examples = Examples(actions, endpoints, np.ones(len(actions)))
+    _refuse_not_finite(examples, lambda row: f"{path}: row {row}")
+    return examples
+
+
+def _refuse_not_finite(examples: Examples, name: Callable[[int], str]) -> None:
+    finite = np.isfinite(examples.actions).all(axis=1) & np.isfinite(examples.endpoints_m).all(1)
+    if not finite.all():
+        raise ValueError(f"{name(int(np.argmin(finite)))} is not finite")
 
 
 def mixed_dataset(
@@ -127,6 +168,11 @@ def mixed_dataset(
         raise ValueError(f"dataset mixed: real_fraction must be in (0, 1), got {real_fraction}")
     if real_weight <= 0:
         raise ValueError(f"dataset mixed: real_weight must be positive, got {real_weight}")
+    if len(cables := {d.facts["cable"] for d in (simulated, real) if "cable" in d.facts}) > 1:
+        raise ValueError(
+            f"dataset mixed: casts of {' and '.join(sorted(cables))} do not mix; "
+            "take measured and simulated casts of one cable"
+        )
     n_real, n_simulated = len(real.training), len(simulated.training)
     wanted = max(n_real, round(n_simulated * real_fraction / (1 - real_fraction)))
     rng = np.random.default_rng(np.random.SeedSequence((seed, 1)))

@@ -11,12 +11,12 @@ import polars as pl
 import yaml
 
 from robotcast.casts.action import ACTION_COLUMNS
-from robotcast.casts.plan import PlanLimits, PlannedCast
+from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.policies.choice import Choice
 from robotcast.policies.forward_model import Predictor
 from robotcast.progress import Progress, silent
-from robotcast.rigs.collect import collect_casts
+from robotcast.rigs.collect import Plan, collect_casts
 from robotcast.rigs.rig import Rig
 from robotcast.rigs.session import CastRequest, number_requests, read_session
 from robotcast.vision.tracker import track_rest
@@ -58,6 +58,8 @@ def execute_choices(
     settings: str,
     limits: PlanLimits,
     progress: Progress = silent,
+    *,
+    plan: Plan = plan_action,
 ) -> Executed:
     """Execute every choice `repeats` times and track where the free end comes to rest.
 
@@ -68,6 +70,7 @@ def execute_choices(
     Parameters
     ----------
     settings : what else decides what the rig does, as text.
+    plan : makes the motion of an action.
     """
     actions = [
         (_FIRST_TARGET_ID + target, choice.action)
@@ -77,7 +80,7 @@ def execute_choices(
     requests = number_requests(actions)
     told = settings + yaml.safe_dump(rig.facts())
     folder = sessions / _fingerprint(requests, told)
-    failed = collect_casts(_RestOnly(rig), actions, folder, limits, progress).failed
+    failed = collect_casts(_RestOnly(rig), actions, folder, limits, progress, plan=plan).failed
     session = read_session(folder)
     ends_m = np.full((len(choices), repeats, 2), np.nan)
     lost = {}
@@ -93,7 +96,10 @@ def execute_choices(
 
 
 def executed_table(subject: Subject, choices: Sequence[Choice], executed: Executed) -> pl.DataFrame:
-    """Return evaluation.csv for executed casts; a lost cast has no endpoint and no error."""
+    """Return evaluation.csv for executed casts; a lost cast has no endpoint and no error.
+
+    `predicted_x`, `predicted_y` of a target out of reach are the nearest point within reach.
+    """
     rows = []
     for target, (choice, ends) in enumerate(zip(choices, executed.ends_m, strict=True)):
         for repeat, end in enumerate(ends):

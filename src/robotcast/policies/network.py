@@ -1,34 +1,42 @@
 """The fully connected network f_forw (paper, "Forward Dynamics Model")."""
 
-import hashlib
-import io
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import polars as pl
 import torch
-import yaml
-from safetensors.torch import load_file, save_file
 from torch import nn
 
-from robotcast.files import atomic_file, write_text
 from robotcast.policies.normalisation import Normalisation
+from robotcast.policies.reproducible import in_parts
+from robotcast.policies.slopes import row_slopes
+from robotcast.policies.storage import read_model, write_model
+from robotcast.policies.training import Epoch
 
-_PREDICT_ROWS = 8192
+_SPREAD = "spread/"
 
 
 @dataclass(frozen=True)
-class Epoch:
-    """How one pass over the training examples ended."""
+class LastLayerSpread:
+    """How unsure the network is, from what its last hidden layer saw of the training examples.
 
-    epoch: int
-    training_loss: float
-    validation_loss: float
-    validation_median_m: float
+    The last layer taken alone is Bayesian linear regression (MacKay 1992): the variance of a
+    prediction grows by φᵀ A⁻¹ φ for features φ unlike those of the training examples.
+
+    Attributes
+    ----------
+    root : tensor of shape (h + 1, h + 1), R with A⁻¹ = Rᵀ R.
+    scale_m : tensor of shape (2,), spread of a cast amid the training examples.
+    """
+
+    root: torch.Tensor
+    scale_m: torch.Tensor
+
+    def relative(self, features: torch.Tensor) -> torch.Tensor:
+        """Return √(1 + φᵀ A⁻¹ φ), (n,), of features (n, h)."""
+        return torch.sqrt(1 + (with_one(features) @ self.root.T).square().sum(dim=1))
 
 
 @dataclass(frozen=True)
@@ -38,76 +46,83 @@ class Network:
     Attributes
     ----------
     actions, endpoints : normalisations, computed on the training examples.
-    history : one entry an epoch; `best_epoch` is the one whose weights these are.
+    history : one entry an epoch; the weights are those of the best.
     """
 
     layers: nn.Sequential
     hidden: tuple[int, ...]
     actions: Normalisation
     endpoints: Normalisation
+    uncertainty: LastLayerSpread
     dataset: str
-    facts: Mapping[str, int | float]
+    facts: Mapping[str, object]
     seed: int
-    best_epoch: int
     history: tuple[Epoch, ...]
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
         """Predict endpoints (n, 2) [m] of actions (n, 6)."""
-        inputs = torch.from_numpy(self.actions.apply(actions).astype(np.float32))
-        with reproducible_torch(self.seed), torch.inference_mode():
-            outputs = [self.layers(rows).numpy() for rows in inputs.split(_PREDICT_ROWS)]
-        return self.endpoints.undo(np.concatenate(outputs).astype(float))
+        return self.endpoints.undo(
+            in_parts(self.layers, self._inputs(actions)).numpy().astype(float)
+        )
+
+    def spread(self, actions: np.ndarray) -> np.ndarray:
+        """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
+
+        def relative(rows: torch.Tensor) -> torch.Tensor:
+            return self.uncertainty.relative(self.layers[:-1](rows))
+
+        found = in_parts(relative, self._inputs(actions)).numpy().astype(float)
+        return found[:, None] * self.uncertainty.scale_m.numpy()
+
+    def slopes(self, actions: np.ndarray) -> np.ndarray:
+        """Return the endpoint's derivatives (n, 2, 6) by the numbers of actions (n, 6)."""
+        mean, scale = (torch.from_numpy(v) for v in (self.actions.mean, self.actions.scale))
+        unit_m = torch.from_numpy(self.endpoints.scale)
+
+        def endpoints(rows: torch.Tensor) -> torch.Tensor:
+            return self.layers(((rows - mean) / scale).float()).double() * unit_m
+
+        return row_slopes(endpoints, actions)
 
     def save(self, folder: Path) -> None:
         """Write weights.safetensors, training.csv and, last, policy.yaml into `folder`."""
-        weights = folder / "weights.safetensors"
-        with atomic_file(weights) as temporary:
-            save_file(self.layers.state_dict(), temporary)
-        text = io.StringIO()
-        pl.DataFrame([vars(e) for e in self.history]).write_csv(text, float_precision=6)
-        write_text(folder / "training.csv", text.getvalue())
-        best = next(e for e in self.history if e.epoch == self.best_epoch)
-        description = {
+        spread = {"root": self.uncertainty.root, "scale_m": self.uncertainty.scale_m}
+        tensors = {**self.layers.state_dict(), **{_SPREAD + name: v for name, v in spread.items()}}
+        told = {
+            "kind": "network",
             "dataset": self.dataset,
             "seed": self.seed,
             "hidden": list(self.hidden),
             "examples": dict(self.facts),
-            "epochs": len(self.history),
-            "best_epoch": self.best_epoch,
-            "validation_median_m": round(best.validation_median_m, 6),
             "normalisation": {
                 "actions": self.actions.as_dict(),
                 "endpoints_m": self.endpoints.as_dict(),
             },
-            "weights_sha256": hashlib.sha256(weights.read_bytes()).hexdigest(),
         }
-        write_text(folder / "policy.yaml", yaml.safe_dump(description, sort_keys=False))
+        write_model(folder, tensors, told, self.history)
 
     @classmethod
     def load(cls, folder: Path) -> "Network":
         """Read a network that `save` wrote."""
-        description_path = folder / "policy.yaml"
-        if not description_path.exists():
-            raise FileNotFoundError(f"{description_path} is missing: run the train stage first")
-        told = yaml.safe_load(description_path.read_text(encoding="utf-8"))
-        weights = folder / "weights.safetensors"
-        if hashlib.sha256(weights.read_bytes()).hexdigest() != told["weights_sha256"]:
-            raise ValueError(f"{weights} does not belong to policy.yaml beside it: train again")
-        hidden = tuple(told["hidden"])
+        stored = read_model(folder)
+        told, hidden = stored.told, tuple(stored.told["hidden"])
+        spread = [stored.tensors.pop(_SPREAD + name) for name in ("root", "scale_m")]
         layers = make_layers(hidden)
-        layers.load_state_dict(load_file(weights))
-        history = pl.read_csv(folder / "training.csv").iter_rows(named=True)
+        layers.load_state_dict(stored.tensors)
         return cls(
             layers,
             hidden,
             Normalisation.from_dict(told["normalisation"]["actions"]),
             Normalisation.from_dict(told["normalisation"]["endpoints_m"]),
+            LastLayerSpread(*spread),
             told["dataset"],
             told["examples"],
             told["seed"],
-            told["best_epoch"],
-            tuple(Epoch(**row) for row in history),
+            stored.history,
         )
+
+    def _inputs(self, actions: np.ndarray) -> torch.Tensor:
+        return torch.from_numpy(self.actions.apply(actions).astype(np.float32))
 
 
 def make_layers(hidden: tuple[int, ...]) -> nn.Sequential:
@@ -119,17 +134,6 @@ def make_layers(hidden: tuple[int, ...]) -> nn.Sequential:
     return nn.Sequential(*modules, nn.Linear(widths[-1], 2))
 
 
-@contextmanager
-def reproducible_torch(seed: int) -> Iterator[None]:
-    """Make torch give the same bytes on any number of cores; its global state is put back."""
-    threads = torch.get_num_threads()
-    deterministic = torch.are_deterministic_algorithms_enabled()
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        torch.set_num_threads(1)
-        torch.use_deterministic_algorithms(True)
-        try:
-            yield
-        finally:
-            torch.use_deterministic_algorithms(deterministic)
-            torch.set_num_threads(threads)
+def with_one(features: torch.Tensor) -> torch.Tensor:
+    """Return features (n, h) with a column of ones for the bias, (n, h + 1)."""
+    return torch.cat([features, torch.ones(len(features), 1, dtype=features.dtype)], dim=1)

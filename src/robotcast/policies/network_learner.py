@@ -1,7 +1,7 @@
-"""Training of the network by mini-batches with early stopping."""
+"""Training of the network by mini-batches."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +10,15 @@ from torch import nn
 from torch.nn.functional import huber_loss
 
 from robotcast.policies.datasets import Dataset, Examples
-from robotcast.policies.network import Epoch, Network, make_layers, reproducible_torch
+from robotcast.policies.network import LastLayerSpread, Network, make_layers, with_one
 from robotcast.policies.normalisation import Normalisation
+from robotcast.policies.reproducible import reproducible_torch
+from robotcast.policies.spread import held_out_scale
+from robotcast.policies.training import subject_of, train
 from robotcast.progress import Progress, silent
 
 _JUDGED_AT_ONCE = 8192
+_PRIOR_PRECISION = 1.0  # of the last layer's weights: as much as one example with features of 1
 
 
 @dataclass(frozen=True)
@@ -26,7 +30,7 @@ class NetworkLearner:
     hidden : widths of the hidden layers.
     outlier_m : errors beyond it count linearly instead of squared; whip-like casts amplify small
         differences, and the few that no smooth function explains must not bend the others.
-    epochs : at most so many passes; the learning rate falls to zero along a cosine over them.
+    passes : at most so many passes; the learning rate falls to zero along a cosine over them.
     patience : passes without a better validation loss before it stops.
     """
 
@@ -35,15 +39,22 @@ class NetworkLearner:
     learning_rate: float
     weight_decay: float
     outlier_m: float
-    epochs: int
+    passes: int
     patience: int
 
     def __post_init__(self) -> None:
-        for name in ("batch_size", "learning_rate", "outlier_m", "epochs", "patience"):
+        for name in ("batch_size", "learning_rate", "outlier_m", "passes", "patience"):
             if getattr(self, name) <= 0:
                 raise ValueError(f"policy nn: {name} must be positive, got {getattr(self, name)}")
 
-    def fit(self, dataset: Dataset, *, seed: int, progress: Progress = silent) -> Network:
+    def fit(
+        self,
+        dataset: Dataset,
+        *,
+        seed: int,
+        unfinished: Path | None = None,
+        progress: Progress = silent,
+    ) -> Network:
         """Train on `dataset.training`, keep the weights best on `dataset.validation`."""
         actions = Normalisation.of(dataset.training.actions)
         endpoints = Normalisation.of(dataset.training.endpoints_m)
@@ -52,75 +63,37 @@ class NetworkLearner:
         loss = _Loss(torch.from_numpy(endpoints.scale.astype(np.float32)), self.outlier_m)
         with reproducible_torch(seed):
             layers = make_layers(tuple(self.hidden))
-            history = self._train(layers, training, validation, loss, seed, progress)
+            adam = torch.optim.Adam(
+                layers.parameters(), lr=self.learning_rate, weight_decay=self.weight_decay
+            )
+            history = train(
+                _NetworkFit(layers, adam, training, validation, loss, self, seed),
+                passes=self.passes,
+                patience=self.patience,
+                unfinished=unfinished,
+                subject=subject_of(dataset, self, seed),
+                progress=progress,
+            )
+            uncertainty = _uncertainty(layers, training, validation, loss.scale_m)
         return Network(
             layers=layers,
             hidden=tuple(self.hidden),
             actions=actions,
             endpoints=endpoints,
+            uncertainty=uncertainty,
             dataset=dataset.name,
             facts=dataset.facts,
             seed=seed,
-            best_epoch=min(history, key=lambda e: e.validation_loss).epoch,
-            history=tuple(history),
+            history=history,
         )
+
+    def shortened(self, passes: int) -> "NetworkLearner":
+        """Return a learner of fewer passes, to try settings with."""
+        return replace(self, passes=min(passes, self.passes))
 
     def load(self, folder: Path) -> Network:
         """Read a network that `Network.save` wrote."""
         return Network.load(folder)
-
-    def _train(
-        self,
-        layers: nn.Sequential,
-        training: "_Rows",
-        validation: "_Rows",
-        loss: "_Loss",
-        seed: int,
-        progress: Progress,
-    ) -> list[Epoch]:
-        """Train `layers` in place, leave the best epoch's weights in them, return all epochs."""
-        optimizer = torch.optim.Adam(
-            layers.parameters(), lr=self.learning_rate, weight_decay=self.weight_decay
-        )
-        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, self.epochs)
-        rng = np.random.default_rng(np.random.SeedSequence((seed, 2)))
-        history: list[Epoch] = []
-        best, best_weights = Epoch(0, math.inf, math.inf, math.inf), {}
-        for number in range(1, self.epochs + 1):
-            training_loss = self._one_epoch(layers, optimizer, training, loss, rng)
-            schedule.step()
-            epoch = _judge(layers, number, training_loss, validation, loss)
-            history.append(epoch)
-            if epoch.validation_loss < best.validation_loss:
-                best = epoch
-                best_weights = {name: v.clone() for name, v in layers.state_dict().items()}
-            progress(number, self.epochs, f"median {1000 * best.validation_median_m:.1f} mm")
-            if number - best.epoch >= self.patience:
-                break
-        if not best_weights:
-            raise ValueError("training diverged from the first epoch: lower the learning rate")
-        layers.load_state_dict(best_weights)
-        return history
-
-    def _one_epoch(
-        self,
-        layers: nn.Sequential,
-        optimizer: torch.optim.Optimizer,
-        training: "_Rows",
-        loss: "_Loss",
-        rng: np.random.Generator,
-    ) -> float:
-        """Pass over all training examples once; return the mean loss on the way."""
-        order = torch.from_numpy(rng.permutation(len(training.weights)))
-        total = 0.0
-        for rows in order.split(self.batch_size):
-            optimizer.zero_grad(set_to_none=True)
-            wanted, weights = training.endpoints[rows], training.weights[rows]
-            batch_loss = loss(layers(training.actions[rows]), wanted, weights)
-            batch_loss.backward()
-            optimizer.step()
-            total += batch_loss.item() * len(rows)
-        return total / len(order)
 
 
 @dataclass(frozen=True)
@@ -162,12 +135,64 @@ class _Loss:
         return (weights * costs.sum(dim=1)).mean()
 
 
-def _judge(
-    layers: nn.Sequential, number: int, training_loss: float, validation: _Rows, loss: _Loss
-) -> Epoch:
+@dataclass(frozen=True)
+class _NetworkFit:
+    """The network in training."""
+
+    module: nn.Sequential
+    optimizer: torch.optim.Optimizer
+    training: _Rows
+    validation: _Rows
+    loss: _Loss
+    settings: NetworkLearner
+    seed: int
+
+    def one_pass(self, number: int) -> float:
+        """Pass over all training examples once; return the mean loss on the way."""
+        done = (number - 1) / self.settings.passes
+        for group in self.optimizer.param_groups:
+            group["lr"] = self.settings.learning_rate * (1 + math.cos(math.pi * done)) / 2
+        rng = np.random.default_rng(np.random.SeedSequence((self.seed, 2, number)))
+        order = torch.from_numpy(rng.permutation(len(self.training.weights)))
+        total = 0.0
+        for rows in order.split(self.settings.batch_size):
+            self.optimizer.zero_grad(set_to_none=True)
+            wanted, weights = self.training.endpoints[rows], self.training.weights[rows]
+            batch_loss = self.loss(self.module(self.training.actions[rows]), wanted, weights)
+            batch_loss.backward()
+            self.optimizer.step()
+            total += batch_loss.item() * len(rows)
+        return total / len(order)
+
+    def judge(self) -> tuple[float, float]:
+        """Return the loss on the held-out casts and the median miss there [m]."""
+        with torch.inference_mode():
+            predicted = _all(self.module, self.validation.actions)
+            wanted, weights = self.validation.endpoints, self.validation.weights
+            away_m = torch.linalg.norm((predicted - wanted) * self.loss.scale_m, dim=1)
+            value = self.loss(predicted, wanted, weights).item()
+        return value, float(np.median(away_m.numpy()))
+
+
+def _uncertainty(
+    layers: nn.Sequential, training: _Rows, validation: _Rows, scale_m: torch.Tensor
+) -> LastLayerSpread:
+    """Learn the shape of the spread from the training examples, its size from the held-out."""
     with torch.inference_mode():
-        parts = validation.actions.split(_JUDGED_AT_ONCE)
-        predicted = torch.cat([layers(rows) for rows in parts])
-        validation_loss = loss(predicted, validation.endpoints, validation.weights).item()
-        away_m = torch.linalg.norm((predicted - validation.endpoints) * loss.scale_m, dim=1)
-    return Epoch(number, training_loss, validation_loss, float(np.median(away_m.numpy())))
+        seen = with_one(_all(layers[:-1], training.actions)).double()
+        precision = (training.weights.double()[:, None] * seen).T @ seen
+        precision += _PRIOR_PRECISION * torch.eye(len(precision), dtype=torch.float64)
+        lower = torch.linalg.cholesky(precision)
+        unit = torch.eye(len(lower), dtype=torch.float64)
+        root = torch.linalg.solve_triangular(lower, unit, upper=False).float()
+        features = _all(layers[:-1], validation.actions)
+        relative = LastLayerSpread(root, torch.ones(2)).relative(features)
+        misses_m = (layers[-1](features) - validation.endpoints) * scale_m
+    size = held_out_scale(
+        *(t.numpy().astype(float) for t in (misses_m, relative, validation.weights))
+    )
+    return LastLayerSpread(root.clone(), torch.from_numpy(size))
+
+
+def _all(module: nn.Module, rows: torch.Tensor) -> torch.Tensor:
+    return torch.cat([module(part) for part in rows.split(_JUDGED_AT_ONCE)])

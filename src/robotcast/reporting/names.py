@@ -12,6 +12,8 @@ _DATASETS = {"real": "D_real", "simulated": "D_sim", "mixed": "D_real ∪ D_sim"
 _POLICIES = {
     ("cast_and_pull", "none"): "Cast and Pull",
     ("gp", "real"): "Gaussian Proc.",
+    ("gp", "simulated"): "Gaussian Proc.",
+    ("gp", "mixed"): "Gaussian Proc.",
     ("nn", "real"): "π_RD",
     ("nn", "simulated"): "π_SD",
     ("nn", "mixed"): "π_R2S2R",
@@ -42,6 +44,12 @@ def dataset_name(dataset: str) -> str:
 def policy_name(policy: str, dataset: str) -> str:
     """(nn, mixed) → π_R2S2R."""
     return _POLICIES.get((policy, dataset), policy)
+
+
+def policy_label(policy: str, dataset: str) -> str:
+    """Return the policy's name with its dataset where the name does not tell it."""
+    name = policy_name(policy, dataset)
+    return f"{name}, {dataset_name(dataset)}" if policy == "gp" else name
 
 
 def rig_name(rig: str) -> str:

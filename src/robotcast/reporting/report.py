@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robotcast.files import write_text
+from robotcast.reporting.figures.board_errors import board_errors_figure
 from robotcast.reporting.figures.errors import errors_figure
 from robotcast.reporting.figures.overlay import overlay_figure
 from robotcast.reporting.figures.style import style, svg
@@ -12,7 +13,7 @@ from robotcast.reporting.figures.trace import trace_figure
 from robotcast.reporting.names import (
     cable_name,
     optimizer_name,
-    policy_name,
+    policy_label,
     rig_name,
     rig_names,
     simulator_name,
@@ -21,7 +22,13 @@ from robotcast.reporting.names import (
 from robotcast.reporting.page import Glance, Page, PageFigure, Section
 from robotcast.reporting.results import CableData, Evaluation, Results, Tuning
 from robotcast.reporting.revisions.rungs import comparable
-from robotcast.reporting.tables import cables_table, policies_table, tuning_table
+from robotcast.reporting.tables import (
+    all_tables,
+    cables_table,
+    parts_table,
+    policies_table,
+    tuning_table,
+)
 
 _ORDER = {"real": 0, "simulated": 1, "mixed": 2}
 
@@ -54,7 +61,7 @@ class RunFacts:
 def write_report(results: Results, facts: RunFacts, folder: Path) -> list[Path]:
     """Write tables/, figures/ and index.html into `folder`; return what was written."""
     written = []
-    for table in (tuning_table(results), policies_table(results), cables_table(results)):
+    for table in all_tables(results):
         for suffix, text in (
             ("md", table.markdown()),
             ("tex", table.latex()),
@@ -86,6 +93,7 @@ def make_page(results: Results, facts: RunFacts) -> Page:
             *_revisions_section(results),
             _policies_section(results),
             _cables_section(results),
+            *_parts_section(results),
         )
     names = ", ".join(cable_name(c.name) for c in results.cables)
     return Page(
@@ -192,7 +200,8 @@ def _policies_section(results: Results) -> Section:
             figures.append(_targets(results, several, f"targets_{cable}", cable_name(cable)))
     text = (
         "A policy looks up, among the feasible candidate actions, the one whose predicted endpoint "
-        "is nearest to the target. π_RD learned from measured casts, π_SD from simulated ones, "
+        "is nearest to the target, and moves on from it along the model’s gradient. "
+        "π_RD learned from measured casts, π_SD from simulated ones, "
         "π_R2S2R from both. All are tested on the same targets."
     )
     title = "Which data make the better policy?"
@@ -204,6 +213,27 @@ def _cables_section(results: Results) -> Section:
     mixed = [e for e in mixed if e.kind == "executed" and len(e.casts)]
     figures = (_targets(results, mixed, "targets", "π_R2S2R on every cable"),) if mixed else ()
     return Section("Does it hold for every cable?", "", cables_table(results), figures)
+
+
+def _parts_section(results: Results) -> tuple[Section, ...]:
+    """Say what the errors are made of and where they are; no section where nothing was cast."""
+    cast = [e for e in results.evaluations if e.kind == "executed" and len(e.casts)]
+    if not cast:
+        return ()
+    cast.sort(key=lambda e: (e.cable, e.policy, _ORDER.get(e.dataset, 9)))
+    figure = PageFigure(
+        "board_errors",
+        "Where on the board policies miss",
+        "One disc a target; its colour and number are the median error of the casts at it, in % "
+        f"of cable length. {rig_names(results.rigs).capitalize()}.",
+        svg(board_errors_figure(cast)),
+    )
+    text = (
+        "Repeats of one action come to rest apart, which no policy can help; what is left is the "
+        "model’s: the gap between simulation and rig, and what learning missed."
+    )
+    title = "How much of the error is the model’s?"
+    return (Section(title, text, parts_table(results), (figure,)),)
 
 
 def _targets(results: Results, evaluations: list[Evaluation], name: str, title: str) -> PageFigure:
@@ -297,13 +327,14 @@ def _run(results: Results, facts: RunFacts) -> tuple[tuple[str, str], ...]:
             )
         )
     for (cable, folder), policy in results.policies.items():
-        name = policy_name(*folder.rsplit("-", 1))
-        examples = ", ".join(f"{k.replace('_', ' ')} {v}" for k, v in policy["examples"].items())
+        name = policy_label(*folder.rsplit("-", 1))
+        told = {k: v for k, v in policy["examples"].items() if k not in ("cable", "mixtures")}
+        examples = ", ".join(f"{k.replace('_', ' ')} {v}" for k, v in told.items())
         rows.append(
             (
                 f"Trained, {cable_name(cable)}",
                 f"{name}: {examples}; best after {policy['best_epoch']} of {policy['epochs']} "
-                f"epochs, median error on validation {1000 * policy['validation_median_m']:.0f} mm",
+                f"passes, median error on validation {1000 * policy['validation_median_m']:.0f} mm",
             )
         )
     return tuple(rows)

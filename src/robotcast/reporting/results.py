@@ -16,6 +16,7 @@ from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.noise_floor import NoiseFloor, noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.datasets import Examples, read_simulated
+from robotcast.policies.error_parts import ErrorParts, error_parts, median_interval
 from robotcast.tuning.revisions import Revision, comparable_revisions
 
 
@@ -87,8 +88,36 @@ class Evaluation:
         ]
         if not away or self.kind != "executed":
             return None
-        per_metre = (self.casts["error_percent"] / self.casts["error_m"]).median()
-        return float(np.median(np.concatenate(away)) * float(per_metre))  # type: ignore[arg-type]
+        return float(np.median(np.concatenate(away))) * self._per_metre
+
+    @property
+    def parts(self) -> ErrorParts | None:
+        """Repeatability and model in the error, in % of cable length; None without repeats."""
+        if self.kind != "executed" or self.casts.is_empty():
+            return None
+        found = [(xy * self._per_metre, t * self._per_metre) for _, t, xy in self._by_target]
+        return error_parts([xy for xy, _ in found], [t for _, t in found])
+
+    @property
+    def median_interval(self) -> tuple[float, float] | None:
+        """The 95 % interval of the median error, in % of cable length; None without casts."""
+        if self.casts.is_empty():
+            return None
+        away = [np.linalg.norm(xy - t, axis=1) * self._per_metre for _, t, xy in self._by_target]
+        return median_interval(away)
+
+    @property
+    def _by_target(self) -> list[tuple[int, np.ndarray, np.ndarray]]:
+        if self.kind == "executed":
+            return endpoints_by_target(self.casts)
+        # of recorded casts the prediction is judged, not where the cast ended
+        ends = self.casts.select("predicted_x", "predicted_y").to_numpy()
+        targets = self.casts.select("target_x", "target_y").to_numpy()
+        return [(k, t, e[None]) for k, (t, e) in enumerate(zip(targets, ends, strict=True))]
+
+    @property
+    def _per_metre(self) -> float:
+        return float((self.casts["error_percent"] / self.casts["error_m"]).median())  # type: ignore
 
 
 @dataclass(frozen=True)
@@ -147,7 +176,7 @@ def read_results(data: Path) -> Results:
         cables=tuple(cables.values()),
         tunings=tuple(_read_tuning(p) for p in sorted(data.glob("tuned/*/*/tuned.yaml"))),
         evaluations=tuple(
-            _read_evaluation(p) for p in sorted(data.glob("evaluation/*/*/evaluation.csv"))
+            read_evaluation(p) for p in sorted(data.glob("evaluation/*/*/evaluation.csv"))
         ),
         policies={
             (cables[p.parent.parent.name].name, p.parent.name): _read_yaml(p)
@@ -200,7 +229,8 @@ def _read_tuning(path: Path) -> Tuning:
     )
 
 
-def _read_evaluation(path: Path) -> Evaluation:
+def read_evaluation(path: Path) -> Evaluation:
+    """Read one evaluation.csv."""
     table = pl.read_csv(path, infer_schema_length=None)
     if table.is_empty():
         raise ValueError(f"{path} holds no casts: run the evaluate stage again")

@@ -24,9 +24,14 @@ _PAPER_NOTE = f"Columns “{PAPER_RIG}”: the paper’s values, a UR5 and real 
 _TUNING_METRICS = ("waypoint_percent", "final_percent")
 
 
-def all_tables(results: Results) -> tuple[Table, Table, Table]:
-    """Return the tables "tuning", "policies" and "cables"."""
-    return tuning_table(results), policies_table(results), cables_table(results)
+def all_tables(results: Results) -> tuple[Table, ...]:
+    """Return the tables "tuning", "policies", "cables" and "parts"."""
+    return (
+        tuning_table(results),
+        policies_table(results),
+        cables_table(results),
+        parts_table(results),
+    )
 
 
 def tuning_table(results: Results) -> Table:
@@ -127,6 +132,59 @@ def cables_table(results: Results) -> Table:
         ),
         reference=1,
     )
+
+
+def parts_table(results: Results) -> Table:
+    """What every policy's error is made of, and how sure its median is."""
+    shown = [e for e in _ordered(results) if len(e.errors_percent)]
+    rows = []
+    for evaluation in shown:
+        parts, interval = evaluation.parts, evaluation.median_interval
+        low, high = interval or (None, None)
+        numbers = (
+            float(np.median(evaluation.errors_percent)),
+            low,
+            high,
+            evaluation.scatter_percent,
+            parts.repeatability if parts else None,
+            parts.model if parts else None,
+            100 * parts.repeatability_share if parts else None,
+        )
+        labels = (
+            cable_name(evaluation.cable),
+            policy_name(evaluation.policy, evaluation.dataset),
+            dataset_name(evaluation.dataset),
+        )
+        rows.append(Row(labels, tuple(Cell(v) for v in numbers)))
+    return Table(
+        name="parts",
+        caption=(
+            f"What the error of each policy is made of, {_setting(shown)}. The 95 % interval of "
+            "the median is a bootstrap over targets; the scatter is the median distance of "
+            "repeats from their mean. Root mean squares: repeatability (aleatoric) is the scatter "
+            "of repeats, model (epistemic) the distance of their mean from the target; the share "
+            "is repeatability’s part of the mean square error. In % of cable length but the share."
+        ),
+        label_columns=("Cable", "Model", "Dataset"),
+        groups=(
+            Group("Median", ("Median", "from", "to")),
+            Group("Repeats", ("Scatter",)),
+            Group("Root mean square", ("Repeatability", "Model", "Share")),
+        ),
+        rows=tuple(rows),
+        reference=3,
+    )
+
+
+def _ordered(results: Results) -> list[Evaluation]:
+    """Evaluations by cable, then as the paper lists policies."""
+    paper = [*POLICIES]
+
+    def place(evaluation: Evaluation) -> tuple:
+        pair = (evaluation.policy, evaluation.dataset)
+        return (evaluation.cable, paper.index(pair) if pair in paper else len(paper), pair)
+
+    return sorted(results.evaluations, key=place)
 
 
 def _cables(results: Results) -> list[str]:

@@ -3,9 +3,10 @@
 import multiprocessing
 import os
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import wait
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import numpy as np
 import yaml
 
 from robotcast.casts.action import Action
-from robotcast.casts.plan import PlanLimits, plan_action
+from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
 from robotcast.files import atomic_folder, write_text
 from robotcast.progress import Progress, silent
 from robotcast.rigs.rig import Rig
@@ -25,6 +26,9 @@ from robotcast.rigs.session import (
     open_session,
     write_request,
 )
+
+Plan = Callable[..., PlannedCast]
+Planner = Callable[[Action], PlannedCast]
 
 REPEATS_OF_ONE = 3
 FIRST_FURTHER = 5_000  # ids of actions that are of no grid, which numbers its own from 0
@@ -86,20 +90,24 @@ def collect_casts(
     folder: Path,
     limits: PlanLimits,
     progress: Progress = silent,
+    *,
+    plan: Plan = plan_action,
 ) -> Collected:
     """Execute the casts of `actions` that the session in `folder` does not hold yet.
 
     Parameters
     ----------
     actions : (action_id, action); an action that is listed again is repeated.
+    plan : makes the motion of an action; a function of a module, so that workers find it.
     """
+    planner = partial(plan, r0_m=rig.r0_m, limits=limits)
     requests = number_requests(actions)
     with exclusive(folder):
         missing = missing_requests(open_session(rig, folder), requests)
         stood = len(requests) - len(missing)
         failed: dict[int, str] = {}
         progress(stood, len(requests))
-        for done, (request, reason) in enumerate(_outcomes(rig, missing, folder, limits), 1):
+        for done, (request, reason) in enumerate(_outcomes(rig, missing, folder, planner), 1):
             if reason:
                 failed[request.number] = reason
             _note_failure(folder, request, reason)
@@ -108,18 +116,18 @@ def collect_casts(
 
 
 def _outcomes(
-    rig: Rig, requests: list[CastRequest], folder: Path, limits: PlanLimits
+    rig: Rig, requests: list[CastRequest], folder: Path, planner: Planner
 ) -> Iterator[tuple[CastRequest, str]]:
     """Execute the requests; yield each with "" or with why it failed, as they finish."""
     workers = min(rig.workers, len(requests))
     if workers <= 1:
-        yield from ((request, _execute(rig, request, folder, limits)) for request in requests)
+        yield from ((request, _execute(rig, request, folder, planner)) for request in requests)
         return
     with ProcessPoolExecutor(
         workers,
         mp_context=multiprocessing.get_context("spawn"),
         initializer=_start_worker,
-        initargs=(rig, folder, limits),
+        initargs=(rig, folder, planner),
     ) as pool:
         running = {pool.submit(_execute_in_worker, request): request for request in requests}
         try:
@@ -128,9 +136,9 @@ def _outcomes(
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _execute(rig: Rig, request: CastRequest, folder: Path, limits: PlanLimits) -> str:
+def _execute(rig: Rig, request: CastRequest, folder: Path, planner: Planner) -> str:
     try:
-        planned = plan_action(request.action, r0_m=rig.r0_m, limits=limits)
+        planned = planner(request.action)
         with atomic_folder(folder / request.folder_name) as unfinished:
             write_request(request, unfinished)
             rig.cast(planned, request.number, unfinished)
@@ -147,12 +155,12 @@ def _note_failure(folder: Path, request: CastRequest, reason: str) -> None:
         path.unlink(missing_ok=True)
 
 
-_in_worker: tuple[Rig, Path, PlanLimits]
+_in_worker: tuple[Rig, Path, Planner]
 
 
-def _start_worker(rig: Rig, folder: Path, limits: PlanLimits) -> None:
+def _start_worker(rig: Rig, folder: Path, planner: Planner) -> None:
     global _in_worker
-    _in_worker = (rig, folder, limits)
+    _in_worker = (rig, folder, planner)
     threading.Thread(target=_die_with_parent, daemon=True).start()
 
 
@@ -165,5 +173,5 @@ def _die_with_parent() -> None:
 
 
 def _execute_in_worker(request: CastRequest) -> str:
-    rig, folder, limits = _in_worker
-    return _execute(rig, request, folder, limits)
+    rig, folder, planner = _in_worker
+    return _execute(rig, request, folder, planner)

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from robotcast.reporting.figures.style import BLACK, BLUE, CYCLE, GREY, math_text
-from robotcast.reporting.names import cable_name, policy_name, rig_names
+from robotcast.reporting.names import cable_name, policy_label, rig_names
 from robotcast.reporting.results import Evaluation
 
 _TICKS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)
@@ -47,7 +47,9 @@ def errors_figure(evaluations: Sequence[Evaluation], floors: dict[str, float | N
     axes.set_xticks(
         range(len(evaluations)),
         [
-            math_text(f"{policy_name(e.policy, e.dataset)}\n{cable_name(e.cable)}")
+            math_text(
+                f"{policy_label(e.policy, e.dataset)}\n{cable_name(e.cable)}".replace(", ", "\n")
+            )
             for e in evaluations
         ],
     )

@@ -74,18 +74,18 @@ def board_axes(axes: Axes) -> None:
     axes.set_ylabel("x [m], away from the robot")
 
 
-def fit_height(figure: Figure, panel_in: float, around_in: float) -> None:
+def fit_height(figure: Figure, panel_in: float, around_in: float, rows: int = 1) -> None:
     """Make the figure as high as panels of equal aspect need, with no empty bands.
 
     Parameters
     ----------
     panel_in : width of a panel's axes [inch].
-    around_in : height of titles, labels and legend [inch].
+    around_in : height of titles, labels and legend [inch], of every row.
     """
     panel = figure.axes[0]
     (left, right), (low, high) = panel.get_xlim(), panel.get_ylim()
     height = panel_in * (high - low) / abs(right - left)
-    figure.set_figheight(float(np.clip(height, 1.2, 6.0)) + around_in)
+    figure.set_figheight(rows * (float(np.clip(height, 1.2, 6.0)) + around_in))
 
 
 def math_text(text: str) -> str:

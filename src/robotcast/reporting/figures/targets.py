@@ -14,13 +14,19 @@ from robotcast.reporting.names import cable_name, dataset_name, policy_name, rig
 from robotcast.reporting.results import CableData, Evaluation, endpoints_by_target
 
 _BESIDE_M = 0.25  # what is shown beyond the axis of symmetry
+_MOST_COLUMNS = 4
 _CHI2_95 = 5.991  # 95 % quantile of χ² with two degrees of freedom
 
 
 def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData | None]) -> Figure:
     """Draw one panel an evaluation, each over its cable's reachable area."""
-    figure = Figure(figsize=(max(6.8, 3.7 * len(evaluations)), 4))
-    panels = figure.subplots(1, len(evaluations), sharex=True, sharey=True, squeeze=False)[0]
+    columns = min(_MOST_COLUMNS, len(evaluations))
+    rows = -(-len(evaluations) // columns)
+    figure = Figure(figsize=(max(6.8, 3.7 * columns), 4 * rows))
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    panels = grid.ravel()[: len(evaluations)]
+    for unused in grid.ravel()[len(evaluations) :]:
+        unused.remove()
     for panel, evaluation, cable in zip(panels, evaluations, cables, strict=True):
         if cable and cable.simulated:
             _areas(panel, cable.simulated)
@@ -29,19 +35,20 @@ def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData
         panel.plot(0, 0, "k^", ms=7, clip_on=False, zorder=5)
         median = np.median(evaluation.errors_percent)
         name = policy_name(evaluation.policy, evaluation.dataset)
+        data = "" if evaluation.dataset == "none" else f" on {dataset_name(evaluation.dataset)}"
         panel.set_title(
-            math_text(f"{cable_name(evaluation.cable)} · {name} on ")
-            + math_text(f"{dataset_name(evaluation.dataset)}\n")
+            math_text(f"{cable_name(evaluation.cable)} · {name}{data}\n")
             + f"{rig_name(evaluation.rig)}, median {median:.1f} % of cable length"
         )
         board_axes(panel)
         panel.label_outer()
+        panel.tick_params(labelbottom=True)  # what stands below may be empty
     _show_tested_half(panels[0], evaluations)
     repeated = any(
         len(ends) > 2 for e in evaluations for _, _, ends in endpoints_by_target(e.casts)
     )
     figure.legend(handles=_handles(repeated), loc="outside lower center", ncols=3)
-    fit_height(figure, panel_in=max(3.2, 6.2 / len(evaluations) - 0.5), around_in=1.7)
+    fit_height(figure, panel_in=max(3.2, 6.2 / columns - 0.5), around_in=1.7, rows=rows)
     return figure
 
 

@@ -1,0 +1,97 @@
+"""How long it takes to choose among the 67 500 candidates for 16 targets at once.
+
+    .venv/bin/python benchmarks/choose.py [--rounds 7]
+
+Network and sparse Gaussian process are of the sizes in conf/policy, trained briefly on a smooth
+made-up world: how well they know it does not change how long they take. The arm is asked whether
+it can do what is chosen. Refinement, which follows, is timed by itself. Exits with 1 when the
+median of a choice takes 0.2 s or longer.
+"""
+
+import argparse
+import importlib
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from hydra import compose, initialize_config_dir
+from hydra.utils import instantiate
+
+from robotcast.casts.grid import are_feasible
+from robotcast.policies.choice import choose_actions
+from robotcast.policies.datasets import Dataset, Examples
+from robotcast.policies.refinement import Neighbourhood, refine_choices
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "stages"))
+grids = importlib.import_module("grids")
+LONGEST_S, TARGETS, EXAMPLES = 0.2, 16, 4000
+
+
+def made_up_endpoints(actions: np.ndarray) -> np.ndarray:
+    """Return endpoints (n, 2) [m] as a smooth function of actions (n, 6)."""
+    theta1, _, theta2, r2, alpha, vmax = actions.T
+    angle = theta2 - 0.25 * theta1 * vmax / 2 - 0.12 * alpha
+    reach = r2 + 0.55 * np.cos(0.8 * alpha + 0.5 * theta1)
+    return np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=1)
+
+
+def made_up_dataset(candidates: np.ndarray) -> Dataset:
+    """Return casts of that world, a tenth of them held out."""
+    rows = np.random.default_rng(0).permutation(len(candidates))[:EXAMPLES]
+    ends = made_up_endpoints(candidates[rows])
+    examples = Examples(candidates[rows], ends, np.ones(EXAMPLES))
+    held = EXAMPLES // 10
+    return Dataset(
+        "made up", examples.take(np.arange(held, EXAMPLES)), examples.take(np.arange(held))
+    )
+
+
+def median_s(work: Callable[[], object], rounds: int) -> float:
+    """Return how long `work` takes, the median of some rounds after a first."""
+    work()
+    times = []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--rounds", type=int, default=7)
+    rounds = parser.parse_args().rounds
+    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
+        configs = {name: compose("config", overrides=[f"policy={name}"]) for name in ("nn", "gp")}
+    config = configs["nn"]
+    limits, grid = grids.build_limits(config), grids.build_grid(config, "candidates")
+    r0_m = config.casts.r0_m
+    candidates = grid.candidates(r0_m, limits)
+    feasible = partial(
+        are_feasible, r0_m=r0_m, limits=limits, envelope=grids.build_envelope(config)
+    )
+    drawn = candidates[np.random.default_rng(1).permutation(len(candidates))[: 10 * TARGETS]]
+    targets = made_up_endpoints(drawn[feasible(drawn)][:TARGETS])
+    about, dataset, good = Neighbourhood.of(grid, r0_m, limits), made_up_dataset(candidates), True
+    for name, policy in configs.items():
+        model = instantiate(policy.policy.learner).shortened(1).fit(dataset, seed=0)
+        predicting_s = median_s(partial(model.predict, candidates), rounds)
+        choose = partial(choose_actions, model, candidates, targets, feasible)
+        choosing_s = median_s(choose, rounds)
+        refine = partial(refine_choices, model, choose(), about, feasible)
+        print(
+            f"{name}: {len(candidates)} candidates, {TARGETS} targets: {choosing_s:.3f} s "
+            f"(asked: < {LONGEST_S}), of it predicting {predicting_s:.3f} s; "
+            f"refining {median_s(refine, rounds):.3f} s"
+        )
+        good = good and choosing_s < LONGEST_S
+    sys.exit(0 if good else 1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""Tables of the studies of policies: what real casts are worth, and what a better model is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, NullLocator
+
+from robotcast.reporting.figures.style import BLUE, GREY, VERMILION, math_text
+from robotcast.reporting.names import dataset_name, policy_name
+from robotcast.reporting.results import Evaluation
+
+HEAD = ("median", "from", "to", "q1", "q3", "casts")
+
+
+@dataclass(frozen=True)
+class Point:
+    """One policy of a study.
+
+    Attributes
+    ----------
+    group : what the policy is compared by, such as its dataset.
+    place : where it stands, a number of casts or the rung of a ladder.
+    """
+
+    group: str
+    place: float
+    evaluation: Evaluation
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Return `HEAD`: median, its 95 % interval, quartiles in % of cable length, and casts."""
+        errors = self.evaluation.errors_percent
+        low, high = self.evaluation.median_interval or (np.nan, np.nan)
+        middle, q1, q3 = np.percentile(errors, [50, 25, 75])
+        return (*(float(v) for v in (middle, low, high, q1, q3)), len(errors))
+
+
+def markdown(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Return a table in Markdown; numbers get one decimal."""
+
+    def text(cell: object) -> str:
+        return f"{cell:.1f}" if isinstance(cell, float) else str(cell)
+
+    lines = [columns, ["---"] * len(columns), *([text(c) for c in row] for row in rows)]
+    return "".join("| " + " | ".join(line) + " |\n" for line in lines)
+
+
+def real_casts_figure(points: Sequence[Point]) -> Figure:
+    """Draw the median error with its interval against the number of real casts."""
+    figure = Figure(figsize=(6.0, 3.6))
+    axes = figure.subplots()
+    for group, color in zip(sorted({p.group for p in points}), (BLUE, VERMILION), strict=False):
+        of = sorted((p for p in points if p.group == group), key=lambda p: p.place)
+        numbers = np.array([p.numbers for p in of])
+        places = [p.place for p in of]
+        name = f"{policy_name('nn', group)} on {dataset_name(group)}"
+        axes.plot(places, numbers[:, 0], "o-", color=color, label=math_text(name))
+        axes.vlines(places, numbers[:, 1], numbers[:, 2], color=color, lw=1.2)
+    places = sorted({p.place for p in points})
+    axes.set_xscale("log")
+    axes.set_xticks(places, [f"{n:.0f}" for n in places])
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("real casts to learn from")
+    axes.set_ylabel("median error\n[% of cable length]")
+    axes.legend()
+    return figure
+
+
+def ladder_figure(models: dict[str, float], points: Sequence[Point]) -> Figure:
+    """Draw both error ladders: of the model on held-out casts, of its policies at the targets.
+
+    Parameters
+    ----------
+    models : name → average waypoint error on held-out casts in % of cable length.
+    """
+    figure = Figure(figsize=(7.4, 3.2))
+    left, right = figure.subplots(1, 2)
+    names = list(models)
+    left.barh(names, list(models.values()), color=GREY, height=0.5)
+    left.invert_yaxis()
+    left.set_xlabel("waypoint error, held-out casts [%]")
+    left.set_title("Model")
+    groups = sorted({p.group for p in points})
+    for k, (group, color) in enumerate(zip(groups, (BLUE, VERMILION), strict=False)):
+        of = sorted((p for p in points if p.group == group), key=lambda p: p.place)
+        numbers = np.array([p.numbers for p in of])
+        places = np.array([p.place for p in of]) + 0.3 * (k - (len(groups) - 1) / 2)
+        right.barh(
+            places, numbers[:, 0], 0.26, color=color, label=math_text(policy_name("nn", group))
+        )
+        right.hlines(places, numbers[:, 1], numbers[:, 2], color="black", lw=1.2)
+    right.set_yticks(range(len(names)), names)
+    right.invert_yaxis()
+    right.set_xlabel("median distance to the target [%]")
+    right.set_title("Policy")
+    right.legend()
+    return figure

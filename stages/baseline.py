@@ -1,0 +1,23 @@
+"""Test the baseline Cast and Pull on the same targets, and as often, as the policies."""
+
+from casting import cast_on_rig, spread_over_board, write_evaluation
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+from rigs import build_rig
+from stage import stage
+
+from robotcast.casts.pull import plan_pull
+
+
+def baseline(config: DictConfig) -> None:
+    if "baseline" not in config.policy:
+        raise ValueError(
+            f"policy={config.policy.name} is no baseline; policy=cast_and_pull dataset=none is"
+        )
+    rig = build_rig(config)
+    choices = instantiate(config.policy.baseline).choose(rig.cable, spread_over_board(config))
+    write_evaluation(config, cast_on_rig(config, rig, choices, plan_pull))
+
+
+if __name__ == "__main__":
+    stage(baseline)()
