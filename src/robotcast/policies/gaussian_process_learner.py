@@ -159,7 +159,7 @@ class _Process(nn.Module):
     def __init__(self, points: torch.Tensor, *, moving: bool) -> None:
         super().__init__()
         base = MaternKernel(nu=2.5, ard_num_dims=points.shape[1])
-        base.lengthscale = _FIRST_LENGTH
+        base.initialize(lengthscale=_FIRST_LENGTH)
         self.kernel = ScaleKernel(base).double()
         self.points = nn.Parameter(points.clone(), requires_grad=moving)
         start = np.log(np.expm1(_FIRST_NOISE))
@@ -175,7 +175,8 @@ class _Process(nn.Module):
         factors, weights, noise = self._factors(rows), rows.weights, self.noise
         outputs = rows.endpoints.shape[1]
         spent = (weights[:, None] * rows.endpoints.square()).sum() / noise
-        missed = self.kernel(rows.actions, diag=True) - factors.whitened.square().sum(dim=0)
+        prior = torch.as_tensor(self.kernel(rows.actions, diag=True))
+        missed = prior - factors.whitened.square().sum(dim=0)
         return (
             -0.5 * outputs * weights.sum() * torch.log(2 * torch.pi * noise)
             - outputs * factors.inner.diagonal().log().sum()

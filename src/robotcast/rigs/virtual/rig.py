@@ -130,7 +130,7 @@ class VirtualRig:
         if headings_rad is None:
             random = generator(self.seed, number, "start")
             scatter = self.scatter.draw(self.truth.segments, random)
-            headings_rad = planned.tool.pose[0, 2] + scatter  # the reset turned to that ray
+            headings_rad = scatter + planned.tool.pose[0, 2]  # the reset turned to that ray
         truth = self.truth.with_friction(chance.friction_factor)
         arm = replace(self.arm, gain_error=self.arm.gain_error + chance.tool_gain)
         steps = np.arange(round((planned.end_s + SLOWEST_S) / truth.step_s) + 1) * truth.step_s
