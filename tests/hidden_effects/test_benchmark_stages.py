@@ -12,7 +12,7 @@ from robotcast.hidden_effects.layout import diagnosis_folder, oracle_path, rival
 from robotcast.hidden_effects.outcome import Outcome, read_outcomes
 
 ROOT = Path(__file__).resolve().parents[2]
-CANDIDATES = ("air_drag", "board_tilt", "camera_latency", "tool_lag")  # a few, to be quick
+CANDIDATES = ("air_drag", "board_tilt", "camera_latency")  # a few, to be quick
 FORCED = "case-001"
 
 
@@ -22,7 +22,7 @@ def run(stage: str, folder: Path) -> None:
     known = [path.stem for path in (ROOT / "conf" / "effect").glob("*.yaml")]
     command += [f"exclude=[{','.join(name for name in known if name not in CANDIDATES)}]"]
     command += [f"hidden_effects.brute_force=[{FORCED}]"]
-    command += ["hidden_effects.counts={actions:12,repeated:3,times:2}"]
+    command += ["hidden_effects.counts={actions:10,repeated:2,times:2}"]
     command += ["hidden_effects.composition.effects=[board_tilt]"]
     command += ["hidden_effects.composition.controls=[]"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
@@ -48,7 +48,7 @@ def outcomes(folder: Path) -> list[Outcome]:
 
 @pytest.mark.slow
 def test_every_set_gets_a_verdict_of_what_was_offered(outcomes: list[Outcome]) -> None:
-    assert [o.truth.kind for o in outcomes] == ["single", "outside"]
+    assert {o.truth.kind for o in outcomes} == {"single", "outside"}
     for outcome in outcomes:
         assert outcome.diagnosis is not None
         assert set(outcome.diagnosis.verdict) <= {*CANDIDATES, "none", "unknown"}

@@ -128,9 +128,7 @@ class VirtualRig:
         """Lay the cable down for cast `number`; return it and the arm's path (steps, 5)."""
         chance = draw(self.noise, self.seed, number)
         if headings_rad is None:
-            random = generator(self.seed, number, "start")
-            scatter = self.scatter.draw(self.truth.segments, random)
-            headings_rad = scatter + planned.tool.pose[0, 2]  # the reset turned to that ray
+            headings_rad = self._reset(planned, number)
         truth = self.truth.with_friction(chance.friction_factor)
         arm = replace(self.arm, gain_error=self.arm.gain_error + chance.tool_gain)
         steps = np.arange(round((planned.end_s + SLOWEST_S) / truth.step_s) + 1) * truth.step_s
@@ -139,6 +137,11 @@ class VirtualRig:
         run = self._lay_down(truth, headings_rad, self._held(path)[0])
         run.settle()
         return run, path
+
+    def _reset(self, planned: PlannedCast, number: int) -> np.ndarray:
+        """Return how a reset leaves the cable, turned to the ray on which the cast starts."""
+        random = generator(self.seed, number, "start")
+        return self.scatter.draw(self.truth.segments, random) + planned.tool.pose[0, 2]
 
     def _lay_down(self, truth: CableTruth, headings_rad: np.ndarray, held: np.ndarray) -> CableRun:
         spec = build_cable(self.cable, truth)
