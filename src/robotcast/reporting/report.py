@@ -151,10 +151,11 @@ def _tuning_section(results: Results) -> Section:
 
 
 def _revisions_section(results: Results) -> tuple[Section, ...]:
-    """Draw one ladder a cable; no section where nothing was tuned."""
+    """Draw one ladder a cable to which effects were added; no section where none was."""
     figures = []
     for cable in results.cables:
-        for number, rungs in enumerate(comparable(cable.revisions), start=1):
+        tried = [r for r in comparable(cable.revisions) if any(one.effects for one in r.revisions)]
+        for number, rungs in enumerate(tried, start=1):
             one = rungs.revisions[0]
             figures.append(
                 PageFigure(

@@ -37,11 +37,11 @@ def trace_figure(tunings: Sequence[Tuning], floors: dict[str, float | None]) -> 
         floor = floors.get(cable)
         if floor is not None:
             axes.axhline(floor, color=GREY, lw=0.8, ls=_DOTTED, label="noise floor")
+        axes.set_xlabel("simulated casts")
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter(lambda value, _: thousands(value))
     panels[0].set_ylim(bottom=0)
     panels[0].set_ylabel("best average waypoint error\non tuning casts [% of cable length]")
-    figure.supxlabel("simulated casts", fontsize=9)
     rigs = tuple(sorted({t.facts.get("rig", "") for t in tunings} - {""}))
     figure.suptitle(f"Tuned to casts of the {rig_names(rigs)}", fontsize=9.5)
     shown = {
