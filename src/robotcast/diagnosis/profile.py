@@ -16,7 +16,7 @@ from robotcast.diagnosis.side_by_side import side_by_side
 from robotcast.fitting.least_squares import Fit, trial_losses
 
 HOPE = 0.02  # share of the loss that an effect must take away to be looked at further
-BEHIND = 1.5  # times the best one's loss, beyond which an effect has no chance
+BEHIND = 1.5  # times the best one's loss, beyond which only the second best goes on
 LEFT = (6, 4)  # effects that the fits go on with after the first step, and after the next two
 
 
@@ -52,9 +52,8 @@ class Profile:
         for left in LEFT:
             on = [(name, self._on(name, fit)) for name, fit in ranked[: min(left, 2 * most)]]
             ranked = sorted(on, key=_loss)
-        if ranked:
-            most_loss = min(most_loss, BEHIND * ranked[0][1].loss)
-        return [(name, fit) for name, fit in ranked if fit.loss < most_loss][:most]
+        hopeful = [one for one in ranked if _loss(one) < most_loss][:most]
+        return hopeful[:2] + [one for one in hopeful[2:] if _loss(one) < BEHIND * _loss(hopeful[0])]
 
     def with_field(self, one: Screened) -> Fit:
         """Return the fit with a field: so many strengths have no probe that stands for all."""
