@@ -91,13 +91,13 @@ def test_about_two_thirds_of_fresh_casts_miss_by_less_than_the_spread(sparse, wo
 
 
 def test_slopes_are_those_of_the_prediction(exact, sparse, world) -> None:
-    actions, nudge = world.actions(4, seed=3), 0.01
+    actions, nudge = world.actions(4, seed=3), 0.0025  # errs by its square
     for model in (exact, sparse):
         slopes = model.slopes(actions)
         for column in range(6):
             step = nudge * np.eye(6)[column]
             change = model.predict(actions + step) - model.predict(actions - step)
-            assert slopes[:, :, column] == pytest.approx(change / (2 * nudge), abs=1e-2)
+            assert slopes[:, :, column] == pytest.approx(change / (2 * nudge), abs=2e-3)
 
 
 def test_a_saved_process_predicts_the_same_after_loading(sparse, world, tmp_path) -> None:
