@@ -47,6 +47,7 @@ real-casts: $(INSTALLED)
 	$(BIN)/dvc repro benchmarks/real_casts/dvc.yaml
 
 real-casts-few: $(INSTALLED)
+	$(BIN)/python stages/candidates.py
 	for cell in real-20 real-40 mixed-20 mixed-40; do \
 		set -- dataset=$${cell%-*} paths.policy=data/real_casts_few/policies/$$cell \
 			paths.evaluation=data/real_casts_few/evaluation/$$cell \
@@ -61,6 +62,7 @@ better-model: $(INSTALLED)
 
 FEW := data/better_model_few
 better-model-few: $(INSTALLED)
+	$(BIN)/python stages/candidates.py
 	$(BIN)/python stages/collect.py rig=tilted paths.sessions=$(FEW)/sessions
 	$(BIN)/python stages/track.py paths.sessions=$(FEW)/sessions \
 		paths.measurements=$(FEW)/measurements

@@ -3,6 +3,7 @@
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 from casting import cast_on_rig, spread_over_board, write_evaluation
 from grids import build_envelope, build_grid, build_limits
@@ -11,6 +12,7 @@ from omegaconf import DictConfig
 from rigs import build_rig
 from stage import console, stage
 
+from robotcast.casts.action_file import read_actions
 from robotcast.casts.grid import are_feasible
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
@@ -32,11 +34,16 @@ def _executed(config: DictConfig, model: ForwardModel) -> pl.DataFrame:
     rig, limits, envelope = build_rig(config), build_limits(config), build_envelope(config)
     _refuse_other_cable(model, rig.cable.name)
     feasible = partial(are_feasible, r0_m=rig.r0_m, limits=limits, envelope=envelope)
-    grid = build_grid(config, "candidates")
-    candidates = grid.candidates(rig.r0_m, limits)
-    choices = choose_actions(model, candidates, spread_over_board(config), feasible)
-    about = Neighbourhood.of(grid, rig.r0_m, limits)
+    choices = choose_actions(model, _candidates(config), spread_over_board(config))
+    about = Neighbourhood.of(build_grid(config, "candidates"), rig.r0_m, limits)
     return cast_on_rig(config, rig, refine_choices(model, choices, about, feasible))
+
+
+def _candidates(config: DictConfig) -> np.ndarray:
+    path = Path(config.paths.candidates)
+    if not path.is_file():
+        raise ValueError(f"{path}: there is no such file; python stages/candidates.py writes it")
+    return np.array([action.as_array() for action in read_actions(path)])
 
 
 def _predicted(config: DictConfig, model: ForwardModel) -> pl.DataFrame:

@@ -10,7 +10,10 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
-ORDER = ("collect", "track", "tune", "generate", "train", "evaluate", "baseline", "report")
+ORDER = (
+    *("collect", "track", "tune", "generate", "candidates"),
+    *("train", "evaluate", "baseline", "report"),
+)
 
 # How a stage starts, shows its progress and puts a file in place changes no result.
 PLUMBING = ("stages/stage.py", "src/robotcast/files.py", "src/robotcast/progress.py")

@@ -4,21 +4,11 @@ import pytest
 from robotcast.policies.choice import choose_actions
 
 
-def anything(actions: np.ndarray) -> np.ndarray:
-    return np.ones(len(actions), dtype=bool)
-
-
-def nothing(actions: np.ndarray) -> np.ndarray:
-    return np.zeros(len(actions), dtype=bool)
-
-
 def test_the_choice_is_the_candidate_predicted_nearest_to_the_target(world) -> None:
     candidates = world.actions(300)
     predicted = world.predict(candidates)
     targets = np.array([[0.8, -0.5], [1.0, -0.3]])
-    for target, choice in zip(
-        targets, choose_actions(world, candidates, targets, anything), strict=True
-    ):
+    for target, choice in zip(targets, choose_actions(world, candidates, targets), strict=True):
         nearest = np.linalg.norm(predicted - target, axis=1).min()
         assert np.linalg.norm(choice.predicted_m - target) == pytest.approx(nearest)
         assert world.predict(choice.action.as_array()[None])[0] == pytest.approx(choice.predicted_m)
@@ -26,7 +16,7 @@ def test_the_choice_is_the_candidate_predicted_nearest_to_the_target(world) -> N
 
 def test_a_target_on_the_other_side_gets_the_mirror_cast(world) -> None:
     candidates = world.actions(300)
-    right, left = choose_actions(world, candidates, np.array([[0.8, -0.5], [0.8, 0.5]]), anything)
+    right, left = choose_actions(world, candidates, np.array([[0.8, -0.5], [0.8, 0.5]]))
     assert left.action == right.action.mirrored()
     assert left.predicted_m == pytest.approx(right.predicted_m * [1, -1])
 
@@ -40,21 +30,10 @@ def test_candidates_are_predicted_once_for_all_targets(world) -> None:
             return world.predict(actions)
 
     model = Counting()
-    choose_actions(model, world.actions(50), np.tile([0.8, -0.5], (16, 1)), anything)
+    choose_actions(model, world.actions(50), np.tile([0.8, -0.5], (16, 1)))
     assert model.calls == 1
 
 
-def test_only_what_the_arm_can_do_is_chosen(world) -> None:
-    def slow_casts(actions: np.ndarray) -> np.ndarray:
-        return (actions[:, 5] < 2) & (actions[:, 4] > 1.2)
-
-    candidates = world.actions(3000)
-    targets = np.array([[0.8, -0.5], [0.3, -0.6]])
-    asked = choose_actions(world, candidates, targets, slow_casts)
-    filtered = choose_actions(world, candidates[slow_casts(candidates)], targets, anything)
-    assert [c.action for c in asked] == [c.action for c in filtered]
-
-
 def test_no_candidate_is_refused(world) -> None:
-    with pytest.raises(ValueError, match="no candidate action is feasible"):
-        choose_actions(world, world.actions(300), np.array([[0.8, -0.5]]), nothing)
+    with pytest.raises(ValueError, match="no candidate action"):
+        choose_actions(world, np.zeros((0, 6)), np.array([[0.8, -0.5]]))

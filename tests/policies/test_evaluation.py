@@ -17,7 +17,7 @@ COLUMNS = [
 
 @pytest.fixture
 def executed_rows(world):
-    choices = choose_actions(world, world.actions(300), TARGETS, lambda a: np.ones(len(a), bool))
+    choices = choose_actions(world, world.actions(300), TARGETS)
     ends = np.stack([TARGETS + np.array([0.03, 0.04]), TARGETS - np.array([0.06, 0.0])], axis=1)
     ends[1, 0] = np.nan
     executed = Executed(ends, {(1, 0): "hidden"})

@@ -35,7 +35,7 @@ def about() -> Neighbourhood:
 
 @pytest.fixture(scope="module")
 def choices(world, candidates) -> list[Choice]:
-    return choose_actions(world, candidates, TARGETS, anything)
+    return choose_actions(world, candidates, TARGETS)
 
 
 def usual_half(choice: Choice) -> np.ndarray:
@@ -73,7 +73,7 @@ def test_the_safe_set_is_never_left_and_the_miss_never_rises(world, candidates, 
     def slow_turns(actions: np.ndarray) -> np.ndarray:
         return actions[:, 0] + actions[:, 3] < 1.2
 
-    chosen = choose_actions(world, candidates, TARGETS, slow_turns)
+    chosen = choose_actions(world, candidates[slow_turns(candidates)], TARGETS)
     refined = refine_choices(world, chosen, about, slow_turns)
     assert slow_turns(np.stack([usual_half(c) for c in refined])).all()
     assert all(r.miss_m <= c.miss_m for r, c in zip(refined, chosen, strict=True))
@@ -85,16 +85,14 @@ def test_where_nothing_is_safe_the_candidates_stay(world, choices, about) -> Non
 
 
 def test_a_mirrored_target_is_refined_to_the_mirror_image(world, candidates, about) -> None:
-    pair = choose_actions(world, candidates, np.array([[0.8, -0.5], [0.8, 0.5]]), anything)
+    pair = choose_actions(world, candidates, np.array([[0.8, -0.5], [0.8, 0.5]]))
     right, left = refine_choices(world, pair, about, anything)
     assert left.action == right.action.mirrored()
     assert left.predicted_m == pytest.approx(right.predicted_m * [1, -1])
 
 
 def test_a_target_out_of_reach_is_said_so_with_the_nearest_point(world, candidates, about) -> None:
-    (choice,) = refine_choices(
-        world, choose_actions(world, candidates, FAR, anything), about, anything
-    )
+    (choice,) = refine_choices(world, choose_actions(world, candidates, FAR), about, anything)
     assert not choice.reachable
     reached = world.predict(candidates)
     assert choice.miss_m <= np.linalg.norm(reached - FAR, axis=1).min()

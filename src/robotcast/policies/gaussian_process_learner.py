@@ -19,6 +19,7 @@ from robotcast.policies.datasets import Dataset, Examples
 from robotcast.policies.gaussian_process import GaussianProcess, Posterior
 from robotcast.policies.normalisation import Normalisation
 from robotcast.policies.reproducible import in_parts, reproducible_torch
+from robotcast.policies.rows import Rows
 from robotcast.policies.spread import held_out_scale
 from robotcast.policies.training import median_miss_m, subject_of, train
 from robotcast.progress import Progress, silent
@@ -67,7 +68,7 @@ class GaussianProcessLearner:
         examples = dataset.training.merged()
         actions = Normalisation.of(dataset.training.actions)
         endpoints = Normalisation.of(dataset.training.endpoints_m)
-        rows = _Rows.of(examples, actions, endpoints)
+        rows = Rows.of(examples, actions, endpoints, torch.float64)
         held = _Held(dataset.validation, actions, endpoints, self.outlier_m)
         points, exact = self._points(rows.actions, seed)
         with reproducible_torch(seed):
@@ -118,24 +119,6 @@ class GaussianProcessLearner:
 
 
 @dataclass(frozen=True)
-class _Rows:
-    """Normalised examples of double precision: actions (n, 6), endpoints (n, 2), weights (n,)."""
-
-    actions: torch.Tensor
-    endpoints: torch.Tensor
-    weights: torch.Tensor
-
-    @classmethod
-    def of(cls, examples: Examples, actions: Normalisation, endpoints: Normalisation) -> "_Rows":
-        columns = (
-            actions.apply(examples.actions),
-            endpoints.apply(examples.endpoints_m),
-            examples.weights,
-        )
-        return cls(*(torch.from_numpy(np.ascontiguousarray(c, dtype=float)) for c in columns))
-
-
-@dataclass(frozen=True)
 class _Factors:
     """Cholesky factors that the bound and the posterior share.
 
@@ -170,7 +153,7 @@ class _Process(nn.Module):
         """Variance of one cast about the function, ()."""
         return softplus(self.raw_noise) + _LEAST_NOISE
 
-    def bound(self, rows: _Rows) -> torch.Tensor:
+    def bound(self, rows: Rows) -> torch.Tensor:
         """Return the lower bound of the log likelihood per unit of weight, ()."""
         factors, weights, noise = self._factors(rows), rows.weights, self.noise
         outputs = rows.endpoints.shape[1]
@@ -184,7 +167,7 @@ class _Process(nn.Module):
             - 0.5 * outputs * (weights * missed).sum() / noise
         ) / weights.sum()
 
-    def posterior(self, rows: _Rows) -> Posterior:
+    def posterior(self, rows: Rows) -> Posterior:
         """Return what is believed after the examples `rows`."""
         with torch.no_grad():
             factors = self._factors(rows)
@@ -203,7 +186,7 @@ class _Process(nn.Module):
                 known=from_prior.T @ from_prior - from_both.T @ from_both,
             )
 
-    def _factors(self, rows: _Rows) -> _Factors:
+    def _factors(self, rows: Rows) -> _Factors:
         own = self.kernel(self.points).to_dense()
         own = own + _JITTER * self.kernel.outputscale * torch.eye(len(own), dtype=own.dtype)
         points = psd_safe_cholesky(own)
@@ -250,7 +233,7 @@ class _ProcessFit:
 
     module: _Process
     optimizer: torch.optim.Optimizer
-    rows: _Rows
+    rows: Rows
     held: _Held
 
     def one_pass(self, number: int) -> float:

@@ -13,6 +13,7 @@ from robotcast.policies.datasets import Dataset, Examples
 from robotcast.policies.network import LastLayerSpread, Network, make_layers, with_one
 from robotcast.policies.normalisation import Normalisation
 from robotcast.policies.reproducible import reproducible_torch
+from robotcast.policies.rows import Rows
 from robotcast.policies.spread import held_out_scale
 from robotcast.policies.training import subject_of, train
 from robotcast.progress import Progress, silent
@@ -58,8 +59,8 @@ class NetworkLearner:
         """Train on `dataset.training`, keep the weights best on `dataset.validation`."""
         actions = Normalisation.of(dataset.training.actions)
         endpoints = Normalisation.of(dataset.training.endpoints_m)
-        training = _Rows.of(dataset.training, actions, endpoints)
-        validation = _Rows.of(dataset.validation, actions, endpoints)
+        training = _rows(dataset.training, actions, endpoints)
+        validation = _rows(dataset.validation, actions, endpoints)
         loss = _Loss(torch.from_numpy(endpoints.scale.astype(np.float32)), self.outlier_m)
         with reproducible_torch(seed):
             layers = make_layers(tuple(self.hidden))
@@ -97,24 +98,6 @@ class NetworkLearner:
 
 
 @dataclass(frozen=True)
-class _Rows:
-    """Normalised examples: actions (n, 6), endpoints (n, 2), weights (n,) of mean 1."""
-
-    actions: torch.Tensor
-    endpoints: torch.Tensor
-    weights: torch.Tensor
-
-    @classmethod
-    def of(cls, examples: Examples, actions: Normalisation, endpoints: Normalisation) -> "_Rows":
-        columns = (
-            actions.apply(examples.actions),
-            endpoints.apply(examples.endpoints_m),
-            examples.weights / examples.weights.mean(),
-        )
-        return cls(*(torch.from_numpy(column.astype(np.float32)) for column in columns))
-
-
-@dataclass(frozen=True)
 class _Loss:
     """Weighted mean of Huber's function of each coordinate's error, in units of `outlier_m`.
 
@@ -141,8 +124,8 @@ class _NetworkFit:
 
     module: nn.Sequential
     optimizer: torch.optim.Optimizer
-    training: _Rows
-    validation: _Rows
+    training: Rows
+    validation: Rows
     loss: _Loss
     settings: NetworkLearner
     seed: int
@@ -175,7 +158,7 @@ class _NetworkFit:
 
 
 def _uncertainty(
-    layers: nn.Sequential, training: _Rows, validation: _Rows, scale_m: torch.Tensor
+    layers: nn.Sequential, training: Rows, validation: Rows, scale_m: torch.Tensor
 ) -> LastLayerSpread:
     """Learn the shape of the spread from the training examples, its size from the held-out."""
     with torch.inference_mode():
@@ -192,6 +175,12 @@ def _uncertainty(
         *(t.numpy().astype(float) for t in (misses_m, relative, validation.weights))
     )
     return LastLayerSpread(root.clone(), torch.from_numpy(size))
+
+
+def _rows(examples: Examples, actions: Normalisation, endpoints: Normalisation) -> Rows:
+    """Return normalised examples whose weights have mean 1."""
+    even = examples.weighted(1 / examples.weights.mean())
+    return Rows.of(even, actions, endpoints, torch.float32)
 
 
 def _all(module: nn.Module, rows: torch.Tensor) -> torch.Tensor:

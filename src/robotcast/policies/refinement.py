@@ -9,8 +9,10 @@ from robotcast.casts.action import ACTION_COLUMNS, Action
 from robotcast.casts.curves import plan_curves
 from robotcast.casts.grid import ActionGrid
 from robotcast.casts.limits import PlanLimits
-from robotcast.policies.choice import Choice, Feasible
+from robotcast.policies.choice import Choice
 from robotcast.policies.forward_model import SmoothPredictor
+
+Feasible = Callable[[np.ndarray], np.ndarray]
 
 _ROUNDS = 8
 _SHORTENINGS = (1.0, 0.5, 0.25, 0.1)
@@ -63,6 +65,10 @@ def refine_choices(
 
     A step is taken only where it lowers the predicted miss and the arm can do the new action
     and its mirror image: the predicted miss never rises, and the safe set is never left.
+
+    Parameters
+    ----------
+    feasible : tells which actions (m, 6) the arm can do, and their mirror images too.
     """
     if not choices:
         return []

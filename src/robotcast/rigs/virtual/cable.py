@@ -42,7 +42,7 @@ class CableTruth:
     endpoint_radius_m: float
     segments: int = 30
     step_s: float = 0.001
-    contact_s: float = 0.008
+    contact_s: float = 0.003
 
     def with_friction(self, factor: float) -> "CableTruth":
         """Return the cable on a board whose friction is `factor` times as strong."""
