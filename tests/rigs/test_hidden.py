@@ -36,8 +36,8 @@ G = 9.81
 
 @pytest.fixture
 def flat(truth) -> CableTruth:
-    """A cable that slides without bouncing: smooth, neither limp nor rigid."""
-    return replace(truth, friction=0.2, bending_stiffness_n_m2=0.03)
+    """A cable that slides without bouncing: neither limp nor rigid, on a board that yields."""
+    return replace(truth, friction=0.2, bending_stiffness_n_m2=0.03, contact_s=0.008)
 
 
 def laid(cable, truth, effects: Sequence[HiddenEffect], *, airborne=False) -> CableRun:
