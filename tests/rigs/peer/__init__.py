@@ -1,0 +1,1 @@
+"""A loopback UR controller that the genuine compiled ur_rtde client connects to."""

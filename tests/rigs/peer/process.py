@@ -1,0 +1,95 @@
+"""Starting a peer in a process of its own, and giving it orders from a test."""
+
+import multiprocessing
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+
+from tests.rigs.peer.controller import Settings
+from tests.rigs.peer.film import Film, FilmSettings
+from tests.rigs.peer.server import Server, listen
+
+FIRST_HOST, HOSTS = 2, 200
+
+
+class Peer:
+    """A running peer.
+
+    Attributes
+    ----------
+    host : the loopback address it listens at; several peers run side by side.
+    camera : where its video is served, "" without one.
+    """
+
+    def __init__(self, host: str, camera: str, orders: Connection) -> None:
+        self.host, self.camera, self._orders = host, camera, orders
+
+    def break_now(self, kind: str) -> None:
+        """Have a fault: protective stop, emergency stop, connection cut, stale packets, …"""
+        self._order("break", kind)
+
+    def break_in(self, kind: str, delay_s: float) -> None:
+        """Have a fault so many seconds of the controller's time from now."""
+        self._order("break in", kind, delay_s)
+
+    def mend(self) -> None:
+        """Be as an operator leaves it who cleared the fault; the arm stays where it is."""
+        self._order("mend")
+
+    def place(self, joints_rad: np.ndarray) -> None:
+        """Move the arm by hand."""
+        self._order("place", np.asarray(joints_rad))
+
+    def log(self) -> dict[str, Any]:
+        """Return every cycle's told and actual joints, the motion commands and the faults."""
+        return self._order("log")
+
+    def _order(self, *order: Any) -> Any:
+        self._orders.send(order)
+        return self._orders.recv()
+
+
+@contextmanager
+def running_peer(settings: Settings, film: FilmSettings | None = None) -> Iterator[Peer]:
+    """Run a peer at a free loopback address, with a camera if `film` is given."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    host = _free_host()
+    process = context.Process(target=_serve, args=(host, settings, film, theirs), daemon=True)
+    process.start()
+    try:
+        yield Peer(host, ours.recv(), ours)
+    finally:
+        if process.is_alive():
+            ours.send(("end",))
+            process.join(5.0)
+        process.kill()
+
+
+def _free_host() -> str:
+    for number in range(FIRST_HOST, FIRST_HOST + HOSTS):
+        host = f"127.0.0.{number}"
+        try:
+            sockets = listen(host)
+        except OSError:
+            continue
+        for sock in sockets:
+            sock.close()
+        return host
+    raise OSError("peer: every loopback address is taken")
+
+
+def _serve(
+    host: str, settings: Settings, film: FilmSettings | None, orders: Connection
+) -> None:
+    if film is None:
+        server = Server(host, settings, orders, lambda _t_s, _joints: None)
+        orders.send("")
+    else:
+        shown = Film(film, host)
+        server = Server(host, settings, orders, shown.moved)
+        orders.send(shown.start())
+    server.run()

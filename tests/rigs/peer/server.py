@@ -1,0 +1,236 @@
+"""The peer's sockets and its clock: dashboard, script port and RTDE in one thread."""
+
+import selectors
+import socket
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+
+import numpy as np
+
+from tests.rigs.peer import rtde
+from tests.rigs.peer.controller import PLAYING, Controller, Settings
+
+DASHBOARD, SCRIPT, DATA = 29999, 30003, 30004
+PORTS = (DASHBOARD, 30001, 30002, SCRIPT, DATA)
+CONTROL_PROGRAM, PROGRAM_END = b"rtde_control", b"NODE_CONTROL_LOOP_ENDS"
+
+
+@dataclass
+class _Client:
+    """One connection, and for RTDE what it asked for."""
+
+    port: int
+    received: bytearray = field(default_factory=bytearray)
+    outputs: list[str] = field(default_factory=list)
+    output_types: list[str] = field(default_factory=list)
+    inputs: list[list[str]] = field(default_factory=list)
+    started: bool = False
+
+
+def listen(host: str) -> list[socket.socket]:
+    """Listen on every port of a controller at `host`; OSError when one is taken."""
+    sockets = []
+    try:
+        for port in PORTS:
+            sockets.append(socket.create_server((host, port)))
+    except OSError:
+        for opened in sockets:
+            opened.close()
+        raise
+    return sockets
+
+
+class Server:
+    """A controller on its ports; commands from the test arrive through `orders`."""
+
+    def __init__(
+        self,
+        host: str,
+        settings: Settings,
+        orders: Connection,
+        moved: Callable[[float, np.ndarray], None],
+    ) -> None:
+        self.controller, self._orders, self._moved = Controller(settings), orders, moved
+        self._selector = selectors.DefaultSelector()
+        self._clients: dict[socket.socket, _Client] = {}
+        self._deaf = self._silent = False
+        self._frozen: dict[str, object] | None = None
+        self._due: list[tuple[float, str]] = []
+        for listening in listen(host):
+            listening.setblocking(False)
+            self._selector.register(listening, selectors.EVENT_READ, self._accept)
+        self._selector.register(orders, selectors.EVENT_READ, self._obey)
+        self._running = True
+
+    def run(self) -> None:
+        """Serve until told to end. A late cycle shifts the clock: none is made up in haste."""
+        step_s = self.controller.step_s
+        due = time.monotonic() + step_s
+        while self._running:
+            for key, _ in self._selector.select(max(due - time.monotonic(), 0.0)):
+                key.data(key.fileobj)
+            if time.monotonic() >= due:
+                self._cycle()
+                due = max(due + step_s, time.monotonic() + step_s / 2)
+        for client in list(self._clients):
+            self._drop(client)
+
+    def _cycle(self) -> None:
+        controller = self.controller
+        controller.cycle()
+        self._moved(time.monotonic(), controller.arm.joints)
+        for at_s, kind in [d for d in self._due if d[0] <= controller.t_s]:
+            self._due.remove((at_s, kind))
+            self._break(kind)
+        for sock, client in list(self._clients.items()):
+            if client.started and not self._silent:
+                values = [self._value(name) for name in client.outputs]
+                package = bytes([1]) + rtde.pack(client.output_types, values)
+                self._send(sock, rtde.message(rtde.DATA, package))
+
+    def _value(self, name: str) -> object:
+        if self._frozen is not None and not name.startswith("output_"):
+            return self._frozen.setdefault(name, self.controller.output(name))
+        return self.controller.output(name)
+
+    def _accept(self, listening: socket.socket) -> None:
+        sock, _ = listening.accept()
+        if self._deaf:
+            sock.close()
+            return
+        sock.setblocking(False)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        client = _Client(listening.getsockname()[1])
+        self._clients[sock] = client
+        self._selector.register(sock, selectors.EVENT_READ, self._hear)
+        if client.port == DASHBOARD:
+            self._send(sock, b"Connected: Universal Robots Dashboard Server\n")
+
+    def _hear(self, sock: socket.socket) -> None:
+        client = self._clients.get(sock)
+        if client is None:
+            return
+        try:
+            data = sock.recv(65536)
+        except BlockingIOError:
+            return
+        except OSError:
+            data = b""
+        if not data:
+            self._drop(sock)
+            return
+        client.received += data
+        if client.port == DATA:
+            for kind, payload in rtde.take_messages(client.received):
+                self._answer(sock, client, kind, payload)
+        elif client.port == DASHBOARD:
+            while b"\n" in client.received:
+                line, _, rest = client.received.partition(b"\n")
+                client.received = rest
+                self._send(sock, (self._dashboard(line.decode().strip()) + "\n").encode())
+        elif CONTROL_PROGRAM in client.received and PROGRAM_END in client.received:
+            client.received.clear()
+            self.controller.start_program()
+
+    def _answer(self, sock: socket.socket, client: _Client, kind: int, payload: bytes) -> None:
+        if kind == rtde.VERSION:
+            self._send(sock, rtde.message(kind, bytes([payload[-1] == 2])))
+        elif kind == rtde.CONTROLLER:
+            version = rtde.pack(["UINT32"] * 4, self.controller.settings.version)
+            self._send(sock, rtde.message(kind, version))
+        elif kind == rtde.OUTPUTS:
+            client.outputs = payload[8:].decode().strip(",").split(",")
+            client.output_types = rtde.types_of(client.outputs, rtde.OUTPUT_TYPES)
+            types = ",".join(client.output_types).encode()
+            self._send(sock, rtde.message(kind, bytes([1]) + types))
+        elif kind == rtde.INPUTS:
+            names = payload.decode().strip(",").split(",")
+            client.inputs.append(names)
+            types = ",".join(rtde.types_of(names, rtde.INPUT_TYPES)).encode()
+            self._send(sock, rtde.message(kind, bytes([len(client.inputs)]) + types))
+        elif kind in (rtde.START, rtde.PAUSE):
+            client.started = kind == rtde.START
+            self._send(sock, rtde.message(kind, bytes([1])))
+        elif kind == rtde.DATA:
+            names = client.inputs[payload[0] - 1]
+            types = rtde.types_of(names, rtde.INPUT_TYPES)
+            self.controller.receive(names, rtde.unpack_scalars(types, payload[1:]))
+
+    def _dashboard(self, line: str) -> str:
+        controller = self.controller
+        version = controller.settings.version
+        if line == "stop":
+            controller.stop_program()
+            return "Stopped"
+        if line == "unlock protective stop":
+            controller.release()
+            return "Protective stop releasing"
+        answers = {
+            "PolyscopeVersion": f"URSoftware {'.'.join(map(str, version))} (Apr 01 2021)",
+            "is in remote control": "true",
+            "get serial number": "20183500001",
+            "get robot model": "UR5",
+            "robotmode": "Robotmode: RUNNING",
+            "safetymode": "Safetymode: NORMAL",
+            "running": f"Program running: {str(controller.runtime == PLAYING).lower()}",
+            "programState": "PLAYING" if controller.runtime == PLAYING else "STOPPED",
+            "quit": "Disconnected",
+        }
+        return answers.get(line, f"could not understand: '{line}'")
+
+    def _obey(self, orders: Connection) -> None:
+        name, *values = orders.recv()
+        answer: object = None
+        if name == "break":
+            self._break(values[0])
+        elif name == "break in":
+            self._due.append((self.controller.t_s + values[1], values[0]))
+        elif name == "mend":
+            self._deaf = self._silent = False
+            self._frozen = None
+            self._due.clear()
+            self.controller.release()
+        elif name == "place":
+            self.controller.arm.place(values[0])
+        elif name == "log":
+            log = self.controller.log
+            answer = {
+                "t_s": np.array(log.t_s),
+                "told": np.array(log.told).reshape(-1, 6),
+                "joints": np.array(log.joints).reshape(-1, 6),
+                "commands": list(log.commands),
+                "faults": list(log.faults),
+            }
+        elif name == "end":
+            self._running = False
+        orders.send(answer)
+
+    def _break(self, kind: str) -> None:
+        self.controller.log.faults.append((self.controller.t_s, kind))
+        if kind in ("protective stop", "emergency stop"):
+            self.controller.stop_for_safety(kind)
+        elif kind == "connection cut":
+            self._deaf = True
+            for sock in list(self._clients):
+                self._drop(sock)
+        elif kind == "stale packets":
+            self._frozen = {}
+        elif kind == "packets missing":
+            self._silent = True
+        elif kind == "off its path":
+            self.controller.arm.drift = np.array([0.15, 0.0, 0.0, 0.0, 0.0, 0.0])
+        else:
+            raise ValueError(f"peer: no fault called {kind}")
+
+    def _send(self, sock: socket.socket, data: bytes) -> None:
+        try:
+            sock.sendall(data)
+        except OSError:
+            self._drop(sock)
+
+    def _drop(self, sock: socket.socket) -> None:
+        if self._clients.pop(sock, None) is not None:
+            self._selector.unregister(sock)
+            sock.close()
