@@ -13,8 +13,9 @@ effect on servoj, singularities, the controller's own refusal of fast targets, U
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial.transform import Rotation
+from ur_analytic_ik import ur5  # pyright: ignore[reportAttributeAccessIssue]
 
-from robotcast.rigs.ur5 import Gripper, link_points
 from tests.rigs.peer.arm import Arm
 
 READY, DONE = 1, 2
@@ -33,6 +34,9 @@ class Settings:
     ----------
     version : of the control software: major, minor, bugfix, build; 3.x is a CB3, 5.x an e-Series.
     misplaced_m : by how much the tool really stands off the nominal kinematics.
+    patience_s : how long a cycle waits for servoj's next target; 0 as a real controller, more
+        where a busy machine shall not decide a test.
+    haste : how many times as fast as on a real controller the cycles follow each other.
     """
 
     joints_rad: tuple[float, ...]
@@ -40,6 +44,8 @@ class Settings:
     lag_s: float = 0.03
     misplaced_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     speed_fraction: float = 1.0
+    patience_s: float = 0.0
+    haste: float = 1.0
 
     @property
     def step_s(self) -> float:
@@ -71,6 +77,7 @@ class Controller:
         self._servo: tuple[np.ndarray, float] | None = None
         self._executing = False
         self._watchdog_s, self._heard_s = np.inf, 0.0
+        self._fresh = False
 
     def start_program(self) -> None:
         """Run the uploaded program, unless the robot is stopped for safety."""
@@ -104,11 +111,17 @@ class Controller:
                 self.int_in[int(name.rsplit("_", 1)[1])] = int(value)
             elif name.startswith("input_double_register_"):
                 self.double_in[int(name.rsplit("_", 1)[1])] = value
+        self._fresh = True
         if self.int_in[0] in MOVES:
             self.log.commands.append((self.t_s, self.int_in[0]))
 
+    def awaits_target(self) -> bool:
+        """Tell whether servoj runs and got no new target since the last cycle."""
+        return self._servo is not None and not self._fresh
+
     def cycle(self) -> None:
         """Go on by one cycle."""
+        self._fresh = False
         self.t_s += self.step_s
         if self.t_s - self._heard_s > self._watchdog_s and self.runtime == PLAYING:
             self.stop_program()
@@ -132,9 +145,9 @@ class Controller:
 
     def tool_pose(self) -> np.ndarray:
         """Return the tool centre point as the controller gives it: place and rotation vector."""
-        gripper = Gripper(length_m=max(self.tcp_m, 1e-3), fingers_m=max(self.tcp_m, 1e-3) / 2)
-        points = link_points(self.arm.joints, gripper)
-        return np.concatenate([points[-1] + self.settings.misplaced_m, np.zeros(3)])
+        pose = ur5.forward_kinematics(*self.arm.joints)
+        place = pose[:3, 3] + self.tcp_m * pose[:3, 2] + self.settings.misplaced_m
+        return np.concatenate([place, Rotation.from_matrix(pose[:3, :3]).as_rotvec()])
 
     def _run_program(self) -> None:
         command = self.int_in[0]

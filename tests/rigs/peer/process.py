@@ -85,11 +85,7 @@ def _free_host() -> str:
 def _serve(
     host: str, settings: Settings, film: FilmSettings | None, orders: Connection
 ) -> None:
-    if film is None:
-        server = Server(host, settings, orders, lambda _t_s, _joints: None)
-        orders.send("")
-    else:
-        shown = Film(film, host)
-        server = Server(host, settings, orders, shown.moved)
-        orders.send(shown.start())
+    shown = None if film is None else Film(film, host)
+    server = Server(host, settings, orders, shown)
+    orders.send("" if shown is None else shown.address)
     server.run()

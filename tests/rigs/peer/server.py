@@ -3,7 +3,6 @@
 import selectors
 import socket
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from tests.rigs.peer import rtde
 from tests.rigs.peer.controller import PLAYING, Controller, Settings
+from tests.rigs.peer.film import Film
 
 DASHBOARD, SCRIPT, DATA = 29999, 30003, 30004
 PORTS = (DASHBOARD, 30001, 30002, SCRIPT, DATA)
@@ -50,9 +50,9 @@ class Server:
         host: str,
         settings: Settings,
         orders: Connection,
-        moved: Callable[[float, np.ndarray], None],
+        film: Film | None,
     ) -> None:
-        self.controller, self._orders, self._moved = Controller(settings), orders, moved
+        self.controller, self._film = Controller(settings), film
         self._selector = selectors.DefaultSelector()
         self._clients: dict[socket.socket, _Client] = {}
         self._deaf = self._silent = False
@@ -62,16 +62,18 @@ class Server:
             listening.setblocking(False)
             self._selector.register(listening, selectors.EVENT_READ, self._accept)
         self._selector.register(orders, selectors.EVENT_READ, self._obey)
+        self._patience = settings.patience_s
         self._running = True
 
     def run(self) -> None:
         """Serve until told to end. A late cycle shifts the clock: none is made up in haste."""
-        step_s = self.controller.step_s
+        step_s = self.controller.step_s / self.controller.settings.haste
         due = time.monotonic() + step_s
         while self._running:
             for key, _ in self._selector.select(max(due - time.monotonic(), 0.0)):
                 key.data(key.fileobj)
-            if time.monotonic() >= due:
+            now = time.monotonic()
+            if now >= due and not (self.controller.awaits_target() and now < due + self._patience):
                 self._cycle()
                 due = max(due + step_s, time.monotonic() + step_s / 2)
         for client in list(self._clients):
@@ -80,7 +82,8 @@ class Server:
     def _cycle(self) -> None:
         controller = self.controller
         controller.cycle()
-        self._moved(time.monotonic(), controller.arm.joints)
+        if self._film is not None:
+            self._film.cycle(controller.t_s, controller.arm.joints)
         for at_s, kind in [d for d in self._due if d[0] <= controller.t_s]:
             self._due.remove((at_s, kind))
             self._break(kind)
@@ -188,6 +191,8 @@ class Server:
         elif name == "break in":
             self._due.append((self.controller.t_s + values[1], values[0]))
         elif name == "mend":
+            if self._film is not None:
+                self._film.gone, self._film.heading_rad = False, 0.0
             self._deaf = self._silent = False
             self._frozen = None
             self._due.clear()
@@ -219,6 +224,10 @@ class Server:
             self._frozen = {}
         elif kind == "packets missing":
             self._silent = True
+        elif kind == "camera gone" and self._film is not None:
+            self._film.gone = True
+        elif kind == "cable crooked" and self._film is not None:
+            self._film.heading_rad = 1.2
         elif kind == "off its path":
             self.controller.arm.drift = np.array([0.15, 0.0, 0.0, 0.0, 0.0, 0.0])
         else:
