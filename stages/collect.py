@@ -9,7 +9,7 @@ import numpy as np
 from grids import build_envelope, build_limits, filtered_grid
 from omegaconf import DictConfig
 from rigs import build_rig
-from stage import bar, console, output_folder, stage
+from stage import bar, console, session_folder, stage
 
 from robotcast.casts.action import Action
 from robotcast.casts.action_file import read_actions
@@ -20,7 +20,7 @@ from robotcast.rigs.session import SESSION_FILE, read_session
 
 
 def collect(config: DictConfig) -> None:
-    folder = output_folder(config.paths.sessions)
+    folder = session_folder(config)
     if config.rig.name == "recorded":
         if config.collect.actions is not None:
             raise ValueError("rig=recorded cannot cast the actions of collect.actions")
@@ -32,6 +32,11 @@ def collect(config: DictConfig) -> None:
         chosen = _drawn(config)
     else:
         chosen = _given(config, Path(config.collect.actions), folder)
+    if config.rig.get("dry_run"):
+        from ur5_rig import show_dry_run
+
+        show_dry_run(config, rig, [action for _, action in chosen], folder)
+        return
     with bar(f"collect {rig.cable.name}") as progress:
         collected = collect_casts(rig, chosen, folder, build_limits(config), progress)
     for number, reason in collected.failed.items():

@@ -31,9 +31,29 @@ def weighed_cable(config: DictConfig) -> Cable:
 
 def build_rig(config: DictConfig) -> Rig:
     """Return the rig that `rig=` names; it must be one that can cast."""
+    if config.rig.name == "ur5":
+        from ur5_rig import build_ur5_rig
+
+        return build_ur5_rig(config)
     if config.rig.name != "virtual":
-        raise ValueError(f"rig={config.rig.name} cannot cast; the rigs that can: virtual")
+        raise ValueError(f"rig={config.rig.name} cannot cast; the rigs that can: virtual, ur5")
     return build_virtual_rig(config)
+
+
+def build_tracker(config: DictConfig) -> TrackerFacts:
+    """Return what a session tells its tracker."""
+    plain: Any = plain_config(config)
+    camera = plain["camera"]
+    board = FiducialBoard.along_edges(**camera["board"], **camera["fiducials"])
+    return TrackerFacts.from_dict(
+        {
+            **camera["nominal"],
+            "endpoint_radius_m": float(plain["cable"]["endpoint_radius_m"]),
+            "exposure_s": camera["picture"]["exposure_s"],
+            "endpoint_height_m": float(plain["cable"]["radius_m"]),
+            "fiducials": board.as_dict(),
+        }
+    )
 
 
 def rig_with_cable(config: DictConfig, cable: str) -> VirtualRig:
@@ -49,16 +69,7 @@ def build_virtual_rig(config: DictConfig, scatter: StartScatter | None = None) -
     cable, camera = weighed_cable(config), plain["camera"]
     end_radius = float(plain["cable"]["endpoint_radius_m"])
     board = camera["board"]
-    fiducials = FiducialBoard.along_edges(**board, **camera["fiducials"])
-    nominal = camera["nominal"] | {"endpoint_radius_m": end_radius}
-    tracker = TrackerFacts.from_dict(
-        {
-            **nominal,
-            "exposure_s": camera["picture"]["exposure_s"],
-            "endpoint_height_m": cable.radius_m,
-            "fiducials": fiducials.as_dict(),
-        }
-    )
+    tracker = build_tracker(config)
     return VirtualRig(
         cable=cable,
         truth=CableTruth(**plain["cable"]["truth"], endpoint_radius_m=end_radius),
@@ -69,7 +80,7 @@ def build_virtual_rig(config: DictConfig, scatter: StartScatter | None = None) -
         gripper=Gripper(held_height_m=cable.radius_m),
         camera=Camera.overhead(**camera["lens"]),
         picture=PictureSettings(
-            fiducials=fiducials,
+            fiducials=tracker.fiducials,
             board_length_m=board["length_m"],
             board_width_m=board["width_m"],
             board_bgr=tracker.board_bgr,

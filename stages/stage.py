@@ -64,6 +64,12 @@ def require(config: DictConfig, *names: str) -> None:
             raise ValueError(f"{name}=DIR is needed")
 
 
+def session_folder(config: DictConfig) -> Path:
+    """Return the folder of the configured session."""
+    folder = output_folder(config.paths.sessions)
+    return folder / str(config.session) if config.session is not None else folder
+
+
 def output_folder(default: str) -> Path:
     """Return where to write: `default`, or the job's own folder in a Hydra multirun."""
     if HydraConfig.get().mode == RunMode.MULTIRUN:

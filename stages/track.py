@@ -19,7 +19,7 @@ SUMMARY = "tracking.json"
 
 
 def track(config: DictConfig) -> None:
-    sessions = Path(config.paths.sessions)
+    sessions = Path(config.paths.sessions, *([str(config.session)] if config.session else []))
     folder = output_folder(config.paths.measurements)
     copy = recorded_copy(sessions)
     if copy is not None:

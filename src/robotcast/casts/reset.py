@@ -94,7 +94,12 @@ class ResetMotion:
 
 
 def plan_reset(
-    start_pose: np.ndarray, cable_length_m: float, *, r0_m: float, settings: ResetSettings
+    start_pose: np.ndarray,
+    cable_length_m: float,
+    *,
+    r0_m: float,
+    settings: ResetSettings,
+    end_yaw_rad: float | None = None,
 ) -> ResetMotion:
     """Plan the reset from where a cast ended.
 
@@ -102,6 +107,7 @@ def plan_reset(
     ----------
     start_pose : ndarray of shape (3,), x [m], y [m], yaw [rad] of the held end.
     cable_length_m : from the held end to the free end.
+    end_yaw_rad : to where the wrist turns back; the nearest whole turn when None.
     """
     start_pose = np.asarray(start_pose, dtype=float)
     if start_pose.shape != (3,) or not np.isfinite(start_pose).all():
@@ -114,7 +120,7 @@ def plan_reset(
     ends = _step_ends(settings)
     t_s = np.arange(int(np.ceil(ends[-1] / settings.period_s - 1e-9)) + 1) * settings.period_s
     x, y, yaw = start_pose
-    whole_turns = 2 * np.pi * round(yaw / (2 * np.pi))
+    end_yaw = 2 * np.pi * round(yaw / (2 * np.pi)) if end_yaw_rad is None else end_yaw_rad
     lifting = _moved(t_s, 0.0, settings.lift_s)
     position = np.stack(
         [
@@ -126,7 +132,7 @@ def plan_reset(
     )
     raised = _moved(t_s, 0.0, settings.lift_s + settings.raise_s)
     pitch = settings.hang_pitch_rad * (raised - _sunk(t_s, settings))
-    return ResetMotion(t_s, position, yaw + (whole_turns - yaw) * lifting, pitch, ends)
+    return ResetMotion(t_s, position, yaw + (end_yaw - yaw) * lifting, pitch, ends)
 
 
 def _step_ends(settings: ResetSettings) -> np.ndarray:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import yaml
 
@@ -11,6 +12,7 @@ from robotcast.casts.tool_motion import ToolMotion
 from robotcast.files import atomic_file, write_text
 
 CAST_FILE, TOOL_FILE, VIDEO_FILE, TRUTH_FILE = "cast.yaml", "tool.csv", "video.mp4", "truth.csv"
+FRAMES_FILE = "frames.csv"
 
 
 @dataclass(frozen=True)
@@ -72,3 +74,23 @@ def read_tool(path: Path) -> ToolMotion:
         raise ValueError(f"{path}: missing; the tool was not logged")
     table = pl.read_csv(path)
     return ToolMotion(table["t"].to_numpy(), table.select("x", "y", "yaw").to_numpy())
+
+
+def write_frame_times(t_s: np.ndarray, folder: Path) -> None:
+    """Write when the middle of each frame's exposure was, (k,) [s]; NaN where nobody knows.
+
+    A rig whose frames are evenly spaced needs no such file: `video_t0_s` and `fps` say it.
+    """
+    with atomic_file(folder / FRAMES_FILE) as temporary:
+        pl.DataFrame({"t": t_s}).write_csv(temporary, float_precision=7)
+
+
+def read_frame_times(record: CastRecord, exposure_s: float, count: int, folder: Path) -> np.ndarray:
+    """Return when the middle of each of a video's `count` frames was exposed, (count,) [s]."""
+    path = folder / FRAMES_FILE
+    if not path.is_file():
+        return record.video_t0_s + exposure_s / 2 + np.arange(count) / record.fps
+    t_s = pl.read_csv(path, schema={"t": pl.Float64})["t"].to_numpy()
+    if len(t_s) != count:
+        raise ValueError(f"{path}: holds {len(t_s)} times for {count} frames")
+    return t_s

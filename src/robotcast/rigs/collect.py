@@ -1,5 +1,6 @@
 """Collecting casts into a session: only what is missing, side by side, whatever fails."""
 
+import itertools
 import multiprocessing
 import os
 import threading
@@ -17,8 +18,9 @@ from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
 from robotcast.files import atomic_folder, write_text
 from robotcast.progress import Progress, silent
-from robotcast.rigs.rig import Rig
+from robotcast.rigs.rig import CastNotUsed, Rig, RigStopped
 from robotcast.rigs.session import (
+    REQUEST_FILE,
     CastRequest,
     exclusive,
     missing_requests,
@@ -99,6 +101,8 @@ def collect_casts(
     ----------
     actions : (action_id, action); an action that is listed again is repeated.
     plan : makes the motion of an action; a function of a module, so that workers find it.
+
+    Raises `RigStopped` when the rig stopped: what is finished stays, a further call goes on.
     """
     planner = partial(plan, r0_m=rig.r0_m, limits=limits)
     requests = number_requests(actions)
@@ -111,7 +115,7 @@ def collect_casts(
             if reason:
                 failed[request.number] = reason
             _note_failure(folder, request, reason)
-            progress(stood + done, len(requests), f"{len(failed)} failed" if failed else "")
+            progress(stood + done, len(requests), _state(request, len(failed)))
     return Collected(stood, len(missing) - len(failed), dict(sorted(failed.items())))
 
 
@@ -141,10 +145,34 @@ def _execute(rig: Rig, request: CastRequest, folder: Path, planner: Planner) -> 
         planned = planner(request.action)
         with atomic_folder(folder / request.folder_name) as unfinished:
             write_request(request, unfinished)
-            rig.cast(planned, request.number, unfinished)
+            try:
+                rig.cast(planned, request.number, unfinished)
+            except CastNotUsed as error:
+                _set_aside(unfinished, folder, request, str(error))
+                raise
+    except RigStopped as stop:
+        _note_failure(folder, request, str(stop))
+        raise
     except ValueError as error:
         return str(error)
     return ""
+
+
+def _set_aside(unfinished: Path, folder: Path, request: CastRequest, reason: str) -> None:
+    """Keep what was recorded of a cast that is not to be used, under a name that nobody reads."""
+    if all(entry.name == REQUEST_FILE for entry in unfinished.iterdir()):
+        return
+    write_text(unfinished / "unused.yaml", yaml.safe_dump({"reason": reason}))
+    place = next(
+        path
+        for attempt in itertools.count(1)
+        if not (path := folder / f"unused_{request.number:05d}_{attempt}").exists()
+    )
+    unfinished.rename(place)
+
+
+def _state(request: CastRequest, failed: int) -> str:
+    return f"cast {request.number}" + (f", {failed} failed" if failed else "")
 
 
 def _note_failure(folder: Path, request: CastRequest, reason: str) -> None:

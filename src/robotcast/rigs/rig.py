@@ -7,6 +7,14 @@ from robotcast.casts.plan import PlannedCast
 from robotcast.measurements.measurement_set import Cable
 
 
+class CastNotUsed(ValueError):
+    """A cast was executed, but is not one to use; what was recorded is kept, and marked."""
+
+
+class RigStopped(CastNotUsed):
+    """The rig stopped in a cast: nothing moves until somebody looked after it."""
+
+
 class Rig(Protocol):
     """An arm, a cable, a board and a camera that execute and film casts.
 
@@ -39,7 +47,9 @@ class Rig(Protocol):
         """Reset, execute and record one cast into the empty `folder`.
 
         Writes `video.mp4`, `tool.csv` (t, x, y, yaw of what the arm really did until the end
-        rests) and `cast.yaml`. Raises ValueError with one sentence when the cast failed.
+        rests) and `cast.yaml`. Raises ValueError with one sentence when the cast failed,
+        `CastNotUsed` when what was recorded shall be kept aside, `RigStopped` when no further
+        cast may follow.
 
         Parameters
         ----------

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from robotcast.rigs.cast_files import VIDEO_FILE, read_record
+from robotcast.rigs.cast_files import VIDEO_FILE, read_frame_times, read_record
 from robotcast.rigs.session import Session
 from robotcast.vision.calibration import Calibration, calibrate
 from robotcast.vision.detector import Detection, EndpointDetector
@@ -136,9 +136,9 @@ def _track(folder: Path, facts: TrackerFacts) -> _Track:
     detector = EndpointDetector(calibration.camera, facts, picture)
     found = [detector.detect(frame) for frame in (*first, *frames)]
     xy_m = _whole_only(found, video)
-    record = read_record(folder)
-    t_s = record.video_t0_s + facts.exposure_s / 2 + np.arange(len(found)) / record.fps
-    return _Track(t_s, xy_m, calibration)
+    t_s = read_frame_times(read_record(folder), facts.exposure_s, len(found), folder)
+    known = np.isfinite(t_s)
+    return _Track(t_s[known], xy_m[known], calibration)
 
 
 def _frames(video: Path) -> Iterator[np.ndarray]:

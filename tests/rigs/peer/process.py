@@ -82,9 +82,7 @@ def _free_host() -> str:
     raise OSError("peer: every loopback address is taken")
 
 
-def _serve(
-    host: str, settings: Settings, film: FilmSettings | None, orders: Connection
-) -> None:
+def _serve(host: str, settings: Settings, film: FilmSettings | None, orders: Connection) -> None:
     shown = None if film is None else Film(film, host)
     server = Server(host, settings, orders, shown)
     orders.send("" if shown is None else shown.address)

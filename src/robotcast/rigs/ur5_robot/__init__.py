@@ -1,0 +1,1 @@
+"""A real UR5 under a webcam, behind the same `Rig` as the virtual one."""

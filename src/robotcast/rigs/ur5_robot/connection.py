@@ -1,0 +1,236 @@
+"""The connection to a UR controller through ur_rtde; nothing else here knows its sockets.
+
+ur_rtde reconnects by itself when a connection breaks and then sends its last command again. So
+no command is sent for longer than needed: a `Drive` exists only while the arm moves, and the
+controller's own watchdog ends the program when targets stop coming.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robotcast.rigs.rig import RigStopped
+
+PLAYING = 2  # runtime_state of Universal Robots' RTDE guide
+CB3 = 3
+VARIABLES = (
+    "timestamp",
+    "actual_q",
+    "target_q",
+    "actual_TCP_pose",
+    "target_speed_fraction",
+    "runtime_state",
+    "robot_status_bits",
+    "safety_status_bits",
+)
+SAFETY_BITS = {
+    2: "protective stop",
+    3: "recovery mode",
+    4: "safeguard stop",
+    5: "system emergency stop",
+    6: "robot emergency stop",
+    7: "emergency stop",
+    8: "safety violation",
+    9: "safety fault",
+}
+"""Bits of safety_status_bits that mean that the arm may not move, worst last."""
+
+
+@dataclass(frozen=True)
+class ServoSettings:
+    """How servoj follows its targets, and when the controller gives up waiting for one.
+
+    Attributes
+    ----------
+    lookahead_s : in [0.03, 0.2], smooths the targets.
+    gain : in [100, 2000], proportional gain of following them.
+    watchdog_hz : the program on the controller ends when targets come more seldom.
+    """
+
+    lookahead_s: float = 0.03
+    gain: float = 500.0
+    watchdog_hz: float = 10.0
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """One cycle of the controller.
+
+    Attributes
+    ----------
+    t_s : by the controller's clock.
+    heard_s : when it arrived, by this computer's monotonic clock.
+    joints_rad, told_rad : ndarrays of shape (6,), actual and target.
+    tool_pose : ndarray of shape (6,), the controller's tool centre point and rotation vector.
+    """
+
+    t_s: float
+    heard_s: float
+    joints_rad: np.ndarray
+    told_rad: np.ndarray
+    tool_pose: np.ndarray
+    speed_fraction: float
+    runtime: int
+    safety_bits: int
+
+    @property
+    def trouble(self) -> str:
+        """Why the arm may not move, "" when it may."""
+        found = [text for bit, text in SAFETY_BITS.items() if self.safety_bits >> bit & 1]
+        return found[-1] if found else ""
+
+
+class Drive:
+    """The program on the controller that follows targets, while it runs."""
+
+    def __init__(self, control: Any, period_s: float, servo: ServoSettings) -> None:
+        self._control, self._period_s, self._servo = control, period_s, servo
+
+    def tell(self, joints_rad: np.ndarray) -> None:
+        """Send the next target (6,)."""
+        if not np.isfinite(joints_rad).all():
+            raise RigStopped("ur5: a target that is not finite was about to be sent")
+        servo = self._servo
+        target = [float(q) for q in joints_rad]
+        if not self._control.servoJ(
+            target, 0.0, 0.0, self._period_s, servo.lookahead_s, servo.gain
+        ):
+            raise RigStopped("the program on the controller no longer takes targets")
+
+    def hold(self) -> None:
+        """Stop following; the arm stays where it is."""
+        self._control.servoStop(10.0)
+
+
+class Robot:
+    """A controller whose state is received all the time, and that is driven now and then."""
+
+    def __init__(self, host: str, tool_m: float, servo: ServoSettings) -> None:
+        self.host, self._tool_m, self._servo = host, tool_m, servo
+        rtde_receive = _module("rtde_receive")
+        try:
+            self._receive = rtde_receive.RTDEReceiveInterface(host, variables=list(VARIABLES))
+        except RuntimeError as error:
+            raise ValueError(_unreachable(host, error)) from None
+        first = self.next_state(None, 1.0)
+        self.period_s = self._measured_period(first)
+
+    def next_state(self, last_s: float | None, patience_s: float) -> RobotState:
+        """Wait for a cycle later than `last_s`; raise `RigStopped` when none comes in time."""
+        until = time.monotonic() + patience_s
+        while True:
+            if not self._receive.isConnected():
+                raise RigStopped(f"the connection to the controller at {self.host} was lost")
+            state = self._whole_state()
+            if state is not None and (last_s is None or state.t_s > last_s + 1e-6):
+                return state
+            if time.monotonic() > until:
+                raise RigStopped(
+                    f"the controller sent nothing new for {patience_s * 1e3:.0f} ms "
+                    "(stale or missing packets)"
+                )
+            time.sleep(0.0003)
+
+    def live(self) -> RobotState:
+        """Return the present state; raise when it is not fresh."""
+        seen = self.next_state(None, 1.0)
+        return self.next_state(seen.t_s, 1.0)
+
+    @contextmanager
+    def driving(self) -> Iterator[Drive]:
+        """Run the program that follows targets; it is ended whatever happens."""
+        control = self._start_program()
+        try:
+            yield Drive(control, self.period_s, self._servo)
+        except BaseException:
+            self.stop()
+            raise
+        finally:
+            with suppress(Exception):
+                if control.isConnected():
+                    control.stopScript()
+            with suppress(Exception):
+                control.disconnect()
+
+    def stop(self) -> None:
+        """End whatever program runs, over the dashboard's own connection; the arm brakes."""
+        with suppress(Exception):
+            dashboard = _module("dashboard_client").DashboardClient(self.host)
+            dashboard.connect(500)
+            dashboard.stop()
+            dashboard.disconnect()
+
+    def close(self) -> None:
+        """Hang up."""
+        with suppress(Exception):
+            self._receive.disconnect()
+
+    def _start_program(self) -> Any:
+        rtde_control = _module("rtde_control")
+        try:
+            control = rtde_control.RTDEControlInterface(self.host)
+        except (RuntimeError, ValueError) as error:
+            raise RigStopped(f"the program did not start on the controller ({error})") from None
+        steps: tuple[Callable[[], bool], ...] = (
+            lambda: control.setTcp([0.0, 0.0, self._tool_m, 0.0, 0.0, 0.0]),
+            lambda: control.setWatchdog(self._servo.watchdog_hz),
+        )
+        for step in steps:
+            if not step():
+                control.disconnect()
+                raise RigStopped("the controller did not accept the tool and the watchdog")
+        return control
+
+    def _whole_state(self) -> RobotState | None:
+        """Return the last cycle, None when the next one came while it was read."""
+        receive = self._receive
+        try:
+            t_s = receive.getTimestamp()
+            state = RobotState(
+                t_s,
+                time.monotonic(),
+                np.array(receive.getActualQ()),
+                np.array(receive.getTargetQ()),
+                np.array(receive.getActualTCPPose()),
+                receive.getTargetSpeedFraction(),
+                receive.getRuntimeState(),
+                receive.getSafetyStatusBits(),
+            )
+            return state if receive.getTimestamp() == t_s else None
+        except RuntimeError as error:
+            raise RigStopped(f"the controller's state cannot be read ({error})") from None
+
+    def _measured_period(self, state: RobotState) -> float:
+        """Return the controller's cycle: the shortest step of its time stamps."""
+        steps = []
+        for _ in range(10):
+            later = self.next_state(state.t_s, 1.0)
+            steps.append(later.t_s - state.t_s)
+            state = later
+        return 0.008 if min(steps) > 0.006 else 0.002
+
+
+def require_ur_rtde() -> None:
+    """Raise ValueError, saying what to install, unless ur_rtde is there."""
+    for name in ("rtde_control", "rtde_receive", "dashboard_client"):
+        _module(name)
+
+
+def _module(name: str) -> Any:
+    try:
+        return __import__(name)
+    except ImportError:
+        raise ValueError(
+            "rig=ur5 needs ur_rtde, which is not installed: pip install 'robotcast[ur5]'"
+        ) from None
+
+
+def _unreachable(host: str, error: Exception) -> str:
+    return (
+        f"no UR controller answers at rig.host={host} ({str(error).strip()}); "
+        "check the cable, the address and that the robot is switched on"
+    )

@@ -1,0 +1,199 @@
+"""A webcam, a stream or a recorded file through OpenCV: frames with their capture times.
+
+A thread takes frames as they come, so that none waits in a queue: the time at which a frame
+leaves the driver is its capture time, late by what `camera_time` measures.
+"""
+
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from robotcast.rigs.rig import RigStopped
+
+CODEC = "mp4v"
+FIRST_FRAME_S = 10.0
+RATE_TOLERANCE = 0.1
+MANUAL_EXPOSURE = 1.0  # V4L2's menu: 1 manual, 3 automatic
+
+
+@dataclass(frozen=True)
+class WebcamSettings:
+    """What is asked of a camera.
+
+    Attributes
+    ----------
+    source : a number or /dev/videoN, or the path or address of a video.
+    exposure, focus : in the driver's own units; None leaves the driver's choice, fixed.
+    gone_s : without a new frame for so long, the camera is gone.
+    """
+
+    source: str
+    width: int
+    height: int
+    fps: float
+    exposure: float | None = None
+    focus: float | None = None
+    gone_s: float = 0.5
+
+    @property
+    def device(self) -> bool:
+        """Whether the source is a device, not a video."""
+        return self.source.isdigit() or self.source.startswith("/dev/")
+
+
+class Webcam:
+    """An open camera whose frames arrive in a thread of their own.
+
+    Attributes
+    ----------
+    unfixed : what the driver did not let be fixed.
+    """
+
+    def __init__(self, settings: WebcamSettings) -> None:
+        self.settings = settings
+        self.unfixed: list[str] = []
+        self._capture = _opened(settings)
+        if settings.device:
+            self._fix()
+        self._lock = threading.Lock()
+        self._latest: np.ndarray | None = None
+        self._seen_s = time.monotonic()
+        self._writer: cv2.VideoWriter | None = None
+        self._times: list[float] = []
+        self._running = True
+        self._thread = threading.Thread(target=self._take, daemon=True)
+        self._thread.start()
+        self._require_size()
+
+    def picture(self) -> np.ndarray:
+        """Return the latest frame."""
+        self.require_alive()
+        with self._lock:
+            assert self._latest is not None
+            return self._latest.copy()
+
+    def newest(self) -> tuple[np.ndarray, float]:
+        """Return the latest frame, not to be changed, and when it was captured."""
+        with self._lock:
+            assert self._latest is not None
+            return self._latest, self._seen_s
+
+    def require_alive(self) -> None:
+        """Raise `RigStopped` when no frame came for too long."""
+        silent_s = time.monotonic() - self._seen_s
+        if silent_s > self.settings.gone_s:
+            raise RigStopped(
+                f"the camera {self.settings.source} gave no frame for {silent_s:.1f} s"
+            )
+
+    def start_recording(self, path: Path) -> None:
+        """Write every frame from now on into the video file `path`."""
+        size = (self.settings.width, self.settings.height)
+        fourcc = cv2.VideoWriter.fourcc(*CODEC)
+        writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, self.settings.fps, size)
+        if not writer.isOpened():
+            raise OSError(f"{path}: OpenCV cannot write {CODEC} video of {size} px")
+        with self._lock:
+            self._times, self._writer = [], writer
+
+    def stop_recording(self) -> np.ndarray:
+        """Close the file; return the capture times of its frames by the monotonic clock, (k,)."""
+        with self._lock:
+            writer, self._writer = self._writer, None
+            times = np.array(self._times)
+        if writer is not None:
+            writer.release()
+        return times
+
+    def close(self) -> None:
+        """Let go of the camera."""
+        self._running = False
+        self._thread.join(2.0)
+        self.stop_recording()
+        self._capture.release()
+
+    def _take(self) -> None:
+        played, begun_s = 0, time.monotonic()
+        while self._running:
+            if self._from_file():
+                due_s = begun_s + played / self.settings.fps
+                time.sleep(max(0.0, due_s - time.monotonic()))
+            if not self._capture.grab():
+                return
+            now_s = time.monotonic()
+            read, frame = self._capture.retrieve()
+            if not read:
+                continue
+            played += 1
+            with self._lock:
+                self._latest, self._seen_s = frame, now_s
+                if self._writer is not None:
+                    self._writer.write(frame)
+                    self._times.append(now_s)
+
+    def _from_file(self) -> bool:
+        return not self.settings.device and "://" not in self.settings.source
+
+    def _fix(self) -> None:
+        wanted = self.settings
+        asked = [("exposure", cv2.CAP_PROP_AUTO_EXPOSURE, MANUAL_EXPOSURE)]
+        asked += [("focus", cv2.CAP_PROP_AUTOFOCUS, 0.0)]
+        if wanted.exposure is not None:
+            asked.append(("exposure", cv2.CAP_PROP_EXPOSURE, wanted.exposure))
+        if wanted.focus is not None:
+            asked.append(("focus", cv2.CAP_PROP_FOCUS, wanted.focus))
+        refused = {name for name, key, value in asked if not self._capture.set(key, value)}
+        self.unfixed = sorted(refused)
+
+    def _require_size(self) -> None:
+        until = time.monotonic() + FIRST_FRAME_S
+        while self._latest is None and self._thread.is_alive() and time.monotonic() < until:
+            time.sleep(0.01)
+        if self._latest is None:
+            self.close()
+            raise ValueError(f"rig.camera={self.settings.source}: opens, but gives no frame")
+        height, width = self._latest.shape[:2]
+        if (width, height) != (self.settings.width, self.settings.height):
+            self.close()
+            raise ValueError(
+                f"rig.camera={self.settings.source}: asked for {self.settings.width} × "
+                f"{self.settings.height} px, gives {width} × {height}; "
+                "ask for a size that it has (rig.width, rig.height)"
+            )
+
+
+def require_rate(times_s: np.ndarray, settings: WebcamSettings) -> float:
+    """Return the rate of frames at `times_s` (k,); raise ValueError when it is not the asked one."""
+    span_s = times_s[-1] - times_s[0] if len(times_s) > 1 else 0.0
+    rate = (len(times_s) - 1) / span_s if span_s > 0 else 0.0
+    if not abs(rate - settings.fps) <= RATE_TOLERANCE * settings.fps:
+        raise ValueError(
+            f"rig.camera={settings.source}: asked for {settings.fps:g} frames/s, gives {rate:.1f}; "
+            "ask for a rate that it has at this size and light (rig.fps)"
+        )
+    return rate
+
+
+def _opened(settings: WebcamSettings) -> cv2.VideoCapture:
+    if not settings.source:
+        raise ValueError("rig=ur5 needs a camera: rig.camera=0, /dev/video0, or a recorded file")
+    if settings.device:
+        number = settings.source.removeprefix("/dev/video")
+        capture = cv2.VideoCapture(int(number), cv2.CAP_V4L2)
+        capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG"))
+        capture.set(cv2.CAP_PROP_FRAME_WIDTH, settings.width)
+        capture.set(cv2.CAP_PROP_FRAME_HEIGHT, settings.height)
+        capture.set(cv2.CAP_PROP_FPS, settings.fps)
+        capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+    else:
+        capture = cv2.VideoCapture(settings.source, cv2.CAP_FFMPEG)
+    if not capture.isOpened():
+        raise ValueError(
+            f"rig.camera={settings.source}: no camera or video opens there; plug the camera in "
+            "(ls /dev/video*) or name another one"
+        )
+    return capture

@@ -1,0 +1,88 @@
+"""Making the UR5 rig, and drawing what it would do."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from grids import build_envelope, build_limits, build_reset, plain_config
+from omegaconf import DictConfig
+from rigs import build_tracker, weighed_cable
+from stage import console
+
+from robotcast.casts.action import Action
+from robotcast.casts.plan import plan_action
+from robotcast.files import atomic_file
+from robotcast.reporting.figures.motion import motion_svg
+from robotcast.rigs.envelope import ToolBox
+from robotcast.rigs.rig import Rig
+from robotcast.rigs.ur5_robot.checks import SafetyLimits
+from robotcast.rigs.ur5_robot.connection import ServoSettings, require_ur_rtde
+from robotcast.rigs.ur5_robot.rig import RunSettings, Ur5Rig
+from robotcast.rigs.ur5_robot.stream import WatchSettings
+from robotcast.rigs.ur5_robot.webcam import WebcamSettings
+
+
+def build_ur5_rig(config: DictConfig) -> Ur5Rig:
+    """Return the UR5 with its camera; nothing is connected before the first cast."""
+    plain: Any = plain_config(config)
+    rig = plain["rig"]
+    if not rig["dry_run"]:
+        for name, what in (("host", "the controller's address"), ("camera", "0 or /dev/video0")):
+            if rig[name] is None:
+                raise ValueError(f"rig=ur5 needs rig.{name}=… ({what})")
+        require_ur_rtde()
+    cast = build_envelope(config)
+    reset = replace(cast, box=ToolBox(**plain["casts"]["envelope"]["reset_box"]))
+    source = "" if rig["camera"] is None else str(rig["camera"])
+    sizes = {name: rig[name] for name in ("width", "height", "fps", "exposure", "focus")}
+    return Ur5Rig(
+        cable=weighed_cable(config),
+        r0_m=plain["casts"]["r0_m"],
+        host=str(rig["host"]),
+        limits=SafetyLimits(reset=reset, cast=cast, **rig["safety"]),
+        gripper=cast.gripper,
+        reset=replace(build_reset(config), held_height_m=cast.gripper.held_height_m),
+        servo=ServoSettings(**rig["servo"]),
+        watch=WatchSettings(**rig["watch"]),
+        webcam=WebcamSettings(source=source, **sizes),
+        tracker=build_tracker(config),
+        run=RunSettings(**rig["run"]),
+        confirm=_confirmed if rig["confirm"] == "yes" else _ask_operator,
+        tell=lambda text: console.print(text, markup=False),
+    )
+
+
+def show_dry_run(config: DictConfig, rig: Rig, actions: list[Action], folder: Path) -> None:
+    """Plot the whole motion of every action from home, or say why it is refused; move nothing."""
+    if not isinstance(rig, Ur5Rig):
+        raise ValueError("rig.dry_run=true is for rig=ur5")
+    home, drawn, refused = rig.home_rad(), 0, 0
+    for number, action in enumerate(actions):
+        try:
+            planned = plan_action(action, r0_m=rig.r0_m, limits=build_limits(config))
+            whole = rig.planned_motion(planned, home)
+        except ValueError as error:
+            refused += 1
+            console.print(f"action {number}: {error}", style="yellow", markup=False)
+            continue
+        path = folder / "dry_run" / f"action_{number:05d}.svg"
+        with atomic_file(path) as temporary:
+            temporary.write_bytes(motion_svg(whole, rig.gripper, rig.limits.cast))
+        drawn += 1
+    console.print(f"{folder / 'dry_run'}: {drawn} motions drawn, {refused} refused, nothing moved")
+
+
+def _ask_operator(text: str) -> bool:
+    if not sys.stdin.isatty():
+        raise ValueError(
+            "rig=ur5 asks an operator who stands beside the robot: run it in a terminal, or say "
+            "rig.confirm=yes when somebody watches the arm"
+        )
+    console.print(text, markup=False)
+    return console.input("Hand on the emergency stop? Type yes: ").strip().lower() == "yes"
+
+
+def _confirmed(text: str) -> bool:
+    console.print(text, markup=False)
+    return True
