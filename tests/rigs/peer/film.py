@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from robotcast.rigs.ur5 import link_points
+from robotcast.rigs.ur5 import joints_pointing_down, link_points
 from robotcast.rigs.virtual.cable import build_cable, compile_cable, nodes
 from robotcast.rigs.virtual.drive import CableRun
 from robotcast.rigs.virtual.picture import SceneMotion, frames
@@ -54,6 +54,15 @@ class Film:
         self._cable: CableRun | None = None
         self._nodes_m = np.zeros((0, 3))
         self._at_home = False
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Paint the scene once, which takes seconds, before anybody waits for a frame."""
+        rig = self.settings.rig
+        home = joints_pointing_down(np.array([rig.r0_m, 0.0, 0.0]), rig.gripper)
+        self._path = [(0.0, home)]
+        self._move_cable(home)
+        self._draw(home)
 
     def cycle(self, t_s: float, joints: np.ndarray) -> None:
         """See the arm at `t_s`; send what is due."""

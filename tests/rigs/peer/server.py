@@ -62,7 +62,7 @@ class Server:
             listening.setblocking(False)
             self._selector.register(listening, selectors.EVENT_READ, self._accept)
         self._selector.register(orders, selectors.EVENT_READ, self._obey)
-        self._patience = settings.patience_s
+        self._patience, self._silence_s = settings.patience_s, 0.0
         self._running = True
 
     def run(self) -> None:
@@ -72,12 +72,19 @@ class Server:
         while self._running:
             for key, _ in self._selector.select(max(due - time.monotonic(), 0.0)):
                 key.data(key.fileobj)
-            now = time.monotonic()
-            if now >= due and not (self.controller.awaits_target() and now < due + self._patience):
+            if time.monotonic() >= due and not self._patient():
                 self._cycle()
                 due = max(due + step_s, time.monotonic() + step_s / 2)
         for client in list(self._clients):
             self._drop(client)
+
+    def _patient(self) -> bool:
+        """Tell whether to wait on for servoj's next target; patience is once for every silence."""
+        now = time.monotonic()
+        if not self.controller.awaits_target():
+            self._silence_s = now
+            return False
+        return now < self._silence_s + self._patience
 
     def _cycle(self) -> None:
         controller = self.controller

@@ -48,7 +48,7 @@ class WholeMotion:
 
 
 def held_pose(joints_rad: np.ndarray, gripper: Gripper) -> np.ndarray:
-    """Return x [m], y [m], yaw [rad] of the held end of an arm (6,) that points down over the board.
+    """Return x [m], y [m], yaw [rad] of the held end of an arm (6,) that points down.
 
     Raises ValueError when the tool is tilted or not at the height at which it holds the cable:
     a reset can be planned from there only.

@@ -1,4 +1,4 @@
-"""The controller's log as files: robot.csv in full, and the tool's motion as every rig writes it."""
+"""The controller's log as files: robot.csv in full, and the tool's motion as other rigs write it."""
 
 from pathlib import Path
 

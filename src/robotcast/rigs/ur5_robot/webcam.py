@@ -167,7 +167,7 @@ class Webcam:
 
 
 def require_rate(times_s: np.ndarray, settings: WebcamSettings) -> float:
-    """Return the rate of frames at `times_s` (k,); raise ValueError when it is not the asked one."""
+    """Return the rate of frames at `times_s` (k,); refuse another than the asked one."""
     span_s = times_s[-1] - times_s[0] if len(times_s) > 1 else 0.0
     rate = (len(times_s) - 1) / span_s if span_s > 0 else 0.0
     if not abs(rate - settings.fps) <= RATE_TOLERANCE * settings.fps:

@@ -1,0 +1,122 @@
+"""A UR5 rig for the peer, small and with quick resets, and what its camera looks at."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from robotcast.casts.plan import PlanLimits, PlannedCast, plan_cast
+from robotcast.casts.reset import ResetSettings
+from robotcast.measurements.measurement_set import Cable
+from robotcast.rigs.envelope import Envelope, ToolBox
+from robotcast.rigs.ur5 import GRIPPER, joints_pointing_down
+from robotcast.rigs.ur5_robot.checks import SafetyLimits
+from robotcast.rigs.ur5_robot.connection import ServoSettings
+from robotcast.rigs.ur5_robot.rig import RunSettings, Ur5Rig
+from robotcast.rigs.ur5_robot.stream import WatchSettings
+from robotcast.rigs.ur5_robot.webcam import WebcamSettings
+from robotcast.rigs.virtual.arm import ArmDynamics
+from robotcast.rigs.virtual.cable import CableTruth
+from robotcast.rigs.virtual.chance import CastNoise
+from robotcast.rigs.virtual.picture import PictureSettings
+from robotcast.rigs.virtual.rig import VirtualRig
+from robotcast.rigs.virtual.scatter import packaged_scatter
+from robotcast.vision.camera import Camera
+from robotcast.vision.facts import TrackerFacts
+from robotcast.vision.fiducials import FiducialBoard
+from tests.rigs.peer.process import Peer
+
+R0_M = 0.6
+CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
+TRUTH = CableTruth(0.35, 4e-4, 0.12, 3e-5, 0.014, 0.015)
+HOME_RAD = tuple(joints_pointing_down(np.array([R0_M, 0.0, 0.0])))
+WIDTH, HEIGHT = 480, 270
+QUICK_RESET = ResetSettings(
+    lift_s=2.0, raise_s=1.0, hang_s=0.1, settle_s=0.1, pull_s=1.0, rest_s=0.2
+)
+TURNS = (6.2832, 6.2832, 3.1416, 6.2832, 6.2832, 6.2832)
+CAST_ENVELOPE = Envelope(
+    joint_min_rad=tuple(-t for t in TURNS),
+    joint_max_rad=TURNS,
+    joint_speed_rad_s=(3.1416,) * 6,
+    joint_acceleration_rad_s2=(40.0,) * 6,
+    tool_speed_m_s=2.5,
+    clearance_m=0.01,
+    box=ToolBox((0.0, 1.55), (-1.225, 1.225), (0.005, 0.05), 0.5),
+    gripper=GRIPPER,
+)
+RESET_ENVELOPE = replace(
+    CAST_ENVELOPE, box=ToolBox((0.1, 1.55), (-1.225, 1.225), (0.005, 0.9), 0.3)
+)
+LIMITS = SafetyLimits(RESET_ENVELOPE, CAST_ENVELOPE, (2000.0,) * 6, 0.02)
+
+
+def small_cast() -> PlannedCast:
+    """A short, quick cast."""
+    return plan_cast(0.3, -0.2, 0.7, 0.3, 1.4, r0_m=R0_M, limits=PlanLimits())
+
+
+def scene(width: int = WIDTH, height: int = HEIGHT, fps: float = 30.0) -> VirtualRig:
+    """What the peer's camera films: the virtual rig's board, cable and lens."""
+    fiducials = FiducialBoard.along_edges(1.55, 2.45, side_m=0.1, margin_m=0.07, spacing_m=0.35)
+    picture = PictureSettings(
+        fiducials=fiducials,
+        board_length_m=1.55,
+        board_width_m=2.45,
+        fps=fps,
+        exposure_s=0.004,
+        noise_grey=1.0,
+        vignetting=0.1,
+        board_bgr=(150.0, 85.0, 35.0),
+        endpoint_bgr=(150.0, 30.0, 240.0),
+        cable_bgr=(205.0, 210.0, 215.0),
+    )
+    tracker = TrackerFacts(
+        period_s=0.1,
+        exposure_s=picture.exposure_s,
+        focal_widths=0.7,
+        endpoint_radius_m=TRUTH.endpoint_radius_m,
+        endpoint_height_m=CABLE.radius_m,
+        endpoint_bgr=picture.endpoint_bgr,
+        board_bgr=picture.board_bgr,
+        fiducials=fiducials,
+    )
+    return VirtualRig(
+        cable=CABLE,
+        truth=TRUTH,
+        r0_m=R0_M,
+        arm=ArmDynamics(),
+        noise=CastNoise(),
+        scatter=packaged_scatter("cable1"),
+        gripper=GRIPPER,
+        camera=Camera.overhead(width, height, focal_widths=0.7, position_m=(0.8, 0.0, 2.2)),
+        picture=picture,
+        tracker=tracker,
+    )
+
+
+def ur5_rig(peer: Peer, filmed: VirtualRig, **changes: Any) -> Ur5Rig:
+    """Return the rig that a stage would make for this peer, with quick resets."""
+    said: list[str] = []
+    rig = Ur5Rig(
+        cable=CABLE,
+        r0_m=R0_M,
+        host=peer.host,
+        limits=LIMITS,
+        gripper=GRIPPER,
+        reset=QUICK_RESET,
+        servo=ServoSettings(watchdog_hz=2.0),
+        watch=WatchSettings(stale_s=3.0),  # a busy machine shall not decide a test
+        webcam=WebcamSettings(
+            peer.camera,
+            filmed.camera.width,
+            filmed.camera.height,
+            filmed.picture.fps,
+            gone_s=4.0,
+        ),
+        tracker=filmed.tracker,
+        run=RunSettings(first_speed=1.0, rest_s=1.5),
+        confirm=lambda _text: True,
+        tell=said.append,
+    )
+    return replace(rig, **changes)
