@@ -21,6 +21,7 @@ from robotcast.rigs.virtual.rig import VirtualRig
 PORT = 8090
 BOUNDARY = b"frame"
 HOME_M, LIFTED_M = 0.002, 0.01
+HALF_CYCLE_S = 0.001
 
 
 @dataclass(frozen=True)
@@ -68,13 +69,13 @@ class Film:
         """See the arm at `t_s`; send what is due."""
         self._path.append((t_s, joints))
         self._admit()
-        if t_s >= self._next_s:
+        if t_s >= self._next_s - HALF_CYCLE_S:
             self._next_s += 1 / self.settings.fps
             if self._viewers and not self.gone:
                 self._move_cable(joints)
                 self._waiting.append((t_s + self.settings.delay_s, self._draw(joints)))
             self._path = self._path[-1:]
-        while self._waiting and t_s >= self._waiting[0][0] - 1e-9:
+        while self._waiting and t_s >= self._waiting[0][0] - HALF_CYCLE_S:
             self._send(self._waiting.popleft()[1])
 
     def _draw(self, joints: np.ndarray) -> bytes:

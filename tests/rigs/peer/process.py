@@ -35,6 +35,10 @@ class Peer:
         """Have a fault so many seconds of the controller's time from now."""
         self._order("break in", kind, delay_s)
 
+    def hurry(self, duration_s: float) -> None:
+        """Go through so much time at once, as if the client had been held up."""
+        self._order("hurry", duration_s)
+
     def mend(self) -> None:
         """Be as an operator leaves it who cleared the fault; the arm stays where it is."""
         self._order("mend")

@@ -204,6 +204,9 @@ class Server:
             self._frozen = None
             self._due.clear()
             self.controller.release()
+        elif name == "hurry":
+            for _ in range(round(values[0] / self.controller.step_s)):
+                self._cycle()
         elif name == "place":
             self.controller.arm.place(values[0])
         elif name == "log":

@@ -190,7 +190,8 @@ def _opened(settings: WebcamSettings) -> cv2.VideoCapture:
         capture.set(cv2.CAP_PROP_FPS, settings.fps)
         capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
     else:
-        capture = cv2.VideoCapture(settings.source, cv2.CAP_FFMPEG)
+        one_thread = [cv2.CAP_PROP_N_THREADS, 1]  # more would decode several frames late
+        capture = cv2.VideoCapture(settings.source, cv2.CAP_FFMPEG, one_thread)
     if not capture.isOpened():
         raise ValueError(
             f"rig.camera={settings.source}: no camera or video opens there; plug the camera in "

@@ -1,0 +1,243 @@
+"""The UR5 rig with the genuine ur_rtde client, against the loopback controller."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+pytest.importorskip("rtde_control", reason="the extra ur5 is not installed")
+
+from robotcast.casts.action import Action
+from robotcast.casts.plan import PlanLimits
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.writer import write_measurement_set
+from robotcast.rigs.collect import collect_casts
+from robotcast.rigs.rig import RigStopped
+from robotcast.rigs.session import read_session
+from robotcast.rigs.ur5 import joints_pointing_down
+from robotcast.rigs.ur5_robot.connection import Robot, ServoSettings
+from robotcast.rigs.ur5_robot.motion import JointMotion, sway
+from robotcast.rigs.ur5_robot.rig import RunSettings
+from robotcast.rigs.ur5_robot.stream import RobotLog, WatchSettings, stream
+from robotcast.rigs.virtual.rig import VirtualRig
+from robotcast.vision.track_session import track_session
+from tests.rigs.peer.controller import Settings
+from tests.rigs.peer.film import FilmSettings
+from tests.rigs.peer.lab import (
+    CAST_ENVELOPE,
+    GRIPPER,
+    HOME_RAD,
+    scene,
+    small_cast,
+    ur5_rig,
+)
+from tests.rigs.peer.process import Peer, running_peer
+
+pytestmark = pytest.mark.slow
+
+PATIENT = Settings(HOME_RAD, patience_s=2.0)
+ACTION = small_cast().action
+HOME = np.array(HOME_RAD)
+
+
+@pytest.fixture(scope="module")
+def filmed() -> VirtualRig:
+    return scene()
+
+
+@pytest.fixture(scope="module")
+def peer(filmed: VirtualRig) -> Iterator[Peer]:
+    with running_peer(
+        replace(PATIENT, misplaced_m=(0.001, -0.001, 0.0)), FilmSettings(filmed)
+    ) as p:
+        yield p
+
+
+@pytest.fixture
+def bare_peer() -> Iterator[Peer]:
+    with running_peer(PATIENT) as p:
+        yield p
+
+
+def session(rig, folder: Path, *actions: Action):
+    return collect_casts(rig, list(enumerate(actions)), folder, PlanLimits())
+
+
+def moves_after_fault(peer: Peer, *, cycles: int = 2) -> int:
+    """Count the motion commands that came later than a few cycles after the last fault."""
+    log = peer.log()
+    fault_s = log["faults"][-1][0]
+    return sum(t_s > fault_s + cycles * 0.008 + 1e-6 for t_s, _ in log["commands"])
+
+
+def test_a_cast_becomes_a_measurement_and_the_clocks_are_compared(
+    peer: Peer, filmed: VirtualRig, tmp_path: Path
+):
+    said: list[str] = []
+    rig = ur5_rig(peer, filmed, tell=said.append)
+    try:
+        collected = session(rig, tmp_path / "session", ACTION)
+    finally:
+        rig.close()
+    assert (collected.added, collected.failed) == (1, {})
+    notes = yaml.safe_load((tmp_path / "session" / "cast_00000" / "robot.yaml").read_text())
+    assert notes["kinematic_difference_m"] == pytest.approx(0.00141, abs=1e-4)
+    assert notes["missed_deadlines"] == 0
+    assert "between the controller's tool pose and ours" in said[-1]
+    tracked = track_session(read_session(tmp_path / "session"))
+    assert not tracked.lost
+    write_measurement_set(tracked.measurement_set(), tmp_path / "set")
+    (trial,) = read_measurement_set(tmp_path / "set").trials
+    # the arm lags behind what it was told, and gets there
+    told = small_cast().tool
+    assert np.allclose(trial.tool.pose[-1], told.pose[-1] + [0.001, -0.001, 0.0], atol=2e-3)
+    assert 0.02 < np.abs(trial.tool.at(told.t_s)[:, :2] - told.pose[:, :2]).max() < 0.15
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "protective stop",
+        "emergency stop",
+        "connection cut",
+        "stale packets",
+        "packets missing",
+        "off its path",
+    ],
+)
+def test_after_a_fault_nothing_moves(bare_peer: Peer, fault: str):
+    robot = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=2.0))
+    motion = sway(HOME, robot.period_s)
+    log = RobotLog()
+    with pytest.raises(RigStopped) as stopped, robot.driving() as drive:
+        bare_peer.break_in(fault, 1.0)
+        settings = WatchSettings(stale_s=0.5)
+        stream(robot, drive, motion, log, settings, GRIPPER, lambda: None)
+    robot.close()
+    words = {"connection cut": "connection", "stale packets": "stale", "packets missing": "missing"}
+    assert words.get(fault, fault) in str(stopped.value)
+    late = 40 if fault == "off its path" else 2  # the arm drifts off over some cycles
+    assert moves_after_fault(bare_peer, cycles=late) == 0
+    assert len(log.states) > 50
+    bare_peer.mend()
+    again = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=2.0))
+    assert np.isfinite(again.live().joints_rad).all()
+    again.close()
+
+
+def test_a_session_goes_on_after_a_fault(peer: Peer, filmed: VirtualRig, tmp_path: Path):
+    peer.place(HOME)
+    rig = ur5_rig(peer, filmed)
+    second = Action(0.25, ACTION.r1_m, -0.25, 0.68, 0.2, 1.3)
+    try:
+        session(rig, tmp_path, ACTION)
+        before = (tmp_path / "cast_00000" / "tool.csv").read_bytes()
+        peer.break_in("protective stop", 6.0)
+        with pytest.raises(RigStopped, match=r"protective stop of the robot\. .*run the same comm"):
+            session(rig, tmp_path, ACTION, second)
+    finally:
+        rig.close()
+    assert moves_after_fault(peer) == 0
+    assert (tmp_path / "failed_00001.yaml").is_file()
+    peer.mend()
+    peer.place(joints_pointing_down(np.array([0.62, 0.03, 0.1])))  # the operator lets it down
+    rig = ur5_rig(peer, filmed)
+    try:
+        collected = session(rig, tmp_path, ACTION, second)
+    finally:
+        rig.close()
+    assert (collected.stood, collected.added) == (1, 1)
+    assert (tmp_path / "cast_00000" / "tool.csv").read_bytes() == before
+
+
+def test_a_cable_that_lies_wrong_stops_after_three_resets(
+    peer: Peer, filmed: VirtualRig, tmp_path: Path
+):
+    peer.place(HOME)
+    peer.break_now("cable crooked")
+    rig = ur5_rig(peer, filmed, run=RunSettings(first_speed=1.0, rest_s=0.5))
+    try:
+        with pytest.raises(RigStopped, match="not found on the axis after 3 resets"):
+            session(rig, tmp_path, ACTION)
+    finally:
+        rig.close()
+        peer.mend()
+
+
+def test_a_camera_that_goes_stops_the_arm(peer: Peer, filmed: VirtualRig, tmp_path: Path):
+    peer.place(HOME)
+    rig = ur5_rig(peer, filmed)
+    rig = replace(rig, webcam=replace(rig.webcam, gone_s=1.0))
+    peer.break_in("camera gone", 8.0)
+    try:
+        with pytest.raises(RigStopped, match="gave no frame for"):
+            session(rig, tmp_path, ACTION)
+    finally:
+        rig.close()
+        peer.mend()
+
+
+def test_an_operator_who_does_not_confirm_keeps_the_arm_still(
+    peer: Peer, filmed: VirtualRig, tmp_path: Path
+):
+    peer.place(HOME)
+    before = len(peer.log()["commands"])
+    rig = ur5_rig(peer, filmed, confirm=lambda _text: False)
+    with pytest.raises(RigStopped, match="did not confirm"):
+        session(rig, tmp_path, ACTION)
+    rig.close()
+    assert len(peer.log()["commands"]) == before
+
+
+def test_an_arm_that_stands_in_the_air_is_not_moved(peer: Peer, filmed: VirtualRig, tmp_path: Path):
+    peer.place(HOME - [0.0, 0.3, 0.0, 0.0, 0.0, 0.0])
+    before = len(peer.log()["commands"])
+    rig = ur5_rig(peer, filmed)
+    with pytest.raises(RigStopped, match="a reset starts from a tool that points down"):
+        session(rig, tmp_path, ACTION)
+    rig.close()
+    peer.place(HOME)
+    assert len(peer.log()["commands"]) == before
+
+
+def test_targets_that_are_no_numbers_never_leave(bare_peer: Peer):
+    robot = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings())
+    bad = JointMotion(np.arange(3) * 0.008, np.full((3, 6), np.nan))
+    with pytest.raises(RigStopped), robot.driving() as drive:
+        stream(robot, drive, bad, RobotLog(), WatchSettings(), GRIPPER, lambda: None)
+    robot.close()
+    assert not bare_peer.log()["commands"]
+
+
+def test_missed_deadlines_are_counted_and_the_next_target_is_never_skipped(bare_peer: Peer):
+    robot = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=0.2))
+    motion, log = sway(HOME, robot.period_s), RobotLog()
+    hiccups = iter(range(10**6))
+
+    def hiccup() -> None:
+        if next(hiccups) == 100:
+            bare_peer.hurry(0.5)
+
+    with robot.driving() as drive:
+        stream(robot, drive, motion, log, WatchSettings(), GRIPPER, hiccup)
+    robot.close()
+    assert log.missed >= 40
+    assert log.cycles == len(motion.t_s) - 1 + log.missed
+    told = np.array([s.told_rad for s in log.states])
+    planned_step = np.abs(np.diff(motion.joints_rad, axis=0)).max()
+    assert np.abs(np.diff(told, axis=0)).max() <= planned_step + 1e-9
+
+
+def test_the_peer_keeps_to_the_envelope(bare_peer: Peer):
+    robot = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings())
+    motion = sway(HOME, robot.period_s)
+    with robot.driving() as drive:
+        stream(robot, drive, motion, RobotLog(), WatchSettings(stale_s=3), GRIPPER, lambda: None)
+    robot.close()
+    joints = bare_peer.log()["joints"]
+    speed = np.diff(joints, axis=0) / 0.008
+    assert np.abs(speed).max() < CAST_ENVELOPE.joint_speed_rad_s[0]
+    assert np.abs(np.diff(speed, axis=0)).max() / 0.008 < CAST_ENVELOPE.joint_acceleration_rad_s2[0]
