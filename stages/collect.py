@@ -9,7 +9,7 @@ import numpy as np
 from grids import build_envelope, build_limits, filtered_grid
 from omegaconf import DictConfig
 from rigs import build_rig
-from stage import bar, console, session_folder, stage
+from stage import bar, console, named_session, output_folder, stage
 
 from robotcast.casts.action import Action
 from robotcast.casts.action_file import read_actions
@@ -20,7 +20,7 @@ from robotcast.rigs.session import SESSION_FILE, read_session
 
 
 def collect(config: DictConfig) -> None:
-    folder = session_folder(config)
+    folder = output_folder(str(named_session(config)))
     if config.rig.name == "recorded":
         if config.collect.actions is not None:
             raise ValueError("rig=recorded cannot cast the actions of collect.actions")

@@ -64,10 +64,10 @@ def require(config: DictConfig, *names: str) -> None:
             raise ValueError(f"{name}=DIR is needed")
 
 
-def session_folder(config: DictConfig) -> Path:
-    """Return the folder of the configured session."""
-    folder = output_folder(config.paths.sessions)
-    return folder / str(config.session) if config.session is not None else folder
+def named_session(config: DictConfig) -> Path:
+    """Return the folder of the configured session: `session=NAME` is one below paths.sessions."""
+    folder = Path(config.paths.sessions)
+    return folder if config.session is None else folder / str(config.session)
 
 
 def output_folder(default: str) -> Path:

@@ -6,20 +6,21 @@ import shutil
 from pathlib import Path
 
 from omegaconf import DictConfig
-from stage import bar, console, output_folder, stage
+from stage import bar, console, named_session, output_folder, stage
 
 from robotcast.files import write_text
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.rigs.recorded import recorded_copy
 from robotcast.rigs.session import read_session
+from robotcast.rigs.ur5_robot.notes import session_notes
 from robotcast.vision.track_session import TrackedSession, track_session
 
 SUMMARY = "tracking.json"
 
 
 def track(config: DictConfig) -> None:
-    sessions = Path(config.paths.sessions, *([str(config.session)] if config.session else []))
+    sessions = named_session(config)
     folder = output_folder(config.paths.measurements)
     copy = recorded_copy(sessions)
     if copy is not None:
@@ -30,7 +31,9 @@ def track(config: DictConfig) -> None:
             workers = len(os.sched_getaffinity(0))
             tracked = track_session(read_session(sessions), workers=workers, progress=progress)
         _report_lost(tracked)
-        measured, summary = tracked.measurement_set(), tracked.summary()
+        robot = session_notes(tracked.session)
+        measured = tracked.measurement_set()
+        summary = tracked.summary() | ({"robot": robot} if robot else {})
     _clear(folder)
     write_measurement_set(measured, folder)
     write_text(folder / SUMMARY, json.dumps(summary, indent=2) + "\n")

@@ -146,13 +146,12 @@ class Robot:
         control = self._start_program()
         try:
             yield Drive(control, self.period_s, self._servo)
+            control.stopScript()
         except BaseException:
+            # not over `control`: where its packets are stale it waits for minutes
             self.stop()
             raise
         finally:
-            with suppress(Exception):
-                if control.isConnected():
-                    control.stopScript()
             with suppress(Exception):
                 control.disconnect()
 

@@ -12,11 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from robotcast.casts.plan import PlannedCast
 from robotcast.casts.reset import ResetSettings
-from robotcast.files import write_text
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.cast_files import (
     TOOL_FILE,
@@ -32,6 +30,7 @@ from robotcast.rigs.ur5_robot.camera_time import camera_offset, small
 from robotcast.rigs.ur5_robot.checks import SafetyLimits, refuse_motion, refuse_unsafe
 from robotcast.rigs.ur5_robot.connection import Robot, ServoSettings
 from robotcast.rigs.ur5_robot.motion import JointMotion, WholeMotion, held_pose, plan_whole, sway
+from robotcast.rigs.ur5_robot.notes import CastNotes, write_notes
 from robotcast.rigs.ur5_robot.stream import RobotLog, WatchSettings, stream
 from robotcast.rigs.ur5_robot.tool_log import ROBOT_FILE, tool_motion, write_robot_log
 from robotcast.rigs.ur5_robot.webcam import Webcam, WebcamSettings, require_rate
@@ -39,7 +38,6 @@ from robotcast.vision.calibration import calibrate
 from robotcast.vision.detector import EndpointDetector
 from robotcast.vision.facts import TrackerFacts
 
-NOTES_FILE = "robot.yaml"
 RESETS = 3
 BEFORE_S = 0.3  # filmed before the start
 REST_FILM_S = 0.5
@@ -334,18 +332,18 @@ class Ur5Rig:
             raise RigStopped("the operator did not confirm")
 
     def _write_notes(self, running: _Running, folder: Path, log: RobotLog, resets: int) -> None:
-        notes = {
-            "host": self.host,
-            "controller_period_s": running.robot.period_s,
-            "cycles": log.cycles,
-            "missed_deadlines": log.missed,
-            "camera_offset_s": round(running.camera_offset_s, 5),
-            "kinematic_difference_m": round(running.kinematic_difference_m, 6),
-            "speed": self.run.speed,
-            "resets": resets,
-            "not_fixed": running.camera.unfixed,
-        }
-        write_text(folder / NOTES_FILE, yaml.safe_dump(notes, sort_keys=False))
+        notes = CastNotes(
+            host=self.host,
+            controller_period_s=running.robot.period_s,
+            cycles=log.cycles,
+            missed_deadlines=log.missed,
+            camera_offset_s=round(running.camera_offset_s, 5),
+            kinematic_difference_m=round(running.kinematic_difference_m, 6),
+            speed=self.run.speed,
+            resets=resets,
+            not_fixed=running.camera.unfixed,
+        )
+        write_notes(notes, folder)
 
     def _refuse_poor(self, log: RobotLog) -> None:
         if log.missed > self.run.most_missed * log.cycles:
