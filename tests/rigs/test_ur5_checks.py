@@ -7,7 +7,6 @@ import pytest
 
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, plan_action
-from robotcast.casts.tool_motion import ToolMotion
 from robotcast.rigs.ur5 import GRIPPER, joints_pointing_down
 from robotcast.rigs.ur5_robot.checks import refuse_motion, refuse_unsafe
 from robotcast.rigs.ur5_robot.motion import JointMotion, WholeMotion, held_pose, plan_whole
@@ -91,8 +90,7 @@ def test_a_lifted_or_tilted_tool_is_no_start():
 
 def test_the_reset_turns_the_wrist_back_however_far_a_cast_turned_it():
     planned = plan_action(Action(0.6, 0.65, -0.6, 0.7, 2.0, 1.5), r0_m=R0_M, limits=PlanLimits())
-    turned = ToolMotion(planned.tool.t_s, planned.tool.pose + [0.0, 0.0, 0.0])
-    end = joints_pointing_down(turned.pose[-1])
+    end = joints_pointing_down(planned.tool.pose[-1] + np.array([0.0, 0.0, 2.5]))
     motion = whole(end)
     assert motion.reset.joints_rad[-1] == pytest.approx(HOME, abs=1e-3)
 

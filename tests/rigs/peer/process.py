@@ -4,13 +4,15 @@ import multiprocessing
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tests.rigs.peer.controller import Settings
-from tests.rigs.peer.film import Film, FilmSettings
 from tests.rigs.peer.server import Server, listen
+
+if TYPE_CHECKING:
+    from tests.rigs.peer.film import FilmSettings
 
 FIRST_HOST, HOSTS = 2, 200
 
@@ -57,7 +59,7 @@ class Peer:
 
 
 @contextmanager
-def running_peer(settings: Settings, film: FilmSettings | None = None) -> Iterator[Peer]:
+def running_peer(settings: Settings, film: "FilmSettings | None" = None) -> Iterator[Peer]:
     """Run a peer at a free loopback address, with a camera if `film` is given."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
@@ -86,8 +88,12 @@ def _free_host() -> str:
     raise OSError("peer: every loopback address is taken")
 
 
-def _serve(host: str, settings: Settings, film: FilmSettings | None, orders: Connection) -> None:
-    shown = None if film is None else Film(film, host)
+def _serve(host: str, settings: Settings, film: "FilmSettings | None", orders: Connection) -> None:
+    shown = None
+    if film is not None:
+        from tests.rigs.peer.film import Film  # brings a simulator, a peer without one starts soon
+
+        shown = Film(film, host)
     server = Server(host, settings, orders, shown)
     orders.send("" if shown is None else shown.address)
     server.run()

@@ -5,12 +5,15 @@ import socket
 import time
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tests.rigs.peer import rtde
 from tests.rigs.peer.controller import PLAYING, Controller, Settings
-from tests.rigs.peer.film import Film
+
+if TYPE_CHECKING:
+    from tests.rigs.peer.film import Film
 
 DASHBOARD, SCRIPT, DATA = 29999, 30003, 30004
 PORTS = (DASHBOARD, 30001, 30002, SCRIPT, DATA)
@@ -50,7 +53,7 @@ class Server:
         host: str,
         settings: Settings,
         orders: Connection,
-        film: Film | None,
+        film: "Film | None",
     ) -> None:
         self.controller, self._film = Controller(settings), film
         self._selector = selectors.DefaultSelector()

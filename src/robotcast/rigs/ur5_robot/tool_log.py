@@ -1,4 +1,4 @@
-"""The controller's log as files: robot.csv in full, and the tool's motion as other rigs write it."""
+"""The controller's log as files: robot.csv in full, the tool as other rigs write it."""
 
 from pathlib import Path
 
