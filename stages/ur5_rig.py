@@ -17,7 +17,8 @@ from robotcast.reporting.figures.motion import motion_svg
 from robotcast.rigs.envelope import ToolBox
 from robotcast.rigs.rig import Rig
 from robotcast.rigs.ur5_robot.checks import SafetyLimits
-from robotcast.rigs.ur5_robot.connection import ServoSettings, require_ur_rtde
+from robotcast.rigs.ur5_robot.connection import require_ur_rtde
+from robotcast.rigs.ur5_robot.drive import ServoSettings
 from robotcast.rigs.ur5_robot.rig import RunSettings, Ur5Rig
 from robotcast.rigs.ur5_robot.stream import WatchSettings
 from robotcast.rigs.ur5_robot.webcam import WebcamSettings

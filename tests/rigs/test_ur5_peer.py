@@ -18,7 +18,8 @@ from robotcast.rigs.collect import collect_casts
 from robotcast.rigs.rig import RigStopped
 from robotcast.rigs.session import read_session
 from robotcast.rigs.ur5 import joints_pointing_down
-from robotcast.rigs.ur5_robot.connection import Robot, ServoSettings
+from robotcast.rigs.ur5_robot.connection import Robot
+from robotcast.rigs.ur5_robot.drive import ServoSettings
 from robotcast.rigs.ur5_robot.motion import JointMotion, sway
 from robotcast.rigs.ur5_robot.rig import RunSettings
 from robotcast.rigs.ur5_robot.stream import RobotLog, WatchSettings, stream

@@ -11,7 +11,7 @@ from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.envelope import Envelope, ToolBox
 from robotcast.rigs.ur5 import GRIPPER, joints_pointing_down
 from robotcast.rigs.ur5_robot.checks import SafetyLimits
-from robotcast.rigs.ur5_robot.connection import ServoSettings
+from robotcast.rigs.ur5_robot.drive import ServoSettings
 from robotcast.rigs.ur5_robot.rig import RunSettings, Ur5Rig
 from robotcast.rigs.ur5_robot.stream import WatchSettings
 from robotcast.rigs.ur5_robot.webcam import WebcamSettings

@@ -1,22 +1,19 @@
-"""The connection to a UR controller through ur_rtde; nothing else here knows its sockets.
+"""The connection to a UR controller through ur_rtde: its state, its dashboard, and the drive."""
 
-ur_rtde reconnects by itself when a connection breaks and then sends its last command again. So
-no command is sent for longer than needed: a `Drive` exists only while the arm moves, and the
-controller's own watchdog ends the program when targets stop coming.
-"""
-
+import importlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
 from robotcast.rigs.rig import RigStopped
+from robotcast.rigs.ur5_robot.drive import Drive, ServoSettings
 
+ARRIVAL_S = 5.0  # for a state while nothing moves
 PLAYING = 2  # runtime_state of Universal Robots' RTDE guide
-CB3 = 3
 VARIABLES = (
     "timestamp",
     "actual_q",
@@ -38,22 +35,6 @@ SAFETY_BITS = {
     9: "safety fault",
 }
 """Bits of safety_status_bits that mean that the arm may not move, worst last."""
-
-
-@dataclass(frozen=True)
-class ServoSettings:
-    """How servoj follows its targets, and when the controller gives up waiting for one.
-
-    Attributes
-    ----------
-    lookahead_s : in [0.03, 0.2], smooths the targets.
-    gain : in [100, 2000], proportional gain of following them.
-    watchdog_hz : the program on the controller ends when targets come more seldom.
-    """
-
-    lookahead_s: float = 0.03
-    gain: float = 500.0
-    watchdog_hz: float = 10.0
 
 
 @dataclass(frozen=True)
@@ -84,39 +65,18 @@ class RobotState:
         return found[-1] if found else ""
 
 
-class Drive:
-    """The program on the controller that follows targets, while it runs."""
-
-    def __init__(self, control: Any, period_s: float, servo: ServoSettings) -> None:
-        self._control, self._period_s, self._servo = control, period_s, servo
-
-    def tell(self, joints_rad: np.ndarray) -> None:
-        """Send the next target (6,)."""
-        if not np.isfinite(joints_rad).all():
-            raise RigStopped("ur5: a target that is not finite was about to be sent")
-        servo = self._servo
-        target = [float(q) for q in joints_rad]
-        if not self._control.servoJ(
-            target, 0.0, 0.0, self._period_s, servo.lookahead_s, servo.gain
-        ):
-            raise RigStopped("the program on the controller no longer takes targets")
-
-    def hold(self) -> None:
-        """Stop following; the arm stays where it is."""
-        self._control.servoStop(10.0)
-
-
 class Robot:
     """A controller whose state is received all the time, and that is driven now and then."""
 
     def __init__(self, host: str, tool_m: float, servo: ServoSettings) -> None:
         self.host, self._tool_m, self._servo = host, tool_m, servo
+        self._drive: Drive | None = None
         rtde_receive = _module("rtde_receive")
         try:
             self._receive = rtde_receive.RTDEReceiveInterface(host, variables=list(VARIABLES))
         except RuntimeError as error:
             raise ValueError(_unreachable(host, error)) from None
-        first = self.next_state(None, 1.0)
+        first = self.next_state(None, ARRIVAL_S)
         self.period_s = self._measured_period(first)
 
     def next_state(self, last_s: float | None, patience_s: float) -> RobotState:
@@ -137,23 +97,23 @@ class Robot:
 
     def live(self) -> RobotState:
         """Return the present state; raise when it is not fresh."""
-        seen = self.next_state(None, 1.0)
-        return self.next_state(seen.t_s, 1.0)
+        seen = self.next_state(None, ARRIVAL_S)
+        return self.next_state(seen.t_s, ARRIVAL_S)
 
     @contextmanager
     def driving(self) -> Iterator[Drive]:
-        """Run the program that follows targets; it is ended whatever happens."""
-        control = self._start_program()
+        """Run the program that follows targets; after any trouble nobody is left to send one."""
+        drive = self._drive or Drive()
+        self._drive = drive
         try:
-            yield Drive(control, self.period_s, self._servo)
-            control.stopScript()
+            drive.begin(self.host, self._tool_m, self.period_s, self._servo)
+            yield drive
+            drive.end()
         except BaseException:
-            # not over `control`: where its packets are stale it waits for minutes
+            drive.kill()
+            self._drive = None
             self.stop()
             raise
-        finally:
-            with suppress(Exception):
-                control.disconnect()
 
     def stop(self) -> None:
         """End whatever program runs, over the dashboard's own connection; the arm brakes."""
@@ -165,24 +125,11 @@ class Robot:
 
     def close(self) -> None:
         """Hang up."""
+        if self._drive is not None:
+            self._drive.kill()
+            self._drive = None
         with suppress(Exception):
             self._receive.disconnect()
-
-    def _start_program(self) -> Any:
-        rtde_control = _module("rtde_control")
-        try:
-            control = rtde_control.RTDEControlInterface(self.host)
-        except (RuntimeError, ValueError) as error:
-            raise RigStopped(f"the program did not start on the controller ({error})") from None
-        steps: tuple[Callable[[], bool], ...] = (
-            lambda: control.setTcp([0.0, 0.0, self._tool_m, 0.0, 0.0, 0.0]),
-            lambda: control.setWatchdog(self._servo.watchdog_hz),
-        )
-        for step in steps:
-            if not step():
-                control.disconnect()
-                raise RigStopped("the controller did not accept the tool and the watchdog")
-        return control
 
     def _whole_state(self) -> RobotState | None:
         """Return the last cycle, None when the next one came while it was read."""
@@ -207,7 +154,7 @@ class Robot:
         """Return the controller's cycle: the shortest step of its time stamps."""
         steps = []
         for _ in range(10):
-            later = self.next_state(state.t_s, 1.0)
+            later = self.next_state(state.t_s, ARRIVAL_S)
             steps.append(later.t_s - state.t_s)
             state = later
         return 0.008 if min(steps) > 0.006 else 0.002
@@ -219,9 +166,9 @@ def require_ur_rtde() -> None:
         _module(name)
 
 
-def _module(name: str) -> Any:
+def _module(name: str) -> ModuleType:
     try:
-        return __import__(name)
+        return importlib.import_module(name)
     except ImportError:
         raise ValueError(
             "rig=ur5 needs ur_rtde, which is not installed: pip install 'robotcast[ur5]'"

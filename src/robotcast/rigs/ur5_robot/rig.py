@@ -28,7 +28,8 @@ from robotcast.rigs.rig import CastNotUsed, RigStopped
 from robotcast.rigs.ur5 import Gripper, joints_pointing_down, link_points
 from robotcast.rigs.ur5_robot.camera_time import camera_offset, small
 from robotcast.rigs.ur5_robot.checks import SafetyLimits, refuse_motion, refuse_unsafe
-from robotcast.rigs.ur5_robot.connection import Robot, ServoSettings
+from robotcast.rigs.ur5_robot.connection import Robot
+from robotcast.rigs.ur5_robot.drive import ServoSettings
 from robotcast.rigs.ur5_robot.motion import JointMotion, WholeMotion, held_pose, plan_whole, sway
 from robotcast.rigs.ur5_robot.notes import CastNotes, write_notes
 from robotcast.rigs.ur5_robot.stream import RobotLog, WatchSettings, stream
@@ -65,7 +66,7 @@ class RunSettings:
 
 
 @dataclass
-class _Running:
+class Running:
     """What is open and was measured in this session."""
 
     robot: Robot
@@ -100,7 +101,7 @@ class Ur5Rig:
     tell: Callable[[str], None]
     name: str = "ur5"
     workers: int = 1
-    _open: list[_Running] = field(default_factory=list, repr=False, compare=False)
+    _open: list[Running] = field(default_factory=list, repr=False, compare=False)
 
     def facts(self) -> dict[str, Any]:
         """Return what session.yaml tells the tracker."""
@@ -114,7 +115,7 @@ class Ur5Rig:
         """Reset, execute and film one cast into the empty `folder`."""
         log = RobotLog()
         try:
-            running = self._ready()
+            running = self.open_session()
             self._rehearse(running, planned)
             resets = self._reset(running, planned)
             self._film(running, planned, number, folder, log, rest_only)
@@ -149,8 +150,8 @@ class Ur5Rig:
         """Return the joint angles (6,) that hold the cable's end where casts start."""
         return joints_pointing_down(np.array([self.r0_m, 0.0, 0.0]), self.gripper)
 
-    def _ready(self) -> _Running:
-        """Open what is not open yet; compare clocks and kinematics once."""
+    def open_session(self) -> Running:
+        """Open what is not open yet; compare clocks and kinematics once, which moves the arm."""
         if self._open:
             return self._open[0]
         try:
@@ -160,7 +161,7 @@ class Ur5Rig:
             except ValueError:
                 camera.close()
                 raise
-            running = _Running(robot, camera)
+            running = Running(robot, camera)
             self._open.append(running)
             atexit.register(self.close)
             if camera.unfixed:
@@ -171,7 +172,7 @@ class Ur5Rig:
             raise RigStopped(str(error)) from None
         return running
 
-    def _compare_clocks(self, running: _Running) -> None:
+    def _compare_clocks(self, running: Running) -> None:
         """Sway the arm before the camera: offset of the clocks, difference of the kinematics."""
         start = self._start(running)
         swaying = sway(start, running.robot.period_s)
@@ -189,7 +190,6 @@ class Ur5Rig:
         held = _held_before(swaying, BEFORE_S, running.robot.period_s, after_s=BEFORE_S)
         with running.robot.driving() as drive:
             stream(running.robot, drive, held, log, self.watch, self.gripper, look)
-            drive.hold()
         times_s = log.controller_time(np.array(seen_s))
         rate = require_rate(times_s, self.webcam)
         angle = log.column("joints_rad")[:, 0]
@@ -207,7 +207,7 @@ class Ur5Rig:
                 "kinematics does: this is no UR5, or its base is turned or moved"
             )
 
-    def _start(self, running: _Running) -> np.ndarray:
+    def _start(self, running: Running) -> np.ndarray:
         """Return the live joints (6,) of an arm that may start; raise `RigStopped` otherwise."""
         state = running.robot.live()
         if state.trouble:
@@ -223,7 +223,7 @@ class Ur5Rig:
             raise RigStopped(str(error)) from None
         return state.joints_rad
 
-    def _rehearse(self, running: _Running, planned: PlannedCast) -> None:
+    def _rehearse(self, running: Running, planned: PlannedCast) -> None:
         """Run the first motion of a session slowly, once, under the operator's eyes."""
         if running.rehearsed:
             return
@@ -235,7 +235,7 @@ class Ur5Rig:
         self._ask("Was that as expected? From now on the arm moves at full speed.")
         running.rehearsed = True
 
-    def _reset(self, running: _Running, planned: PlannedCast) -> int:
+    def _reset(self, running: Running, planned: PlannedCast) -> int:
         """Reset until the camera sees the free end on the axis; return how often it took."""
         for attempt in range(1, RESETS + 1):
             whole = self.planned_motion(planned, self._start(running))
@@ -261,7 +261,7 @@ class Ur5Rig:
 
     def _film(
         self,
-        running: _Running,
+        running: Running,
         planned: PlannedCast,
         number: int,
         folder: Path,
@@ -289,7 +289,6 @@ class Ur5Rig:
                     stream(
                         robot, drive, motion, log, self.watch, self.gripper, camera.require_alive
                     )
-                drive.hold()
         finally:
             seen_s = camera.stop_recording()
         start_s = float(log.states[before].t_s)
@@ -318,20 +317,19 @@ class Ur5Rig:
         turns = 2 * np.pi * np.round((start - whole.cast.joints_rad[0]) / (2 * np.pi))
         return JointMotion(whole.cast.t_s, whole.cast.joints_rad + turns)
 
-    def _drive(self, running: _Running, motion: JointMotion, log: RobotLog) -> None:
+    def _drive(self, running: Running, motion: JointMotion, log: RobotLog) -> None:
         robot = running.robot
         with robot.driving() as drive:
             watch = running.camera.require_alive
             stream(robot, drive, motion, log, self.watch, self.gripper, watch)
             settled = _held_before(_still(motion), 0.0, robot.period_s, after_s=0.3)
             stream(robot, drive, settled, log, self.watch, self.gripper, watch)
-            drive.hold()
 
     def _ask(self, text: str) -> None:
         if self.confirm(text) is not True:
             raise RigStopped("the operator did not confirm")
 
-    def _write_notes(self, running: _Running, folder: Path, log: RobotLog, resets: int) -> None:
+    def _write_notes(self, running: Running, folder: Path, log: RobotLog, resets: int) -> None:
         notes = CastNotes(
             host=self.host,
             controller_period_s=running.robot.period_s,

@@ -12,7 +12,8 @@ import numpy as np
 
 from robotcast.rigs.rig import RigStopped
 from robotcast.rigs.ur5 import Gripper, link_points
-from robotcast.rigs.ur5_robot.connection import PLAYING, Drive, Robot, RobotState
+from robotcast.rigs.ur5_robot.connection import PLAYING, Robot, RobotState
+from robotcast.rigs.ur5_robot.drive import Drive
 from robotcast.rigs.ur5_robot.motion import JointMotion
 
 

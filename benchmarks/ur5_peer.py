@@ -1,0 +1,234 @@
+"""The UR5 rig's promises, in figures: the genuine ur_rtde client against the loopback controller.
+
+    python benchmarks/ur5_peer.py --casts 30 --faults 10 --actions 2000
+
+Prints what was seen: casts that became a measurement set; faults after which something moved;
+random and malicious actions that reached the arm; missed deadlines; the camera's offset. With
+--host, only streams to the controller there (URSim) and counts missed deadlines.
+"""
+
+import argparse
+import sys
+import tempfile
+import time
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from robotcast.casts.action import Action  # noqa: E402
+from robotcast.casts.plan import PlanLimits, plan_action  # noqa: E402
+from robotcast.measurements.reader import read_measurement_set  # noqa: E402
+from robotcast.measurements.writer import write_measurement_set  # noqa: E402
+from robotcast.rigs.collect import collect_casts  # noqa: E402
+from robotcast.rigs.envelope import broken_rules  # noqa: E402
+from robotcast.rigs.rig import RigStopped  # noqa: E402
+from robotcast.rigs.session import read_session  # noqa: E402
+from robotcast.rigs.ur5_robot.connection import Robot  # noqa: E402
+from robotcast.rigs.ur5_robot.drive import ServoSettings  # noqa: E402
+from robotcast.rigs.ur5_robot.motion import JointMotion, sway  # noqa: E402
+from robotcast.rigs.ur5_robot.stream import RobotLog, WatchSettings, stream  # noqa: E402
+from robotcast.vision.track_session import track_session  # noqa: E402
+from tests.rigs.peer.controller import Settings  # noqa: E402
+from tests.rigs.peer.film import FilmSettings  # noqa: E402
+from tests.rigs.peer.lab import (  # noqa: E402
+    GRIPPER,
+    HOME_RAD,
+    R0_M,
+    RESET_ENVELOPE,
+    scene,
+    ur5_rig,
+)
+from tests.rigs.peer.process import running_peer  # noqa: E402
+
+HOME = np.array(HOME_RAD)
+PATIENT = Settings(HOME_RAD, patience_s=2.0)
+ROBOT_FAULTS = (
+    "protective stop",
+    "emergency stop",
+    "connection cut",
+    "stale packets",
+    "packets missing",
+    "off its path",
+)
+LIMITS = PlanLimits()
+CYCLE_S = 0.008
+
+
+def draw_action(random: np.random.Generator) -> Action:
+    """An action that the arm can do, more or less."""
+    side = random.choice([-1.0, 1.0])
+    while True:
+        numbers = random.uniform([0.25, 0.55, -0.9, 0.55, 0.0, 1.0], [0.9, 0.75, -0.2, 0.8, 1, 1.6])
+        action = Action.from_array(numbers * [side, 1, side, 1, side, 1])
+        try:
+            plan_action(action, r0_m=R0_M, limits=LIMITS)
+        except ValueError:
+            continue
+        return action
+
+
+def casts(count: int, seed: int) -> None:
+    """Collect casts, track them, read the set."""
+    filmed, random = scene(), np.random.default_rng(seed)
+    chosen = [(number, draw_action(random)) for number in range(count)]
+    with running_peer(PATIENT, FilmSettings(filmed)) as peer, tempfile.TemporaryDirectory() as tmp:
+        rig, folder = ur5_rig(peer, filmed), Path(tmp)
+        collected = collect_casts(rig, chosen, folder / "session", LIMITS)
+        rig.close()
+        tracked = track_session(read_session(folder / "session"))
+        write_measurement_set(tracked.measurement_set(), folder / "set")
+        measured = read_measurement_set(folder / "set")
+    refused = Counter(reason.split(":")[1] for reason in collected.failed.values())
+    print(f"casts: {collected.added} of {count} cast, {len(measured.trials)} in a valid set")
+    print(f"  not cast: {dict(refused)}, not tracked: {len(tracked.lost)}")
+
+
+def faults(times: int, seed: int) -> None:
+    """Have every fault at random moments of a motion; count what was commanded after it."""
+    random = np.random.default_rng(seed)
+    for fault in ROBOT_FAULTS:
+        stopped = late = 0
+        for _ in range(times):
+            with running_peer(PATIENT) as peer:
+                robot = Robot(peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=2.0))
+                motion, log = sway(HOME, robot.period_s), RobotLog()
+                watch = WatchSettings(stale_s=1.0)
+                try:
+                    with robot.driving() as drive:
+                        peer.break_in(fault, float(random.uniform(0.1, 3.0)))
+                        stream(robot, drive, motion, log, watch, GRIPPER, lambda: None)
+                except RigStopped:
+                    stopped += 1
+                seen = peer.log()
+                # an arm drifts off over some cycles, a stop is known with the next package
+                grace_s = (40 if fault == "off its path" else 2) * CYCLE_S
+                after_s = seen["faults"][-1][0] + grace_s + 1e-6
+                late += sum(t_s > after_s for t_s, _ in seen["commands"])
+                robot.close()
+        print(f"faults: {fault}: {stopped} of {times} stopped, {late} motion commands after it")
+
+
+def actions(count: int, executed: int, seed: int) -> None:
+    """Try random actions, a quarter of them malicious; execute some of those that pass."""
+    random, rig_limits = np.random.default_rng(seed), Counter()
+    with running_peer(PATIENT) as peer:
+        robot = Robot(peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=2.0))
+        rig = ur5_rig(peer, scene())
+        for number in range(count):
+            malicious = number % 4 == 0
+            name, live = ("malicious" if malicious else "ordinary"), HOME
+            try:
+                if malicious:
+                    action, live = _malicious(random)
+                else:
+                    action = draw_action(random)
+                planned = plan_action(action, r0_m=R0_M, limits=LIMITS)
+                whole = rig.planned_motion(planned, live)
+            except ValueError:
+                rig_limits[f"{name} refused"] += 1
+                continue
+            rig_limits[f"{name} allowed"] += 1
+            if rig_limits["executed"] < executed:
+                rig_limits["executed"] += 1
+                joints = np.concatenate([whole.reset.joints_rad, whole.cast.joints_rad])
+                back = np.linspace(0, 1, 250)[:, None]
+                blend = back**3 * (10 - 15 * back + 6 * back**2)
+                home = joints[-1] + blend * (HOME - joints[-1])
+                path = np.concatenate([joints, home])
+                motion = JointMotion(np.arange(len(path)) * robot.period_s, path)
+                with robot.driving() as drive:
+                    watch = WatchSettings(stale_s=3.0)
+                    stream(robot, drive, motion, RobotLog(), watch, GRIPPER, lambda: None)
+        log = peer.log()
+        robot.close()
+    broken = broken_rules(log["t_s"], log["joints"], RESET_ENVELOPE) if executed else []
+    print(f"actions: {dict(rig_limits)}")
+    print(f"  envelope broken in the peer's log of {len(log['t_s'])} cycles: {len(broken)}")
+    for rule in broken:
+        print(f"    {rule}")
+
+
+def _malicious(random: np.random.Generator) -> tuple[Action, np.ndarray]:
+    numbers, live = draw_action(random).as_array(), HOME.copy()
+    kind = random.integers(4)
+    if kind == 0:
+        numbers[random.integers(6)] = np.nan
+    elif kind == 1:
+        numbers[random.integers(6)] = random.choice([np.inf, -np.inf])
+    elif kind == 2:
+        numbers[random.integers(6)] *= random.choice([-20.0, 20.0])
+    else:
+        live[random.integers(5)] += random.choice([-1, 1]) * random.uniform(0.2, 3.0)
+    return Action.from_array(numbers), live
+
+
+def deadlines(host: str | None, patience_s: float = 0.0) -> None:
+    """Stream for some seconds to a controller that waits for nobody; count missed deadlines."""
+    if host is not None:
+        _stream_to(host)
+        return
+    with running_peer(replace(PATIENT, patience_s=patience_s)) as peer:
+        _stream_to(peer.host)
+
+
+def _stream_to(host: str) -> None:
+    robot = Robot(host, GRIPPER.length_m, ServoSettings())
+    log, start = RobotLog(), robot.live().joints_rad
+    motion = sway(start, robot.period_s)
+    begun = time.monotonic()
+    try:
+        with robot.driving() as drive:
+            stream(robot, drive, motion, log, WatchSettings(), GRIPPER, lambda: None)
+        ended = "to its end"
+    except RigStopped as stop:
+        ended = f"until: {stop}"
+    print(
+        f"deadlines: {log.missed} of {log.cycles} missed at {1 / robot.period_s:.0f} Hz "
+        f"in {time.monotonic() - begun:.1f} s, {ended}"
+    )
+    robot.close()
+
+
+def offsets(delay_s: float, times: int) -> None:
+    """Film the swaying arm with a known delay; print the offsets found."""
+    filmed, found = scene(), []
+    for _ in range(times):
+        with running_peer(PATIENT, FilmSettings(filmed, delay_s=delay_s)) as peer:
+            rig = ur5_rig(peer, filmed)
+            found.append(rig.open_session().camera_offset_s * 1e3)
+            rig.close()
+    print(
+        f"offset: {delay_s * 1e3:.0f} ms delay found as {', '.join(f'{f:.1f}' for f in found)} ms"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--casts", type=int, default=0)
+    parser.add_argument("--faults", type=int, default=0)
+    parser.add_argument("--actions", type=int, default=0)
+    parser.add_argument("--executed", type=int, default=20)
+    parser.add_argument("--offsets", type=int, default=0)
+    parser.add_argument("--deadlines", action="store_true")
+    parser.add_argument("--host")
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    if asked.host or asked.deadlines:
+        deadlines(asked.host)
+    if asked.offsets:
+        offsets(0.04, asked.offsets)
+    if asked.actions:
+        actions(asked.actions, asked.executed, asked.seed)
+    if asked.faults:
+        faults(asked.faults, asked.seed)
+    if asked.casts:
+        casts(asked.casts, asked.seed)
+
+
+if __name__ == "__main__":
+    main()
