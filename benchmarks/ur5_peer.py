@@ -97,7 +97,7 @@ def faults(times: int, seed: int) -> None:
             with running_peer(PATIENT) as peer:
                 robot = Robot(peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=2.0))
                 motion, log = sway(HOME, robot.period_s), RobotLog()
-                watch = WatchSettings(stale_s=1.0)
+                watch = WatchSettings(stale_s=2.0)
                 try:
                     with robot.driving() as drive:
                         peer.break_in(fault, float(random.uniform(0.1, 3.0)))

@@ -115,7 +115,7 @@ def test_after_a_fault_nothing_moves(bare_peer: Peer, fault: str):
     log = RobotLog()
     with pytest.raises(RigStopped) as stopped, robot.driving() as drive:
         bare_peer.break_in(fault, 1.0)
-        settings = WatchSettings(stale_s=0.5)
+        settings = WatchSettings(stale_s=2.0)
         stream(robot, drive, motion, log, settings, GRIPPER, lambda: None)
     robot.close()
     words = {"connection cut": "connection", "stale packets": "stale", "packets missing": "missing"}
