@@ -170,6 +170,8 @@ def _malicious(random: np.random.Generator) -> tuple[Action, np.ndarray]:
 def deadlines(host: str | None, patience_s: float = 0.0) -> None:
     """Stream for some seconds to a controller that waits for nobody; count missed deadlines."""
     if host is not None:
+        if not host.startswith("127."):
+            raise SystemExit("--host: the swaying is not checked; only a simulator on this machine")
         _stream_to(host)
         return
     with running_peer(replace(PATIENT, patience_s=patience_s)) as peer:
