@@ -2,7 +2,8 @@
 
 The arm is drawn where the controller has it. The cable is the virtual rig's; it is simulated
 while the held end moves over the board. Resets are not: when the arm comes home, the cable lies
-as a reset should leave it. Frames follow the controller's clock: it waits while one is drawn.
+as a reset should leave it; so it does where an operator put the arm. Frames follow the
+controller's clock: it waits while one is drawn.
 """
 
 import socket
@@ -22,6 +23,7 @@ PORT = 8090
 BOUNDARY = b"frame"
 HOME_M, LIFTED_M = 0.002, 0.01
 HALF_CYCLE_S = 0.001
+PUT_M = 0.05  # no arm moves its tool so far in one cycle
 
 
 @dataclass(frozen=True)
@@ -97,13 +99,14 @@ class Film:
         rig = self.settings.rig
         held = _held(joints, rig)
         at_home = bool(np.hypot(held[0] - rig.r0_m, held[1]) < HOME_M and held[2] < HOME_M)
-        if self._cable is None or (at_home and not self._at_home):
+        poses = np.array([_held(q, rig) for _, q in self._path])
+        put = bool((np.abs(np.diff(poses[:, :3], axis=0)) > PUT_M).any())
+        if self._cable is None or put or (at_home and not self._at_home):
             headings = np.full(rig.truth.segments, self.heading_rad)
             model = compile_cable(build_cable(rig.cable, rig.truth))
             self._cable = CableRun(model, headings, held)
         elif held[2] < LIFTED_M and not at_home:
             t_s = np.array([t for t, _ in self._path])
-            poses = np.array([_held(q, rig) for _, q in self._path])
             steps = np.arange(t_s[0], t_s[-1], rig.truth.step_s)
             path = np.stack([np.interp(steps, t_s, column) for column in poses.T], axis=1)
             self._cable.drive(path, moving_s=np.inf)
