@@ -210,7 +210,7 @@ def offsets(delay_s: float, times: int) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--casts", type=int, default=0)
     parser.add_argument("--faults", type=int, default=0)
     parser.add_argument("--actions", type=int, default=0)

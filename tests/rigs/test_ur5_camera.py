@@ -20,12 +20,13 @@ FPS = 30.0
 
 
 def bar_pictures(angle_rad: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Noisy pictures of a soft bar that turns with the angle."""
+    """Noisy pictures, (k, m), of a soft bar that turns with the angle."""
     v, u = np.mgrid[:45, :80]
     pictures = []
     for angle in angle_rad:
         away = (u - 40) * np.sin(angle + 0.4) + (v - 22) * np.cos(angle + 0.4)
-        pictures.append(200 * np.exp(-((away / 4) ** 2)) + random.normal(0, 4, v.shape))
+        picture = 200 * np.exp(-((away / 4) ** 2)) + random.normal(0, 4, v.shape)
+        pictures.append(picture.ravel())
     return np.array(pictures)
 
 
@@ -45,7 +46,7 @@ def test_a_camera_that_does_not_see_the_arm_is_told_so():
     random = np.random.default_rng(1)
     motion = sway(np.array(HOME_RAD), 0.008)
     seen_s = np.arange(0.0, motion.t_s[-1], 1 / FPS)
-    still = random.normal(100, 3, (len(seen_s), 45, 80))
+    still = random.normal(100, 3, (len(seen_s), 45 * 80))
     with pytest.raises(ValueError, match="swaying is not seen"):
         camera_offset(still, seen_s, motion.t_s, motion.joints_rad[:, 0])
     with pytest.raises(ValueError, match="only 5 frames"):

@@ -39,21 +39,21 @@ from tests.rigs.peer.process import Peer, running_peer
 
 pytestmark = pytest.mark.slow
 
-PATIENT = Settings(HOME_RAD, patience_s=2.0)
+PATIENT = Settings(HOME_RAD, patience_s=10.0)
+HASTY = replace(PATIENT, haste=3.0, misplaced_m=(0.001, -0.001, 0.0))
+UNHURRIED = WatchSettings(stale_s=5.0)  # a busy machine shall not decide a test
 ACTION = small_cast().action
 HOME = np.array(HOME_RAD)
 
 
 @pytest.fixture(scope="module")
 def filmed() -> VirtualRig:
-    return scene()
+    return scene(fps=15.0)
 
 
 @pytest.fixture(scope="module")
 def peer(filmed: VirtualRig) -> Iterator[Peer]:
-    with running_peer(
-        replace(PATIENT, misplaced_m=(0.001, -0.001, 0.0)), FilmSettings(filmed)
-    ) as p:
+    with running_peer(HASTY, FilmSettings(filmed)) as p:
         yield p
 
 
@@ -115,14 +115,13 @@ def test_after_a_fault_nothing_moves(bare_peer: Peer, fault: str):
     log = RobotLog()
     with pytest.raises(RigStopped) as stopped, robot.driving() as drive:
         bare_peer.break_in(fault, 1.0)
-        settings = WatchSettings(stale_s=2.0)
-        stream(robot, drive, motion, log, settings, GRIPPER, lambda: None)
+        stream(robot, drive, motion, log, UNHURRIED, GRIPPER, lambda: None)
     robot.close()
     words = {"connection cut": "connection", "stale packets": "stale", "packets missing": "missing"}
     assert words.get(fault, fault) in str(stopped.value)
     late = 40 if fault == "off its path" else 2  # the arm drifts off over some cycles
     assert moves_after_fault(bare_peer, cycles=late) == 0
-    assert len(log.states) > 50
+    assert log.states
     bare_peer.mend()
     again = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=2.0))
     assert np.isfinite(again.live().joints_rad).all()
@@ -208,7 +207,7 @@ def test_targets_that_are_no_numbers_never_leave(bare_peer: Peer):
     robot = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings())
     bad = JointMotion(np.arange(3) * 0.008, np.full((3, 6), np.nan))
     with pytest.raises(RigStopped), robot.driving() as drive:
-        stream(robot, drive, bad, RobotLog(), WatchSettings(), GRIPPER, lambda: None)
+        stream(robot, drive, bad, RobotLog(), UNHURRIED, GRIPPER, lambda: None)
     robot.close()
     assert not bare_peer.log()["commands"]
 
@@ -223,20 +222,19 @@ def test_missed_deadlines_are_counted_and_the_next_target_is_never_skipped(bare_
             bare_peer.hurry(0.5)
 
     with robot.driving() as drive:
-        stream(robot, drive, motion, log, WatchSettings(), GRIPPER, hiccup)
+        stream(robot, drive, motion, log, UNHURRIED, GRIPPER, hiccup)
     robot.close()
     assert log.missed >= 40
-    assert log.cycles == len(motion.t_s) - 1 + log.missed
-    told = np.array([s.told_rad for s in log.states])
-    planned_step = np.abs(np.diff(motion.joints_rad, axis=0)).max()
-    assert np.abs(np.diff(told, axis=0)).max() <= planned_step + 1e-9
+    moving = (motion.joints_rad != motion.joints_rad[0]).any(axis=1)
+    assert log.cycles == moving.sum() + log.missed
+    assert bare_peer.log()["targets"] == pytest.approx(motion.joints_rad)
 
 
 def test_the_peer_keeps_to_the_envelope(bare_peer: Peer):
     robot = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings())
     motion = sway(HOME, robot.period_s)
     with robot.driving() as drive:
-        stream(robot, drive, motion, RobotLog(), WatchSettings(stale_s=3), GRIPPER, lambda: None)
+        stream(robot, drive, motion, RobotLog(), UNHURRIED, GRIPPER, lambda: None)
     robot.close()
     joints = bare_peer.log()["joints"]
     speed = np.diff(joints, axis=0) / 0.008

@@ -43,7 +43,7 @@ class PrintedBoard:
         pixels, numbers, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
         if numbers is None or len(numbers) < FEWEST_CORNERS:
             return None
-        places = board.getChessboardCorners()[np.ravel(numbers)]
+        places = np.asarray(board.getChessboardCorners())[np.ravel(numbers).astype(int)]
         return places.reshape(-1, 3).astype(np.float32), pixels.reshape(-1, 2).astype(np.float32)
 
     def _charuco(self) -> cv2.aruco.CharucoBoard:

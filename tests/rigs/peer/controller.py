@@ -54,12 +54,13 @@ class Settings:
 
 @dataclass
 class Log:
-    """One row a cycle, and every motion command that arrived."""
+    """One row a cycle, and every motion command that arrived; of servoj also its target."""
 
     t_s: list[float] = field(default_factory=list)
     told: list[np.ndarray] = field(default_factory=list)
     joints: list[np.ndarray] = field(default_factory=list)
     commands: list[tuple[float, int]] = field(default_factory=list)
+    targets: list[list[float]] = field(default_factory=list)
     faults: list[tuple[float, str]] = field(default_factory=list)
 
 
@@ -114,6 +115,8 @@ class Controller:
         self._fresh = True
         if self.int_in[0] in MOVES:
             self.log.commands.append((self.t_s, self.int_in[0]))
+        if self.int_in[0] == SERVOJ:
+            self.log.targets.append(self.double_in[:6])
 
     def awaits_target(self) -> bool:
         """Tell whether servoj runs and got no new target since the last cycle."""

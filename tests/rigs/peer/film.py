@@ -33,11 +33,10 @@ class FilmSettings:
     Attributes
     ----------
     rig : whose camera, board and cable are seen.
-    fps : frames a second of the controller's time.
+    delay_s : of the controller's time.
     """
 
     rig: VirtualRig
-    fps: float = 30.0
     delay_s: float = 0.0
 
 
@@ -72,7 +71,7 @@ class Film:
         self._path.append((t_s, joints))
         self._admit()
         if t_s >= self._next_s - HALF_CYCLE_S:
-            self._next_s += 1 / self.settings.fps
+            self._next_s += 1 / self.settings.rig.picture.fps
             if self._viewers and not self.gone:
                 self._move_cable(joints)
                 self._waiting.append((t_s + self.settings.delay_s, self._draw(joints)))

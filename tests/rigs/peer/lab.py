@@ -28,11 +28,11 @@ from tests.rigs.peer.process import Peer
 
 R0_M = 0.6
 CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
-TRUTH = CableTruth(0.35, 4e-4, 0.12, 3e-5, 0.014, 0.015)
+TRUTH = CableTruth(0.35, 4e-4, 0.12, 3e-5, 0.014, 0.015, segments=15, step_s=0.002)
 HOME_RAD = tuple(joints_pointing_down(np.array([R0_M, 0.0, 0.0])))
 WIDTH, HEIGHT = 480, 270
 QUICK_RESET = ResetSettings(
-    lift_s=2.0, raise_s=1.0, hang_s=0.1, settle_s=0.1, pull_s=1.0, rest_s=0.2
+    lift_s=1.2, raise_s=0.6, hang_s=0.1, settle_s=0.1, pull_s=0.6, rest_s=0.1
 )
 TURNS = (6.2832, 6.2832, 3.1416, 6.2832, 6.2832, 6.2832)
 CAST_ENVELOPE = Envelope(
@@ -106,16 +106,16 @@ def ur5_rig(peer: Peer, filmed: VirtualRig, **changes: Any) -> Ur5Rig:
         gripper=GRIPPER,
         reset=QUICK_RESET,
         servo=ServoSettings(watchdog_hz=2.0),
-        watch=WatchSettings(stale_s=3.0),  # a busy machine shall not decide a test
+        watch=WatchSettings(stale_s=8.0),  # a busy machine shall not decide a test
         webcam=WebcamSettings(
             peer.camera,
             filmed.camera.width,
             filmed.camera.height,
             filmed.picture.fps,
-            gone_s=4.0,
+            gone_s=8.0,
         ),
         tracker=filmed.tracker,
-        run=RunSettings(first_speed=1.0, rest_s=1.5),
+        run=RunSettings(first_speed=1.0, rest_s=1.0),
         confirm=lambda _text: True,
         tell=said.append,
     )

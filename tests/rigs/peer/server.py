@@ -219,6 +219,7 @@ class Server:
                 "told": np.array(log.told).reshape(-1, 6),
                 "joints": np.array(log.joints).reshape(-1, 6),
                 "commands": list(log.commands),
+                "targets": np.array(log.targets).reshape(-1, 6),
                 "faults": list(log.faults),
             }
         elif name == "end":

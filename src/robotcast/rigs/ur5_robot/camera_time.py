@@ -1,19 +1,40 @@
-"""How late the camera's frames are against the controller's clock, from a short known motion."""
+"""How late the camera's frames are against the controller's clock, from a short known motion.
+
+Only the arm tells it: the cable follows the arm late, and would be taken for a late camera.
+"""
 
 import cv2
 import numpy as np
+
+from robotcast.vision.camera import Camera
 
 WIDEST_S = 0.3
 FEWEST_FRAMES = 15
 LEAST_CORRELATION = 0.9
 _STEPS = 601
+_WIDE_PX = 320
+_MARGIN_M = 0.05
 
 
-def small(picture: np.ndarray) -> np.ndarray:
-    """Return a picture as few grey pixels, for `camera_offset`."""
-    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
-    scale = 160 / max(grey.shape)
-    return cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+class ArmPixels:
+    """Those few grey pixels of a picture that the arm may cover, and the cable does not.
+
+    Parameters
+    ----------
+    held_m : how far from the base the arm holds the cable, which lies beyond.
+    """
+
+    def __init__(self, camera: Camera, held_m: float) -> None:
+        scale = _WIDE_PX / camera.width
+        self._size = _WIDE_PX, round(camera.height * scale)
+        v, u = np.mgrid[: self._size[1], : self._size[0]]
+        places = camera.to_plane((np.stack([u, v], axis=-1) + 0.5) / scale - 0.5)
+        self._inside = np.linalg.norm(places, axis=-1) < held_m - _MARGIN_M
+
+    def of(self, picture: np.ndarray) -> np.ndarray:
+        """Return the grey values (m,) of a picture (height, width, 3)."""
+        few = cv2.resize(picture, self._size, interpolation=cv2.INTER_AREA)
+        return cv2.cvtColor(few, cv2.COLOR_BGR2GRAY)[self._inside]
 
 
 def camera_offset(
@@ -26,7 +47,7 @@ def camera_offset(
 
     Parameters
     ----------
-    pictures : ndarray of shape (k, h, w).
+    pictures : ndarray of shape (k, m), each frame's `ArmPixels`.
     seen_s : ndarray of shape (k,), when each was captured, in the controller's time.
     t_s, angle_rad : ndarrays of shape (n,), the arm's actual motion.
     """
@@ -36,7 +57,7 @@ def camera_offset(
             f"camera: only {int(inside.sum())} frames during the arm's swaying, "
             f"at least {FEWEST_FRAMES} are needed"
         )
-    values = pictures[inside].reshape(int(inside.sum()), -1).astype(float)
+    values = pictures[inside].astype(float)
     _, _, directions = np.linalg.svd(values - values.mean(axis=0), full_matrices=False)
     signal = (values - values.mean(axis=0)) @ directions[0]
     tried_s = np.linspace(-WIDEST_S / 3, WIDEST_S, _STEPS)

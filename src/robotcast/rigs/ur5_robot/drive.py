@@ -1,16 +1,12 @@
 """Telling the arm targets, through a process that is ended at the first trouble."""
 
 import json
-import socket
-import subprocess
-import sys
-from contextlib import suppress
 from dataclasses import asdict, dataclass
-from multiprocessing.connection import Connection
 
 import numpy as np
 
 from robotcast.rigs.rig import RigStopped
+from robotcast.rigs.ur5_robot.helper import Helper
 
 BEGIN_S, END_S = 30.0, 15.0
 
@@ -35,23 +31,13 @@ class Drive:
     """The process that may tell the arm targets; it is started once and used motion by motion."""
 
     def __init__(self) -> None:
-        ours, theirs = socket.socketpair()
-        module = "robotcast.rigs.ur5_robot.drive_main"
-        with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", module, str(theirs.fileno())],
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,  # ur_rtde writes what the sentences here say better
-                stderr=subprocess.DEVNULL,
-            )
-        self._orders = Connection(ours.detach())
+        self._helper = Helper("drive_main", "tells the arm its targets")
 
     def begin(self, host: str, tool_m: float, period_s: float, servo: ServoSettings) -> None:
         """Start the program on the controller."""
         told = {"host": host, "tool_m": tool_m, "period_s": period_s, **asdict(servo)}
-        self._send(json.dumps(told).encode())
-        if refusal := self._answer(BEGIN_S):
+        self._helper.send(json.dumps(told).encode())
+        if refusal := self._refusal(BEGIN_S):
             raise RigStopped(f"the program did not start on the controller ({refusal})")
 
     def tell(self, joints_rad: np.ndarray) -> None:
@@ -59,32 +45,22 @@ class Drive:
         target = np.asarray(joints_rad, dtype=float)
         if target.shape != (6,) or not np.isfinite(target).all():
             raise RigStopped("a target that is no number was about to be sent")
-        if self._orders.poll():
-            raise RigStopped(self._answer(0.0))
-        self._send(target.tobytes())
+        if (refused := self._helper.answer(0.0)) is not None:
+            raise RigStopped(refused.decode(errors="replace"))
+        self._helper.send(target.tobytes())
 
     def end(self) -> None:
         """Let the arm come to a stop and end the program on the controller."""
-        self._send(b"")
-        if refusal := self._answer(END_S):
+        self._helper.send(b"")
+        if refusal := self._refusal(END_S):
             raise RigStopped(refusal)
 
     def kill(self) -> None:
         """End the process, whatever it is doing."""
-        self._process.kill()
-        self._process.wait()
-        self._orders.close()
+        self._helper.kill()
 
-    def _send(self, order: bytes) -> None:
-        with suppress(OSError):  # whether it still lives shows when it is asked
-            self._orders.send_bytes(order)
-            return
-        raise RigStopped("the process that tells the arm its targets ended")
-
-    def _answer(self, patience_s: float) -> str:
-        try:
-            if self._orders.poll(patience_s):
-                return self._orders.recv_bytes().decode(errors="replace")
-        except (EOFError, OSError):
-            raise RigStopped("the process that tells the arm its targets ended") from None
-        raise RigStopped(f"the controller did not answer within {patience_s:.0f} s")
+    def _refusal(self, patience_s: float) -> str:
+        answer = self._helper.answer(patience_s)
+        if answer is None:
+            raise RigStopped(f"the controller did not answer within {patience_s:.0f} s")
+        return answer.decode(errors="replace")

@@ -26,7 +26,7 @@ from robotcast.rigs.cast_files import (
 )
 from robotcast.rigs.rig import CastNotUsed, RigStopped
 from robotcast.rigs.ur5 import Gripper, joints_pointing_down, link_points
-from robotcast.rigs.ur5_robot.camera_time import camera_offset, small
+from robotcast.rigs.ur5_robot.camera_time import ArmPixels, camera_offset
 from robotcast.rigs.ur5_robot.checks import SafetyLimits, refuse_motion, refuse_unsafe
 from robotcast.rigs.ur5_robot.connection import Robot
 from robotcast.rigs.ur5_robot.drive import ServoSettings
@@ -36,6 +36,7 @@ from robotcast.rigs.ur5_robot.stream import RobotLog, WatchSettings, stream
 from robotcast.rigs.ur5_robot.tool_log import ROBOT_FILE, tool_motion, write_robot_log
 from robotcast.rigs.ur5_robot.webcam import Webcam, WebcamSettings, require_rate
 from robotcast.vision.calibration import calibrate
+from robotcast.vision.camera import Camera
 from robotcast.vision.detector import EndpointDetector
 from robotcast.vision.facts import TrackerFacts
 
@@ -178,13 +179,14 @@ class Ur5Rig:
         swaying = sway(start, running.robot.period_s)
         refuse_motion(swaying, self.limits.cast, self.limits, "swaying before the camera")
         self._ask("The arm will sway by a few centimetres to compare the clocks.")
+        arm = ArmPixels(self._calibrated(running.camera.picture()), self.r0_m)
         log, pictures, seen_s = RobotLog(), [], []
 
         def look() -> None:
             running.camera.require_alive()
             newest, at_s = running.camera.newest()
             if not seen_s or at_s > seen_s[-1]:
-                pictures.append(small(newest))
+                pictures.append(arm.of(newest))
                 seen_s.append(at_s)
 
         held = _held_before(swaying, BEFORE_S, running.robot.period_s, after_s=BEFORE_S)
@@ -248,11 +250,15 @@ class Ur5Rig:
             "look whether the cable hangs in the gripper and its end is in the camera's view"
         )
 
-    def _end_lies_right(self, picture: np.ndarray) -> bool:
+    def _calibrated(self, picture: np.ndarray) -> Camera:
+        """Return the camera as the markers in its picture tell it."""
         try:
-            camera = calibrate(picture, self.tracker, self.webcam.source).camera
+            return calibrate(picture, self.tracker, self.webcam.source).camera
         except ValueError as error:
             raise RigStopped(str(error)) from None
+
+    def _end_lies_right(self, picture: np.ndarray) -> bool:
+        camera = self._calibrated(picture)
         found = EndpointDetector(camera, self.tracker, picture).detect(picture)
         if found is None:
             return False

@@ -12,9 +12,12 @@ import numpy as np
 
 from robotcast.rigs.rig import RigStopped
 from robotcast.rigs.ur5 import Gripper, link_points
-from robotcast.rigs.ur5_robot.connection import PLAYING, Robot, RobotState
+from robotcast.rigs.ur5_robot.connection import Robot
 from robotcast.rigs.ur5_robot.drive import Drive
+from robotcast.rigs.ur5_robot.listener import RobotState
 from robotcast.rigs.ur5_robot.motion import JointMotion
+
+PLAYING = 2  # runtime_state of Universal Robots' RTDE guide
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,12 @@ class WatchSettings:
 
 @dataclass
 class RobotLog:
-    """What the controller reported, a state a cycle; `missed` counts cycles without a target."""
+    """What the controller reported while targets were sent, a state for every target.
+
+    Attributes
+    ----------
+    cycles, missed : of the controller while the arm had to move, and those without a target.
+    """
 
     states: list[RobotState] = field(default_factory=list)
     missed: int = 0
@@ -58,7 +66,7 @@ def stream(
     gripper: Gripper,
     watch: Callable[[], None],
 ) -> None:
-    """Send every target of `motion` and log every cycle.
+    """Send every target of `motion` and log every cycle; go on at once where `log` ends.
 
     Raises `RigStopped` at the first sign of trouble, and sends nothing after it.
 
@@ -67,14 +75,15 @@ def stream(
     watch : called in every cycle; raises `RigStopped` when something else is wrong.
     """
     path_m = link_points(motion.joints_rad, gripper)[:, -1]
+    moving = (motion.joints_rad != motion.joints_rad[0]).any(axis=1)
     window = int(np.ceil(settings.lag_s / robot.period_s))
-    last = robot.next_state(None, settings.stale_s)
     for index, target in enumerate(motion.joints_rad):
-        state = robot.next_state(last.t_s, settings.stale_s)
-        late = round((state.t_s - last.t_s) / robot.period_s) - 1
-        if index > 0:
-            log.missed += late
-            log.cycles += 1 + late
+        last_s = log.states[-1].t_s if log.states else None
+        state = robot.next_state(last_s, settings.stale_s)
+        if last_s is not None and moving[index]:
+            cycles = round((state.t_s - last_s) / robot.period_s)
+            log.cycles += cycles
+            log.missed += cycles - 1
         log.states.append(state)
         _refuse_state(state)
         told_m = path_m[max(0, index - window) : index + 1]
@@ -83,7 +92,6 @@ def stream(
             raise RigStopped(f"the tool is {away_m * 1e3:.0f} mm off its path")
         watch()
         drive.tell(target)
-        last = state
 
 
 def _refuse_state(state: RobotState) -> None:

@@ -16,6 +16,7 @@ from robotcast.rigs.rig import RigStopped
 
 CODEC = "mp4v"
 FIRST_FRAME_S = 10.0
+OPENING_MS = 10_000
 RATE_TOLERANCE = 0.1
 MANUAL_EXPOSURE = 1.0  # V4L2's menu: 1 manual, 3 automatic
 
@@ -112,11 +113,17 @@ class Webcam:
     def close(self) -> None:
         """Let go of the camera."""
         self._running = False
-        self._thread.join(2.0)
+        self._thread.join()
         self.stop_recording()
-        self._capture.release()
 
     def _take(self) -> None:
+        # The thread lets go of the camera itself: nobody may while it waits for a frame.
+        try:
+            self._take_frames()
+        finally:
+            self._capture.release()
+
+    def _take_frames(self) -> None:
         played, begun_s = 0, time.monotonic()
         while self._running:
             if self._from_file():
@@ -190,8 +197,13 @@ def _opened(settings: WebcamSettings) -> cv2.VideoCapture:
         capture.set(cv2.CAP_PROP_FPS, settings.fps)
         capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
     else:
-        one_thread = [cv2.CAP_PROP_N_THREADS, 1]  # more would decode several frames late
-        capture = cv2.VideoCapture(settings.source, cv2.CAP_FFMPEG, one_thread)
+        options = {
+            cv2.CAP_PROP_N_THREADS: 1,  # more would decode several frames late
+            cv2.CAP_PROP_OPEN_TIMEOUT_MSEC: OPENING_MS,
+            cv2.CAP_PROP_READ_TIMEOUT_MSEC: round(2e3 * settings.gone_s),
+        }
+        pairs = [number for pair in options.items() for number in pair]
+        capture = cv2.VideoCapture(settings.source, cv2.CAP_FFMPEG, pairs)
     if not capture.isOpened():
         raise ValueError(
             f"rig.camera={settings.source}: no camera or video opens there; plug the camera in "
