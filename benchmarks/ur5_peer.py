@@ -8,12 +8,15 @@ random and malicious actions that reached the arm; missed deadlines; the camera'
 """
 
 import argparse
+import hashlib
+import itertools
 import sys
 import tempfile
 import time
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,10 +24,11 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from robotcast.casts.action import Action  # noqa: E402
+from robotcast.casts.grid import are_feasible  # noqa: E402
 from robotcast.casts.plan import PlanLimits, plan_action  # noqa: E402
 from robotcast.measurements.reader import read_measurement_set  # noqa: E402
 from robotcast.measurements.writer import write_measurement_set  # noqa: E402
-from robotcast.rigs.collect import collect_casts  # noqa: E402
+from robotcast.rigs.collect import Collected, collect_casts  # noqa: E402
 from robotcast.rigs.envelope import broken_rules  # noqa: E402
 from robotcast.rigs.rig import RigStopped  # noqa: E402
 from robotcast.rigs.session import read_session  # noqa: E402
@@ -36,6 +40,7 @@ from robotcast.vision.track_session import track_session  # noqa: E402
 from tests.rigs.peer.controller import Settings  # noqa: E402
 from tests.rigs.peer.film import FilmSettings  # noqa: E402
 from tests.rigs.peer.lab import (  # noqa: E402
+    CAST_ENVELOPE,
     GRIPPER,
     HOME_RAD,
     R0_M,
@@ -46,7 +51,8 @@ from tests.rigs.peer.lab import (  # noqa: E402
 from tests.rigs.peer.process import running_peer  # noqa: E402
 
 HOME = np.array(HOME_RAD)
-PATIENT = Settings(HOME_RAD, patience_s=2.0)
+PATIENT = Settings(HOME_RAD, patience_s=10.0)
+HASTY = replace(PATIENT, haste=3.0)
 ROBOT_FAULTS = (
     "protective stop",
     "emergency stop",
@@ -55,12 +61,13 @@ ROBOT_FAULTS = (
     "packets missing",
     "off its path",
 )
+SESSION_FAULTS = (*ROBOT_FAULTS, "camera gone", "cable crooked", "not confirmed")
 LIMITS = PlanLimits()
 CYCLE_S = 0.008
 
 
 def draw_action(random: np.random.Generator) -> Action:
-    """An action that the arm can do, more or less."""
+    """An action that can be planned, though the envelope may refuse it."""
     side = random.choice([-1.0, 1.0])
     while True:
         numbers = random.uniform([0.25, 0.55, -0.9, 0.55, 0.0, 1.0], [0.9, 0.75, -0.2, 0.8, 1, 1.6])
@@ -72,11 +79,21 @@ def draw_action(random: np.random.Generator) -> Action:
         return action
 
 
+def draw_allowed(random: np.random.Generator, count: int) -> list[Action]:
+    """Actions that the envelope allows too."""
+    drawn: list[Action] = []
+    while len(drawn) < count:
+        action = draw_action(random)
+        if are_feasible(action.as_array()[None], R0_M, LIMITS, CAST_ENVELOPE)[0]:
+            drawn.append(action)
+    return drawn
+
+
 def casts(count: int, seed: int) -> None:
     """Collect casts, track them, read the set."""
     filmed, random = scene(), np.random.default_rng(seed)
-    chosen = [(number, draw_action(random)) for number in range(count)]
-    with running_peer(PATIENT, FilmSettings(filmed)) as peer, tempfile.TemporaryDirectory() as tmp:
+    chosen = list(enumerate(draw_allowed(random, count)))
+    with running_peer(HASTY, FilmSettings(filmed)) as peer, tempfile.TemporaryDirectory() as tmp:
         rig, folder = ur5_rig(peer, filmed), Path(tmp)
         collected = collect_casts(rig, chosen, folder / "session", LIMITS)
         rig.close()
@@ -97,7 +114,7 @@ def faults(times: int, seed: int) -> None:
             with running_peer(PATIENT) as peer:
                 robot = Robot(peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=2.0))
                 motion, log = sway(HOME, robot.period_s), RobotLog()
-                watch = WatchSettings(stale_s=2.0)
+                watch = WatchSettings(stale_s=4.0)
                 try:
                     with robot.driving() as drive:
                         peer.break_in(fault, float(random.uniform(0.1, 3.0)))
@@ -110,7 +127,62 @@ def faults(times: int, seed: int) -> None:
                 after_s = seen["faults"][-1][0] + grace_s + 1e-6
                 late += sum(t_s > after_s for t_s, _ in seen["commands"])
                 robot.close()
-        print(f"faults: {fault}: {stopped} of {times} stopped, {late} motion commands after it")
+        print(
+            f"faults: {fault}: {stopped} of {times} stopped, {late} motion commands after it",
+            flush=True,
+        )
+
+
+def session_faults(times: int, seed: int) -> None:
+    """Have every fault at random moments of a session; count what moved and what was lost."""
+    random, filmed = np.random.default_rng(seed), scene(fps=15.0)
+    drawn = draw_allowed(random, len(SESSION_FAULTS) + 1)
+    with running_peer(HASTY, FilmSettings(filmed)) as peer, tempfile.TemporaryDirectory() as tmp:
+        folder = Path(tmp) / "session"
+
+        def collect(wanted: int, **changes: Any) -> Collected:
+            peer.place(HOME)
+            rig = ur5_rig(peer, filmed, **changes)
+            try:
+                return collect_casts(rig, list(enumerate(drawn[:wanted])), folder, LIMITS)
+            finally:
+                rig.close()
+
+        collect(1)
+        for wanted, fault in enumerate(SESSION_FAULTS, 2):
+            stopped = late = 0
+            before = _digests(folder)
+            for _ in range(times):
+                refused = random.integers(3) if fault == "not confirmed" else -1
+                answers = (asked != refused for asked in itertools.count())
+                if fault == "cable crooked":
+                    peer.break_now(fault)
+                elif fault != "not confirmed":
+                    peer.break_in(fault, float(random.uniform(0.5, 8.0)))
+                try:
+                    collect(wanted, confirm=lambda _text, a=answers: next(a))
+                except RigStopped:
+                    stopped += 1
+                seen = len(peer.log()["commands"])
+                time.sleep(0.5)
+                late += len(peer.log()["commands"]) - seen
+                peer.mend()
+            kept = before.items() <= _digests(folder).items()
+            rerun = collect(wanted)
+            print(
+                f"sessions: {fault}: {stopped} of {times} stopped, {late} motion commands after "
+                f"it, finished casts {'kept' if kept else 'LOST'}; the rerun cast {rerun.added} "
+                f"and left {rerun.stood}",
+                flush=True,
+            )
+
+
+def _digests(folder: Path) -> dict[str, str]:
+    """Return what every file of the finished casts holds."""
+    return {
+        str(path): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.glob("cast_*/*"))
+    }
 
 
 def actions(count: int, executed: int, seed: int) -> None:
@@ -213,6 +285,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--casts", type=int, default=0)
     parser.add_argument("--faults", type=int, default=0)
+    parser.add_argument("--session-faults", type=int, default=0)
     parser.add_argument("--actions", type=int, default=0)
     parser.add_argument("--executed", type=int, default=20)
     parser.add_argument("--offsets", type=int, default=0)
@@ -228,6 +301,8 @@ def main() -> None:
         actions(asked.actions, asked.executed, asked.seed)
     if asked.faults:
         faults(asked.faults, asked.seed)
+    if asked.session_faults:
+        session_faults(asked.session_faults, asked.seed)
     if asked.casts:
         casts(asked.casts, asked.seed)
 

@@ -1,6 +1,7 @@
 """A policy's choices cast on the virtual rig."""
 
 import importlib
+import re
 import shutil
 from pathlib import Path
 
@@ -72,7 +73,13 @@ def test_a_killed_evaluation_goes_on_and_ends_the_same(executed, rig, choices, s
     finished = casts_of(sessions)
     before = {p: p.stat().st_mtime_ns for p in finished[1:]}
     shutil.rmtree(finished[0])
-    again = execute_choices(rig, choices, REPEATS, sessions, "first", LIMITS)
+    said: list[str] = []
+
+    def progress(done: int, total: int, note: str = "") -> None:
+        said.append(note)
+
+    again = execute_choices(rig, choices, REPEATS, sessions, "first", LIMITS, progress)
+    assert re.fullmatch(r"cast 9\d{3}, target \d, \d+\.\d cm off", said[-1])
     assert np.array_equal(again.ends_m, executed.ends_m)
     assert {p: p.stat().st_mtime_ns for p in finished[1:]} == before
 

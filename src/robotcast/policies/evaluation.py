@@ -18,7 +18,7 @@ from robotcast.policies.forward_model import Predictor
 from robotcast.progress import Progress, silent
 from robotcast.rigs.collect import Plan, collect_casts
 from robotcast.rigs.rig import Rig
-from robotcast.rigs.session import CastRequest, number_requests, read_session
+from robotcast.rigs.session import CastRequest, Session, number_requests, read_session
 from robotcast.vision.tracker import track_rest
 
 # Evaluated casts are numbered apart from collected ones, so that a virtual rig draws them
@@ -80,19 +80,40 @@ def execute_choices(
     requests = number_requests(actions)
     told = settings + yaml.safe_dump(rig.facts())
     folder = sessions / _fingerprint(requests, told)
-    failed = collect_casts(_RestOnly(rig), actions, folder, limits, progress, plan=plan).failed
+    tracked: dict[int, np.ndarray | str] = {}
+
+    def miss(request: CastRequest, folder: Path) -> str:
+        end = tracked[request.number] = _tracked_rest(request, read_session(folder))
+        target = request.action_id - _FIRST_TARGET_ID
+        if isinstance(end, str):
+            return f"target {target}, not tracked"
+        away_m = np.linalg.norm(end - choices[target].target_m)
+        return f"target {target}, {away_m * 100:.1f} cm off"
+
+    failed = collect_casts(
+        _RestOnly(rig), actions, folder, limits, progress, plan=plan, describe=miss
+    ).failed
     session = read_session(folder)
     ends_m = np.full((len(choices), repeats, 2), np.nan)
     lost = {}
     for place, request in enumerate(requests):
         repeat, target = divmod(place, len(choices))
-        try:
-            if request.number in failed:
-                raise ValueError(failed[request.number])
-            ends_m[target, repeat] = track_rest(session.cast_folder(request), session)
-        except ValueError as error:
-            lost[target, repeat] = str(error)
+        end = failed.get(request.number) or tracked.get(request.number)
+        if end is None:  # from an evaluation that was killed
+            end = _tracked_rest(request, session)
+        if isinstance(end, str):
+            lost[target, repeat] = end
+        else:
+            ends_m[target, repeat] = end
     return Executed(ends_m, lost)
+
+
+def _tracked_rest(request: CastRequest, session: Session) -> np.ndarray | str:
+    """Return where a cast came to rest, (2,) [m], or why nobody knows."""
+    try:
+        return track_rest(session.cast_folder(request), session)
+    except ValueError as error:
+        return str(error)
 
 
 def executed_table(subject: Subject, choices: Sequence[Choice], executed: Executed) -> pl.DataFrame:

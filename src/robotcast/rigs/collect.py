@@ -31,6 +31,7 @@ from robotcast.rigs.session import (
 
 Plan = Callable[..., PlannedCast]
 Planner = Callable[[Action], PlannedCast]
+Describe = Callable[[CastRequest, Path], str]
 
 REPEATS_OF_ONE = 3
 FIRST_FURTHER = 5_000  # ids of actions that are of no grid, which numbers its own from 0
@@ -94,6 +95,7 @@ def collect_casts(
     progress: Progress = silent,
     *,
     plan: Plan = plan_action,
+    describe: Describe | None = None,
 ) -> Collected:
     """Execute the casts of `actions` that the session in `folder` does not hold yet.
 
@@ -101,6 +103,7 @@ def collect_casts(
     ----------
     actions : (action_id, action); an action that is listed again is repeated.
     plan : makes the motion of an action; a function of a module, so that workers find it.
+    describe : what `progress` shall say of a cast that was just finished.
 
     Raises `RigStopped` when the rig stopped: what is finished stays, a further call goes on.
     """
@@ -115,7 +118,8 @@ def collect_casts(
             if reason:
                 failed[request.number] = reason
             _note_failure(folder, request, reason)
-            progress(stood + done, len(requests), _state(request, len(failed)))
+            said = describe(request, folder) if describe and not reason else ""
+            progress(stood + done, len(requests), _state(request, said, len(failed)))
     return Collected(stood, len(missing) - len(failed), dict(sorted(failed.items())))
 
 
@@ -171,8 +175,9 @@ def _set_aside(unfinished: Path, folder: Path, request: CastRequest, reason: str
     unfinished.rename(place)
 
 
-def _state(request: CastRequest, failed: int) -> str:
-    return f"cast {request.number}" + (f", {failed} failed" if failed else "")
+def _state(request: CastRequest, said: str, failed: int) -> str:
+    parts = (f"cast {request.number}", said, f"{failed} failed" if failed else "")
+    return ", ".join(part for part in parts if part)
 
 
 def _note_failure(folder: Path, request: CastRequest, reason: str) -> None:

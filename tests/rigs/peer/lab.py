@@ -115,7 +115,7 @@ def ur5_rig(peer: Peer, filmed: VirtualRig, **changes: Any) -> Ur5Rig:
             gone_s=8.0,
         ),
         tracker=filmed.tracker,
-        run=RunSettings(first_speed=1.0, rest_s=1.0),
+        run=RunSettings(first_speed=1.0, rest_s=1.0, most_missed=0.5),
         confirm=lambda _text: True,
         tell=said.append,
     )

@@ -1,8 +1,9 @@
 """Starting a peer in a process of its own, and giving it orders from a test."""
 
 import multiprocessing
+import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING, Any
 
@@ -63,37 +64,33 @@ def running_peer(settings: Settings, film: "FilmSettings | None" = None) -> Iter
     """Run a peer at a free loopback address, with a camera if `film` is given."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    host = _free_host()
-    process = context.Process(target=_serve, args=(host, settings, film, theirs), daemon=True)
+    process = context.Process(target=_serve, args=(settings, film, theirs), daemon=True)
     process.start()
+    theirs.close()  # so that a peer that could not start ends the waiting
     try:
-        yield Peer(host, ours.recv(), ours)
+        host, camera = ours.recv()
+        yield Peer(host, camera, ours)
     finally:
-        if process.is_alive():
+        with suppress(OSError):
             ours.send(("end",))
             process.join(5.0)
         process.kill()
 
 
-def _free_host() -> str:
+def _listen_somewhere() -> tuple[str, list[socket.socket]]:
     for number in range(FIRST_HOST, FIRST_HOST + HOSTS):
         host = f"127.0.0.{number}"
-        try:
-            sockets = listen(host)
-        except OSError:
-            continue
-        for sock in sockets:
-            sock.close()
-        return host
+        with suppress(OSError):
+            return host, listen(host)
     raise OSError("peer: every loopback address is taken")
 
 
-def _serve(host: str, settings: Settings, film: "FilmSettings | None", orders: Connection) -> None:
-    shown = None
+def _serve(settings: Settings, film: "FilmSettings | None", orders: Connection) -> None:
+    (host, sockets), shown = _listen_somewhere(), None
     if film is not None:
         from tests.rigs.peer.film import Film  # brings a simulator, a peer without one starts soon
 
         shown = Film(film, host)
-    server = Server(host, settings, orders, shown)
-    orders.send("" if shown is None else shown.address)
+    server = Server(sockets, settings, orders, shown)
+    orders.send((host, "" if shown is None else shown.address))
     server.run()

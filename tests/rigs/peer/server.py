@@ -50,7 +50,7 @@ class Server:
 
     def __init__(
         self,
-        host: str,
+        sockets: list[socket.socket],
         settings: Settings,
         orders: Connection,
         film: "Film | None",
@@ -61,7 +61,7 @@ class Server:
         self._deaf = self._silent = False
         self._frozen: dict[str, object] | None = None
         self._due: list[tuple[float, str]] = []
-        for listening in listen(host):
+        for listening in sockets:
             listening.setblocking(False)
             self._selector.register(listening, selectors.EVENT_READ, self._accept)
         self._selector.register(orders, selectors.EVENT_READ, self._obey)
