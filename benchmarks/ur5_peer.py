@@ -32,9 +32,10 @@ from robotcast.rigs.collect import Collected, collect_casts  # noqa: E402
 from robotcast.rigs.envelope import broken_rules  # noqa: E402
 from robotcast.rigs.rig import RigStopped  # noqa: E402
 from robotcast.rigs.session import read_session  # noqa: E402
+from robotcast.rigs.ur5_robot.checks import refuse_unsafe  # noqa: E402
 from robotcast.rigs.ur5_robot.connection import Robot  # noqa: E402
 from robotcast.rigs.ur5_robot.drive import ServoSettings  # noqa: E402
-from robotcast.rigs.ur5_robot.motion import JointMotion, sway  # noqa: E402
+from robotcast.rigs.ur5_robot.motion import JointMotion, WholeMotion, sway  # noqa: E402
 from robotcast.rigs.ur5_robot.stream import RobotLog, WatchSettings, stream  # noqa: E402
 from robotcast.vision.track_session import track_session  # noqa: E402
 from tests.rigs.peer.controller import Settings  # noqa: E402
@@ -51,7 +52,7 @@ from tests.rigs.peer.lab import (  # noqa: E402
 from tests.rigs.peer.process import running_peer  # noqa: E402
 
 HOME = np.array(HOME_RAD)
-PATIENT = Settings(HOME_RAD, patience_s=10.0)
+PATIENT = Settings(HOME_RAD, patience_s=3.0)
 HASTY = replace(PATIENT, haste=3.0)
 ROBOT_FAULTS = (
     "protective stop",
@@ -100,9 +101,9 @@ def casts(count: int, seed: int) -> None:
         tracked = track_session(read_session(folder / "session"))
         write_measurement_set(tracked.measurement_set(), folder / "set")
         measured = read_measurement_set(folder / "set")
-    refused = Counter(reason.split(":")[1] for reason in collected.failed.values())
     print(f"casts: {collected.added} of {count} cast, {len(measured.trials)} in a valid set")
-    print(f"  not cast: {dict(refused)}, not tracked: {len(tracked.lost)}")
+    for number, reason in (collected.failed | dict(tracked.lost)).items():
+        print(f"  cast {number}: {reason}")
 
 
 def faults(times: int, seed: int) -> None:
@@ -187,55 +188,62 @@ def _digests(folder: Path) -> dict[str, str]:
 
 def actions(count: int, executed: int, seed: int) -> None:
     """Try random actions, a quarter of them malicious; execute some of those that pass."""
-    random, rig_limits = np.random.default_rng(seed), Counter()
-    with running_peer(PATIENT) as peer:
-        robot = Robot(peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=2.0))
+    random, seen = np.random.default_rng(seed), Counter[str]()
+    with running_peer(HASTY) as peer:
+        robot = Robot(peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=0.5))
         rig = ur5_rig(peer, scene())
+        watch = WatchSettings(stale_s=15.0)
         for number in range(count):
             malicious = number % 4 == 0
             name, live = ("malicious" if malicious else "ordinary"), HOME
+            action = draw_action(random)
             try:
                 if malicious:
-                    action, live = _malicious(random)
-                else:
-                    action = draw_action(random)
-                planned = plan_action(action, r0_m=R0_M, limits=LIMITS)
-                whole = rig.planned_motion(planned, live)
+                    action, live = _spoilt(action, random)
+                whole = rig.planned_motion(plan_action(action, r0_m=R0_M, limits=LIMITS), HOME)
+                refuse_unsafe(whole, live, rig.limits)
             except ValueError:
-                rig_limits[f"{name} refused"] += 1
+                seen[f"{name} refused"] += 1
                 continue
-            rig_limits[f"{name} allowed"] += 1
-            if rig_limits["executed"] < executed:
-                rig_limits["executed"] += 1
-                joints = np.concatenate([whole.reset.joints_rad, whole.cast.joints_rad])
-                back = np.linspace(0, 1, 250)[:, None]
-                blend = back**3 * (10 - 15 * back + 6 * back**2)
-                home = joints[-1] + blend * (HOME - joints[-1])
-                path = np.concatenate([joints, home])
-                motion = JointMotion(np.arange(len(path)) * robot.period_s, path)
+            seen[f"{name} allowed"] += 1
+            if malicious:
+                print(f"  allowed though malicious: {action}, arm at {live}")
+            if seen["executed"] < executed:
+                seen["executed"] += 1
+                motion = _and_back(whole, robot.period_s)
                 with robot.driving() as drive:
-                    watch = WatchSettings(stale_s=3.0)
                     stream(robot, drive, motion, RobotLog(), watch, GRIPPER, lambda: None)
         log = peer.log()
         robot.close()
     broken = broken_rules(log["t_s"], log["joints"], RESET_ENVELOPE) if executed else []
-    print(f"actions: {dict(rig_limits)}")
+    print(f"actions: {dict(seen)}")
     print(f"  envelope broken in the peer's log of {len(log['t_s'])} cycles: {len(broken)}")
     for rule in broken:
         print(f"    {rule}")
 
 
-def _malicious(random: np.random.Generator) -> tuple[Action, np.ndarray]:
-    numbers, live = draw_action(random).as_array(), HOME.copy()
+def _and_back(whole: WholeMotion, period_s: float) -> JointMotion:
+    """Return reset and cast, and a smooth way home in 2 s."""
+    joints = np.concatenate([whole.reset.joints_rad, whole.cast.joints_rad])
+    back = np.linspace(0, 1, 250)[:, None]
+    blend = back**3 * (10 - 15 * back + 6 * back**2)
+    path = np.concatenate([joints, joints[-1] + blend * (HOME - joints[-1])])
+    return JointMotion(np.arange(len(path)) * period_s, path)
+
+
+def _spoilt(action: Action, random: np.random.Generator) -> tuple[Action, np.ndarray]:
+    """Return an action that nobody may execute, or one for an arm that stands elsewhere."""
+    numbers, live = action.as_array(), HOME.copy()
+    place, sign = random.integers(6), random.choice([-1.0, 1.0])
     kind = random.integers(4)
     if kind == 0:
-        numbers[random.integers(6)] = np.nan
+        numbers[place] = np.nan
     elif kind == 1:
-        numbers[random.integers(6)] = random.choice([np.inf, -np.inf])
+        numbers[place] = sign * np.inf
     elif kind == 2:
-        numbers[random.integers(6)] *= random.choice([-20.0, 20.0])
+        numbers[place] = 20 * sign * max(abs(numbers[place]), 0.5)
     else:
-        live[random.integers(5)] += random.choice([-1, 1]) * random.uniform(0.2, 3.0)
+        live[place] += sign * random.uniform(0.05, 3.0)
     return Action.from_array(numbers), live
 
 
