@@ -97,7 +97,7 @@ def bar(title: str) -> Iterator[Callable[..., None]]:
     """Show a progress bar with a rate and what is left; yield its `progress(done, total, note)`."""
     with Progress(
         TextColumn("{task.description}"),
-        BarColumn(),
+        BarColumn(bar_width=20),
         MofNCompleteColumn(),
         _Rate(),
         TimeElapsedColumn(),
