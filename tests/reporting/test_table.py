@@ -9,7 +9,7 @@ from robotcast.reporting.table import Cell, Group, Row, Table, to_latex
 
 TABLE = Table(
     name="made_up",
-    caption="Errors in % of cable length for π_R2S2R on D_real ∪ D_sim.",
+    caption="Errors in % of cable length for π_R2S2R on D_real ∪ D_sim, 1\u202f200\u00a0casts.",
     label_columns=("Model",),
     groups=(Group("virtual rig", ("Median", "Q1")), Group("paper’s robot", ("Median", "Q1"))),
     rows=(
