@@ -33,7 +33,7 @@ def collect(config: DictConfig) -> None:
     else:
         chosen = _given(config, Path(config.collect.actions), folder)
     if config.rig.get("dry_run"):
-        from ur5_rig import show_dry_run
+        from dry_run import show_dry_run
 
         show_dry_run(config, rig, [action for _, action in chosen], folder)
         return

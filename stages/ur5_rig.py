@@ -1,21 +1,15 @@
-"""Making the UR5 rig, and drawing what it would do."""
+"""Making the UR5 rig."""
 
 import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-from grids import build_envelope, build_limits, build_reset, plain_config
+from grids import build_envelope, build_reset, plain_config
 from omegaconf import DictConfig
 from rigs import build_tracker, weighed_cable
 from stage import console
 
-from robotcast.casts.action import Action
-from robotcast.casts.plan import plan_action
-from robotcast.files import atomic_file
-from robotcast.reporting.figures.motion import motion_svg
 from robotcast.rigs.envelope import ToolBox
-from robotcast.rigs.rig import Rig
 from robotcast.rigs.ur5_robot.checks import SafetyLimits
 from robotcast.rigs.ur5_robot.connection import require_ur_rtde
 from robotcast.rigs.ur5_robot.drive import ServoSettings
@@ -52,26 +46,6 @@ def build_ur5_rig(config: DictConfig) -> Ur5Rig:
         confirm=_confirmed if rig["confirm"] == "yes" else _ask_operator,
         tell=lambda text: console.print(text, markup=False),
     )
-
-
-def show_dry_run(config: DictConfig, rig: Rig, actions: list[Action], folder: Path) -> None:
-    """Plot the whole motion of every action from home, or say why it is refused; move nothing."""
-    if not isinstance(rig, Ur5Rig):
-        raise ValueError("rig.dry_run=true is for rig=ur5")
-    home, drawn, refused = rig.home_rad(), 0, 0
-    for number, action in enumerate(actions):
-        try:
-            planned = plan_action(action, r0_m=rig.r0_m, limits=build_limits(config))
-            whole = rig.planned_motion(planned, home)
-        except ValueError as error:
-            refused += 1
-            console.print(f"action {number}: {error}", style="yellow", markup=False)
-            continue
-        path = folder / "dry_run" / f"action_{number:05d}.svg"
-        with atomic_file(path) as temporary:
-            temporary.write_bytes(motion_svg(whole, rig.gripper, rig.limits.cast))
-        drawn += 1
-    console.print(f"{folder / 'dry_run'}: {drawn} motions drawn, {refused} refused, nothing moved")
 
 
 def _ask_operator(text: str) -> bool:

@@ -15,8 +15,12 @@ ORDER = (
     *("train", "evaluate", "baseline", "report"),
 )
 
-# How a stage starts, shows its progress and puts a file in place changes no result.
-PLUMBING = ("stages/stage.py", "src/robotcast/files.py", "src/robotcast/progress.py")
+# How a stage starts, shows its progress and puts a file in place changes no result, nor does what
+# is drawn instead of cast.
+PLUMBING = (
+    *("stages/stage.py", "stages/dry_run.py"),
+    *("src/robotcast/files.py", "src/robotcast/progress.py"),
+)
 
 
 def stages() -> dict[str, dict[str, Any]]:
@@ -59,12 +63,13 @@ def configured(stage: dict[str, Any]) -> Iterator[Path]:
 
 def reached(stage: dict[str, Any], script: Path) -> set[str]:
     waiting, seen = [script, *configured(stage)], set[Path]()
+    plumbing = {ROOT / name for name in PLUMBING}
     while waiting:
         file = waiting.pop()
-        if file not in seen:
+        if file not in seen | plumbing:
             seen.add(file)
             waiting.extend(imports(file))
-    return {file.relative_to(ROOT).as_posix() for file in seen} - set(PLUMBING)
+    return {file.relative_to(ROOT).as_posix() for file in seen}
 
 
 def covers(deps: list[str], file: str) -> bool:
