@@ -44,24 +44,16 @@ from tests.rigs.peer.lab import (  # noqa: E402
     CAST_ENVELOPE,
     GRIPPER,
     HOME_RAD,
-    R0_M,
     RESET_ENVELOPE,
     scene,
     ur5_rig,
 )
-from tests.rigs.peer.process import running_peer  # noqa: E402
+from tests.rigs.peer.process import ROBOT_FAULTS, running_peer  # noqa: E402
+from tests.rigs.small_rig import R0_M  # noqa: E402
 
 HOME = np.array(HOME_RAD)
 PATIENT = Settings(HOME_RAD, patience_s=3.0)
 HASTY = replace(PATIENT, haste=3.0)
-ROBOT_FAULTS = (
-    "protective stop",
-    "emergency stop",
-    "connection cut",
-    "stale packets",
-    "packets missing",
-    "off its path",
-)
 SESSION_FAULTS = (*ROBOT_FAULTS, "camera gone", "cable crooked", "not confirmed")
 LIMITS = PlanLimits()
 CYCLE_S = 0.008

@@ -27,7 +27,7 @@ from robotcast.rigs.virtual.hidden.effect import (
     Rubbing,
     Seeing,
 )
-from tests.rigs.conftest import CABLE, TRUTH
+from tests.rigs.small_rig import CABLE, TRUTH
 from tests.rigs.test_hidden import laid
 
 CONFIGURATION = Path(__file__).resolve().parents[2] / "conf" / "effect"

@@ -6,26 +6,10 @@ import pytest
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_cast
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.ur5 import Gripper
-from robotcast.rigs.virtual.arm import ArmDynamics
 from robotcast.rigs.virtual.cable import CableTruth
 from robotcast.rigs.virtual.chance import CastNoise
-from robotcast.rigs.virtual.picture import PictureSettings
 from robotcast.rigs.virtual.rig import VirtualRig
-from robotcast.rigs.virtual.scatter import packaged_scatter
-from robotcast.vision.camera import Camera
-from robotcast.vision.facts import TrackerFacts
-from robotcast.vision.fiducials import FiducialBoard
-
-R0_M = 0.6
-CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
-TRUTH = CableTruth(
-    friction=0.35,
-    bending_stiffness_n_m2=4e-4,
-    bending_damping_s=0.12,
-    hysteresis_n_m=3e-5,
-    tightest_bend_m=0.014,
-    endpoint_radius_m=0.015,
-)
+from tests.rigs.small_rig import CABLE, R0_M, TRUTH, small_rig
 
 
 @pytest.fixture
@@ -46,40 +30,14 @@ def short_cast() -> PlannedCast:
 @pytest.fixture
 def rig() -> VirtualRig:
     """A virtual rig with a small picture."""
-    fiducials = FiducialBoard.along_edges(1.55, 2.45, side_m=0.08, margin_m=0.07, spacing_m=0.35)
-    picture = PictureSettings(
-        fiducials=fiducials,
-        board_length_m=1.55,
-        board_width_m=2.45,
+    return small_rig(
+        320,
+        180,
         fps=60.0,
-        exposure_s=0.004,
+        marker_m=0.08,
         noise_grey=2.5,
-        vignetting=0.12,
-        board_bgr=(150.0, 85.0, 35.0),
-        endpoint_bgr=(150.0, 30.0, 240.0),
-        cable_bgr=(205.0, 210.0, 215.0),
-    )
-    tracker = TrackerFacts(
-        period_s=0.1,
-        exposure_s=picture.exposure_s,
-        focal_widths=0.7,
-        endpoint_radius_m=TRUTH.endpoint_radius_m,
-        endpoint_height_m=CABLE.radius_m,
-        endpoint_bgr=picture.endpoint_bgr,
-        board_bgr=picture.board_bgr,
-        fiducials=fiducials,
-    )
-    return VirtualRig(
-        cable=CABLE,
         truth=TRUTH,
-        r0_m=R0_M,
-        arm=ArmDynamics(),
-        noise=CastNoise(),
-        scatter=packaged_scatter("cable1"),
         gripper=Gripper(held_height_m=CABLE.radius_m),
-        camera=Camera.overhead(320, 180, focal_widths=0.7, position_m=(0.8, 0.0, 2.2)),
-        picture=picture,
-        tracker=tracker,
     )
 
 

@@ -10,7 +10,8 @@ from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.rigs.ur5 import GRIPPER, joints_pointing_down
 from robotcast.rigs.ur5_robot.checks import refuse_motion, refuse_unsafe
 from robotcast.rigs.ur5_robot.motion import JointMotion, WholeMotion, held_pose, plan_whole
-from tests.rigs.peer.lab import CABLE, HOME_RAD, LIMITS, QUICK_RESET, R0_M, small_cast
+from tests.rigs.peer.lab import HOME_RAD, LIMITS, QUICK_RESET, small_cast
+from tests.rigs.small_rig import CABLE, R0_M
 
 HOME = np.array(HOME_RAD)
 

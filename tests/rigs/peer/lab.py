@@ -7,7 +7,6 @@ import numpy as np
 
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_cast
 from robotcast.casts.reset import ResetSettings
-from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.envelope import Envelope, ToolBox
 from robotcast.rigs.ur5 import GRIPPER, joints_pointing_down
 from robotcast.rigs.ur5_robot.checks import SafetyLimits
@@ -15,20 +14,11 @@ from robotcast.rigs.ur5_robot.drive import ServoSettings
 from robotcast.rigs.ur5_robot.rig import RunSettings, Ur5Rig
 from robotcast.rigs.ur5_robot.stream import WatchSettings
 from robotcast.rigs.ur5_robot.webcam import WebcamSettings
-from robotcast.rigs.virtual.arm import ArmDynamics
-from robotcast.rigs.virtual.cable import CableTruth
-from robotcast.rigs.virtual.chance import CastNoise
-from robotcast.rigs.virtual.picture import PictureSettings
 from robotcast.rigs.virtual.rig import VirtualRig
-from robotcast.rigs.virtual.scatter import packaged_scatter
-from robotcast.vision.camera import Camera
-from robotcast.vision.facts import TrackerFacts
-from robotcast.vision.fiducials import FiducialBoard
 from tests.rigs.peer.process import Peer
+from tests.rigs.small_rig import CABLE, R0_M, TRUTH, small_rig
 
-R0_M = 0.6
-CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
-TRUTH = CableTruth(0.35, 4e-4, 0.12, 3e-5, 0.014, 0.015, segments=15, step_s=0.002)
+LIGHT = replace(TRUTH, segments=15, step_s=0.002)  # to simulate
 HOME_RAD = tuple(joints_pointing_down(np.array([R0_M, 0.0, 0.0])))
 WIDTH, HEIGHT = 480, 270
 QUICK_RESET = ResetSettings(
@@ -58,40 +48,8 @@ def small_cast() -> PlannedCast:
 
 def scene(width: int = WIDTH, height: int = HEIGHT, fps: float = 30.0) -> VirtualRig:
     """What the peer's camera films: the virtual rig's board, cable and lens."""
-    fiducials = FiducialBoard.along_edges(1.55, 2.45, side_m=0.1, margin_m=0.07, spacing_m=0.35)
-    picture = PictureSettings(
-        fiducials=fiducials,
-        board_length_m=1.55,
-        board_width_m=2.45,
-        fps=fps,
-        exposure_s=0.004,
-        noise_grey=1.0,
-        vignetting=0.1,
-        board_bgr=(150.0, 85.0, 35.0),
-        endpoint_bgr=(150.0, 30.0, 240.0),
-        cable_bgr=(205.0, 210.0, 215.0),
-    )
-    tracker = TrackerFacts(
-        period_s=0.1,
-        exposure_s=picture.exposure_s,
-        focal_widths=0.7,
-        endpoint_radius_m=TRUTH.endpoint_radius_m,
-        endpoint_height_m=CABLE.radius_m,
-        endpoint_bgr=picture.endpoint_bgr,
-        board_bgr=picture.board_bgr,
-        fiducials=fiducials,
-    )
-    return VirtualRig(
-        cable=CABLE,
-        truth=TRUTH,
-        r0_m=R0_M,
-        arm=ArmDynamics(),
-        noise=CastNoise(),
-        scatter=packaged_scatter("cable1"),
-        gripper=GRIPPER,
-        camera=Camera.overhead(width, height, focal_widths=0.7, position_m=(0.8, 0.0, 2.2)),
-        picture=picture,
-        tracker=tracker,
+    return small_rig(
+        width, height, fps=fps, marker_m=0.1, noise_grey=1.0, truth=LIGHT, gripper=GRIPPER
     )
 
 

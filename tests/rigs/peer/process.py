@@ -16,6 +16,14 @@ if TYPE_CHECKING:
     from tests.rigs.peer.film import FilmSettings
 
 FIRST_HOST, HOSTS = 2, 200
+ROBOT_FAULTS = (
+    "protective stop",
+    "emergency stop",
+    "connection cut",
+    "stale packets",
+    "packets missing",
+    "off its path",
+)
 
 
 class Peer:
@@ -31,7 +39,7 @@ class Peer:
         self.host, self.camera, self._orders = host, camera, orders
 
     def break_now(self, kind: str) -> None:
-        """Have a fault: protective stop, emergency stop, connection cut, stale packets, …"""
+        """Have one of ROBOT_FAULTS, "camera gone" or "cable crooked"."""
         self._order("break", kind)
 
     def break_in(self, kind: str, delay_s: float) -> None:
