@@ -16,7 +16,7 @@ from robotcast.casts.action_file import read_actions
 from robotcast.casts.grid import are_feasible
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
-from robotcast.policies.choice import choose_actions
+from robotcast.policies.choice import choose_actions, with_spread
 from robotcast.policies.evaluation import Subject, predicted_table
 from robotcast.policies.forward_model import ForwardModel
 from robotcast.policies.refinement import Neighbourhood, refine_choices
@@ -36,7 +36,8 @@ def _executed(config: DictConfig, model: ForwardModel) -> pl.DataFrame:
     feasible = partial(are_feasible, r0_m=rig.r0_m, limits=limits, envelope=envelope)
     choices = choose_actions(model, _candidates(config), spread_over_board(config))
     about = Neighbourhood.of(build_grid(config, "candidates"), rig.r0_m, limits)
-    return cast_on_rig(config, rig, refine_choices(model, choices, about, feasible))
+    refined = refine_choices(model, choices, about, feasible)
+    return cast_on_rig(config, rig, with_spread(model, refined))
 
 
 def _candidates(config: DictConfig) -> np.ndarray:

@@ -39,6 +39,10 @@ class World:
         """Answer as a forward model that is never wrong."""
         return self.endpoints(actions)
 
+    def spread(self, actions: np.ndarray) -> np.ndarray:
+        """Be surer of quick casts."""
+        return np.stack([0.02 / actions[:, 5], 0.01 / actions[:, 5]], axis=1)
+
     def slopes(self, actions: np.ndarray) -> np.ndarray:
         """Differentiate the endpoints by differences, (n, 2, 6)."""
         steps = 1e-6 * np.eye(6)

@@ -3,7 +3,7 @@ import pytest
 
 from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.measurements.measurement_set import Cable
-from robotcast.policies.choice import choose_actions
+from robotcast.policies.choice import choose_actions, with_spread
 from robotcast.policies.evaluation import Executed, Subject, executed_table, predicted_table
 
 CABLE = Cable("made up", 0.6, 0.03, 0.01, 0.02)
@@ -11,7 +11,7 @@ TARGETS = np.array([[0.8, -0.5], [1.0, -0.3]])
 COLUMNS = [
     *("kind", "rig", "cable", "policy", "dataset", "target", "target_x", "target_y", "repeat"),
     *ACTION_COLUMNS,
-    *("predicted_x", "predicted_y", "x", "y", "error_m", "error_percent"),
+    *("predicted_x", "predicted_y", "spread_x", "spread_y", "x", "y", "error_m", "error_percent"),
 ]
 
 
@@ -21,6 +21,7 @@ def executed_rows(world):
     ends = np.stack([TARGETS + np.array([0.03, 0.04]), TARGETS - np.array([0.06, 0.0])], axis=1)
     ends[1, 0] = np.nan
     executed = Executed(ends, {(1, 0): "hidden"})
+    choices = with_spread(world, choices)
     return executed_table(Subject("virtual", CABLE, "nn", "mixed"), choices, executed)
 
 
@@ -48,3 +49,11 @@ def test_recorded_casts_judge_the_forward_model_only(world) -> None:
     assert rows.columns == COLUMNS
     assert set(rows["kind"]) == {"predicted"}
     assert rows["error_m"].to_numpy() == pytest.approx(np.zeros(8), abs=1e-9)
+
+
+def test_a_choice_and_its_mirror_image_are_as_sure(world) -> None:
+    targets = np.array([[0.8, -0.5], [0.8, 0.5]])
+    right, left = with_spread(world, choose_actions(world, world.actions(300), targets))
+    assert right.action == left.action.mirrored()
+    assert right.spread_m == pytest.approx(left.spread_m)
+    assert right.spread_m == pytest.approx(np.array([0.02, 0.01]) / right.action.vmax_m_s)

@@ -177,6 +177,8 @@ def _write_evaluation(
                     **action,
                     "predicted_x": target[0],
                     "predicted_y": target[1],
+                    "spread_x": 0.03,
+                    "spread_y": 0.02,
                     "x": end[0],
                     "y": end[1],
                     "error_m": error_m,

@@ -92,3 +92,10 @@ def test_parts_tell_repeatability_from_the_models_share(results) -> None:
     assert row["Root mean square: Share"] == pytest.approx(share, abs=2)
     far = row_of(table, "Cable 1", "π_RD", "D_real")["Root mean square: Model"]
     assert float(far.rstrip("%")) > model
+    assert row["Model’s spread: Expected"] == pytest.approx(
+        100 * np.hypot(0.03, 0.02) / results.cable("cable1").measured.cable.length_m, abs=0.1
+    )
+    casts = results.evaluation("cable1", "nn", "mixed").casts
+    away_x, away_y = casts["x"] - casts["predicted_x"], casts["y"] - casts["predicted_y"]
+    inside = (away_x / 0.03) ** 2 + (away_y / 0.02) ** 2 < 5.991
+    assert row["Model’s spread: Covered"] == pytest.approx(100 * inside.mean(), abs=0.1)

@@ -1,11 +1,12 @@
 """The policy: from a target to the action whose predicted endpoint is nearest to it."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from robotcast.casts.action import Action
-from robotcast.policies.forward_model import Predictor
+from robotcast.policies.forward_model import Predictor, UncertainPredictor
 
 OUT_OF_REACH_M = 0.03  # predicted miss from which on a target is said to be out of reach
 
@@ -18,11 +19,14 @@ class Choice:
     ----------
     target_m, predicted_m : ndarray of shape (2,), the wanted and the predicted endpoint. For a
         target out of reach the latter is the nearest point that the policy can reach.
+    spread_m : ndarray of shape (2,), standard deviations that the model expects of a cast's
+        endpoint about the predicted one; NaN of a policy that says nothing of it.
     """
 
     target_m: np.ndarray
     action: Action
     predicted_m: np.ndarray
+    spread_m: np.ndarray = field(default_factory=lambda: np.full(2, np.nan))
 
     @property
     def miss_m(self) -> float:
@@ -67,6 +71,15 @@ def choose_actions(model: Predictor, candidates: np.ndarray, targets_m: np.ndarr
         chosen = action.mirrored() if flip[1] < 0 else action
         choices.append(Choice(target, chosen, predicted[row] * flip))
     return choices
+
+
+def with_spread(model: UncertainPredictor, choices: Sequence[Choice]) -> list[Choice]:
+    """Say of every choice how sure the model is of its endpoint; mirror images are as sure."""
+    if not choices:
+        return []
+    actions = [c.action if c.action.theta1_rad > 0 else c.action.mirrored() for c in choices]
+    spreads = model.spread(np.stack([action.as_array() for action in actions]))
+    return [replace(c, spread_m=spread) for c, spread in zip(choices, spreads, strict=True)]
 
 
 def rest_side(endpoints_m: np.ndarray) -> float:

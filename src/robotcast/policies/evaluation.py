@@ -14,7 +14,7 @@ from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.policies.choice import Choice
-from robotcast.policies.forward_model import Predictor
+from robotcast.policies.forward_model import UncertainPredictor
 from robotcast.progress import Progress, silent
 from robotcast.rigs.collect import Plan, collect_casts
 from robotcast.rigs.rig import Rig
@@ -119,7 +119,8 @@ def _tracked_rest(request: CastRequest, session: Session) -> np.ndarray | str:
 def executed_table(subject: Subject, choices: Sequence[Choice], executed: Executed) -> pl.DataFrame:
     """Return evaluation.csv for executed casts; a lost cast has no endpoint and no error.
 
-    `predicted_x`, `predicted_y` of a target out of reach are the nearest point within reach.
+    `predicted_x`, `predicted_y` of a target out of reach are the nearest point within reach;
+    `spread_x`, `spread_y` are the standard deviations that the model expects about it [m].
     """
     rows = []
     for target, (choice, ends) in enumerate(zip(choices, executed.ends_m, strict=True)):
@@ -131,7 +132,7 @@ def executed_table(subject: Subject, choices: Sequence[Choice], executed: Execut
                     ("executed", target, repeat),
                     choice.target_m,
                     action,
-                    choice.predicted_m,
+                    (choice.predicted_m, choice.spread_m),
                     end,
                     end - choice.target_m,
                 )
@@ -139,7 +140,9 @@ def executed_table(subject: Subject, choices: Sequence[Choice], executed: Execut
     return pl.DataFrame(rows).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
-def predicted_table(subject: Subject, model: Predictor, held_out: MeasurementSet) -> pl.DataFrame:
+def predicted_table(
+    subject: Subject, model: UncertainPredictor, held_out: MeasurementSet
+) -> pl.DataFrame:
     """Return evaluation.csv for recorded casts, which cannot be executed again.
 
     Each held-out cast stands for a target: where it ended. The error is how far the forward
@@ -147,12 +150,11 @@ def predicted_table(subject: Subject, model: Predictor, held_out: MeasurementSet
     """
     actions = np.stack([t.action.as_array() for t in held_out.trials])
     rows = []
-    for trial, action, predicted in zip(
-        held_out.trials, actions, model.predict(actions), strict=True
-    ):
+    said = zip(model.predict(actions), model.spread(actions), strict=True)
+    for trial, action, (predicted, spread) in zip(held_out.trials, actions, said, strict=True):
         end = trial.endpoint_m
         place = ("predicted", trial.trial, 0)
-        rows.append(_row(subject, place, end, action, predicted, end, predicted - end))
+        rows.append(_row(subject, place, end, action, (predicted, spread), end, predicted - end))
     return pl.DataFrame(rows)
 
 
@@ -161,11 +163,12 @@ def _row(
     place: tuple[str, int, int],
     target: np.ndarray,
     action: np.ndarray,
-    predicted: np.ndarray,
+    said: tuple[np.ndarray, np.ndarray],
     end: np.ndarray,
     away: np.ndarray,
 ) -> dict[str, Any]:
     kind, number, repeat = place
+    predicted, spread = said
     error_m = float(np.linalg.norm(away))
     return {
         "kind": kind,
@@ -180,6 +183,8 @@ def _row(
         **dict(zip(ACTION_COLUMNS, action.tolist(), strict=True)),
         "predicted_x": float(predicted[0]),
         "predicted_y": float(predicted[1]),
+        "spread_x": float(spread[0]),
+        "spread_y": float(spread[1]),
         "x": float(end[0]),
         "y": float(end[1]),
         "error_m": error_m,

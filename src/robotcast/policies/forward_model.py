@@ -36,8 +36,16 @@ class SmoothPredictor(Predictor, Protocol):
         ...
 
 
-class ForwardModel(SmoothPredictor, Protocol):
-    """A predictor that says how sure it is, and can be kept."""
+class UncertainPredictor(Predictor, Protocol):
+    """A predictor that says how sure it is."""
+
+    def spread(self, actions: np.ndarray) -> np.ndarray:
+        """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
+        ...
+
+
+class ForwardModel(SmoothPredictor, UncertainPredictor, Protocol):
+    """A predictor that was learned, and can be kept."""
 
     @property
     def facts(self) -> Mapping[str, object]:
@@ -47,10 +55,6 @@ class ForwardModel(SmoothPredictor, Protocol):
     @property
     def history(self) -> tuple[Epoch, ...]:
         """One entry a pass over the training examples."""
-        ...
-
-    def spread(self, actions: np.ndarray) -> np.ndarray:
-        """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
         ...
 
     def save(self, folder: Path) -> None:

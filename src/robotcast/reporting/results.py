@@ -99,6 +99,32 @@ class Evaluation:
         return error_parts([xy for xy, _ in found], [t for _, t in found])
 
     @property
+    def expected_percent(self) -> float | None:
+        """Median root mean square distance from its prediction that the model expects of a cast."""
+        if self._spread_m is None:
+            return None
+        return float(np.median(np.linalg.norm(self._spread_m, axis=1))) * self._per_metre
+
+    @property
+    def within_expected(self) -> float | None:
+        """Share of the casts that came to rest in the ellipse where the model expects 95 %."""
+        if self._spread_m is None:
+            return None
+        away = (
+            self.casts.select("x", "y").to_numpy()
+            - self.casts.select("predicted_x", "predicted_y").to_numpy()
+        )
+        return float((np.square(away / self._spread_m).sum(axis=1) <= _WITHIN_95).mean())
+
+    @property
+    def _spread_m(self) -> np.ndarray | None:
+        """Standard deviations (n, 2) that the model expects; None where it says nothing."""
+        columns = ("spread_x", "spread_y")
+        if self.casts.is_empty() or self.casts[columns[0]].is_null().any():
+            return None
+        return self.casts.select(columns).to_numpy()
+
+    @property
     def median_interval(self) -> tuple[float, float] | None:
         """The 95 % interval of the median error, in % of cable length; None without casts."""
         if self.casts.is_empty():
@@ -185,6 +211,7 @@ def read_results(data: Path) -> Results:
     )
 
 
+_WITHIN_95 = -2 * np.log(0.05)  # of the squared distance in standard deviations, in the plane
 _ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
 
 

@@ -135,7 +135,7 @@ def cables_table(results: Results) -> Table:
 
 
 def parts_table(results: Results) -> Table:
-    """What every policy's error is made of, and how sure its median is."""
+    """What every policy's error is made of, how sure its median is, what its model expects."""
     shown = [e for e in _ordered(results) if len(e.errors_percent)]
     rows = []
     for evaluation in shown:
@@ -149,6 +149,8 @@ def parts_table(results: Results) -> Table:
             parts.repeatability if parts else None,
             parts.model if parts else None,
             100 * parts.repeatability_share if parts else None,
+            evaluation.expected_percent,
+            _hundred(evaluation.within_expected),
         )
         labels = (
             cable_name(evaluation.cable),
@@ -163,17 +165,24 @@ def parts_table(results: Results) -> Table:
             "the median is a bootstrap over targets; the scatter is the median distance of "
             "repeats from their mean. Root mean squares: repeatability (aleatoric) is the scatter "
             "of repeats, model (epistemic) the distance of their mean from the target; the share "
-            "is repeatability’s part of the mean square error. In % of cable length but the share."
+            "is repeatability’s part of the mean square error. Expected is how far from its "
+            "prediction the model expects a cast to end (root mean square), covered the share of "
+            "casts that ended where it expects 95 %. In % of cable length but the shares."
         ),
         label_columns=("Cable", "Model", "Dataset"),
         groups=(
             Group("Median", ("Median", "from", "to")),
             Group("Repeats", ("Scatter",)),
             Group("Root mean square", ("Repeatability", "Model", "Share")),
+            Group("Model’s spread", ("Expected", "Covered")),
         ),
         rows=tuple(rows),
         reference=3,
     )
+
+
+def _hundred(share: float | None) -> float | None:
+    return None if share is None else 100 * share
 
 
 def _ordered(results: Results) -> list[Evaluation]:

@@ -1,0 +1,81 @@
+"""The pipeline's stages on the loopback UR5: from 30 casts to a policy that casts on it.
+
+    python benchmarks/ur5_stages.py
+
+Runs the very commands of the README, collect to evaluate, with rig=ur5: the genuine ur_rtde client
+against tests/rigs/peer, whose camera films the virtual rig's board and cable of the configuration.
+"""
+
+import argparse
+import importlib
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from hydra import compose, initialize_config_dir
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "stages")]
+
+from tests.rigs.peer.controller import Settings  # noqa: E402
+from tests.rigs.peer.film import FilmSettings  # noqa: E402
+from tests.rigs.peer.lab import HOME_RAD  # noqa: E402
+from tests.rigs.peer.process import running_peer  # noqa: E402
+
+SIZE = ("scale.camera.width=960", "scale.camera.height=540", "camera.picture.fps=30")
+# A busy machine shall not stop the arm: the peer waits for the next target, and so does the watch.
+CONTROLLER = Settings(HOME_RAD, patience_s=3.0, haste=3.0)
+PATIENT = ("rig.watch.stale_s=8",)
+STAGES = ("collect", "track", "tune", "generate", "candidates", "train", "evaluate")
+CASTING = ("collect", "evaluate")
+FOLDERS = (
+    *("sessions", "measurements", "tuned", "simulated"),
+    *("policy", "evaluation", "evaluation_sessions"),
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--casts", type=int, default=24)
+    parser.add_argument("--repeats", type=int, default=6)
+    parser.add_argument("--targets", type=int, default=4)
+    asked = parser.parse_args()
+    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
+        filmed = importlib.import_module("rigs").build_virtual_rig(compose("config", list(SIZE)))
+    with (
+        running_peer(CONTROLLER, FilmSettings(filmed)) as peer,
+        tempfile.TemporaryDirectory() as tmp,
+    ):
+        robot = (
+            *(f"rig.host={peer.host}", f"rig.camera={peer.camera}", "rig.confirm=yes"),
+            *("rig.width=960", "rig.height=540", "rig.fps=30", *PATIENT),
+        )
+        common = (
+            "rig=ur5",
+            "session=loopback",
+            *SIZE,
+            *(f"paths.{name}={tmp}/{name}" for name in FOLDERS),
+            f"paths.candidates={tmp}/candidates.csv",
+            f"scale.collect.casts={asked.casts}",
+            f"scale.collect.repeats={asked.repeats}",
+            f"scale.tune.tune_casts={asked.casts // 2}",
+            f"scale.tune.test_casts={asked.casts // 3}",
+            f"scale.evaluate.targets={asked.targets}",
+            "scale.evaluate.repeats=1",
+        )
+        for name in STAGES:
+            command = [sys.executable, str(ROOT / "stages" / f"{name}.py"), *common]
+            command += robot if name in CASTING else ()
+            begun = time.monotonic()
+            done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+            last = [line for line in (done.stdout + done.stderr).splitlines() if line.strip()][-3:]
+            print(f"{name}: exit {done.returncode} in {time.monotonic() - begun:.0f} s", flush=True)
+            print("".join(f"  {line}\n" for line in last), flush=True)
+            if done.returncode:
+                raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main()
