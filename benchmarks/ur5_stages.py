@@ -41,13 +41,15 @@ def main() -> None:
     parser.add_argument("--casts", type=int, default=24)
     parser.add_argument("--repeats", type=int, default=6)
     parser.add_argument("--targets", type=int, default=4)
+    parser.add_argument("--folder", help="to keep what the stages write; they go on from there")
     asked = parser.parse_args()
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
         filmed = importlib.import_module("rigs").build_virtual_rig(compose("config", list(SIZE)))
     with (
         running_peer(CONTROLLER, FilmSettings(filmed)) as peer,
-        tempfile.TemporaryDirectory() as tmp,
+        tempfile.TemporaryDirectory() as passing,
     ):
+        folder = asked.folder or passing
         robot = (
             *(f"rig.host={peer.host}", f"rig.camera={peer.camera}", "rig.confirm=yes"),
             *("rig.width=960", "rig.height=540", "rig.fps=30", *PATIENT),
@@ -56,8 +58,8 @@ def main() -> None:
             "rig=ur5",
             "session=loopback",
             *SIZE,
-            *(f"paths.{name}={tmp}/{name}" for name in FOLDERS),
-            f"paths.candidates={tmp}/candidates.csv",
+            *(f"paths.{name}={folder}/{name}" for name in FOLDERS),
+            f"paths.candidates={folder}/candidates.csv",
             f"scale.collect.casts={asked.casts}",
             f"scale.collect.repeats={asked.repeats}",
             f"scale.tune.tune_casts={asked.casts // 2}",

@@ -1,6 +1,10 @@
-"""Generate D_sim for one cable with its tuned simulator, whole or one shard of it."""
+"""Generate D_sim for one cable with its tuned simulator, whole or one shard of it.
+
+The tool moves as the arm followed its plans in the casts that the simulator was tuned to.
+"""
 
 import hashlib
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -11,7 +15,11 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from stage import bar, console, output_folder, stage
 
-from robotcast.casts.plan import plan_actions
+from robotcast.casts.following import Following, fit_following
+from robotcast.casts.limits import PlanLimits
+from robotcast.casts.plan import plan_action, plan_actions
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.split import split_by_action
 from robotcast.simulators.generation import generate_casts
 from robotcast.simulators.shards import Shard, write_d_sim
 from robotcast.tuning.tuned import read_effects, read_values, vector_of
@@ -25,11 +33,13 @@ def generate(config: DictConfig) -> None:
     vector = vector_of(simulator.parameters, values)
     with bar("grid of actions") as progress:
         actions = feasible_grid(config, progress, grid="generated")
+    following = _following(config, build_limits(config))
     facts = {
         "cable": cable.name,
         "simulator": config.simulator.name,
         "optimizer": config.optimizer.name,
         "effects": [effect.name for effect in effects],
+        "arm": _facts_of(following),
     }
     if shard is None:
         folder, title = output_folder(config.paths.simulated), config.cable.name
@@ -44,11 +54,41 @@ def generate(config: DictConfig) -> None:
             actions,
             partial(plan_actions, r0_m=config.casts.r0_m, limits=build_limits(config)),
             settle_s=config.simulator.settle_s,
+            follow=following.motion,
             progress=progress,
         )
     write_d_sim(folder, generated, facts)
     lost = int(generated.diverged.sum())
     console.print(f"{folder}: {len(actions) - lost} casts, {lost} diverged and were left out")
+
+
+def _following(config: DictConfig, limits: PlanLimits) -> Following:
+    """Return how the arm followed its plans in the casts to tune to."""
+    measured = read_measurement_set(Path(config.paths.measurements))
+    sizes = config.scale.tune
+    tuning, _ = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
+    pairs = []
+    for trial in tuning.trials:
+        with suppress(ValueError):  # recorded elsewhere: no action of this rig
+            planned = plan_action(trial.action, r0_m=config.casts.r0_m, limits=limits)
+            pairs.append((planned.tool, trial.tool))
+    following = fit_following(pairs, limits.period_s)
+    console.print(
+        f"the arm follows its plans {1e3 * following.lag_s:.0f} ms late; with that, logged tools "
+        f"lie {1e3 * following.followed_rms_m:.1f} mm from what is simulated "
+        f"(from the plans {1e3 * following.told_rms_m:.1f} mm)"
+    )
+    return following
+
+
+def _facts_of(following: Following) -> dict[str, object]:
+    return {
+        "lag_s": round(following.lag_s, 5),
+        "told_rms_m": round(following.told_rms_m, 6),
+        "followed_rms_m": round(following.followed_rms_m, 6),
+        "period_s": following.period_s,
+        "weights": following.weights.tolist(),
+    }
 
 
 def _shard(config: DictConfig) -> Shard | None:

@@ -3,15 +3,22 @@
 import os
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
+from robotcast.casts.plan import PlanLimits, plan_cast
+from robotcast.casts.tool_motion import ToolMotion
+from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
+from robotcast.measurements.writer import write_measurement_set
 from robotcast.simulators.generation import Generated
 from robotcast.simulators.shards import Shard, merge_shards, write_d_sim
 
+CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
+LATE_S = 0.024
 ROOT = Path(__file__).resolve().parents[2]
 FACTS = {"simulator": "segmented", "optimizer": "de", "effects": []}
 
@@ -73,13 +80,12 @@ def test_a_sweep_over_shards_gives_the_bytes_of_one_run(tmp_path: Path) -> None:
         "joint_friction_n_m": 1e-5, "bending_stiffness_n_m2": 6e-4, "bending_damping_s": 0.1,
         "grip_stiffness": 1.0, "axial_stiffness_n": 300.0,
     }  # fmt: skip
-    cable = {
-        "name": "cable1", "length_m": 0.63, "mass_kg": 0.008, "radius_m": 0.0045,
-        "endpoint_mass_kg": 0.02,
-    }  # fmt: skip
-    known = {"cable": cable, "parameters": {n: {"value": v} for n, v in names.items()}}
+    known = {"cable": asdict(CABLE), "parameters": {n: {"value": v} for n, v in names.items()}}
     (tuned / "tuned.yaml").write_text(yaml.safe_dump(known))
+    write_measurement_set(measured_late(), tmp_path / "measured")
     common = [f"paths.tuned={tuned}", f"paths.shards={tmp_path / 'shards'}"]
+    common += [f"paths.measurements={tmp_path / 'measured'}"]
+    common += ["scale.tune.tune_casts=2", "scale.tune.test_casts=1"]
     common += ["scale.generate.grid={theta1: 3, theta2: 3, r2: 2, alpha: 2, vmax: 1}"]
     shards = ["generate.shards=3", "hydra/launcher=joblib", f"hydra.sweep.dir={tmp_path / 'jobs'}"]
     run("generate", *common, f"paths.simulated={tmp_path / 'whole'}")
@@ -87,6 +93,20 @@ def test_a_sweep_over_shards_gives_the_bytes_of_one_run(tmp_path: Path) -> None:
     run("merge_shards", *common, "generate.shards=3", f"paths.simulated={tmp_path / 'merged'}")
     for name in ("casts.parquet", "generation.yaml"):
         assert (tmp_path / "merged" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    facts = yaml.safe_load((tmp_path / "merged" / "generation.yaml").read_text())
+    assert facts["arm"]["lag_s"] == pytest.approx(LATE_S, abs=1e-3)
+
+
+def measured_late() -> MeasurementSet:
+    """Casts of an arm that does what it is told `LATE_S` later."""
+    trials = []
+    for number, theta1 in enumerate((0.4, 0.6, 0.8)):
+        planned = plan_cast(theta1, -0.4, 0.7, 0.5, 1.5, r0_m=0.6, limits=PlanLimits())
+        t_s = np.arange(0.0, planned.end_s + 0.3, 0.008)
+        made = ToolMotion(t_s, planned.tool.at(t_s - LATE_S))
+        waypoints = np.array([0.1]), np.array([[1.2, 0.0]])
+        trials.append(Trial(number, number, planned.action, made, *waypoints))
+    return MeasurementSet(CABLE, 0.6, 0.1, None, tuple(trials))
 
 
 def run(script: str, *arguments: str) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotcast.casts.plan import PlannedCast
+from robotcast.casts.tool_motion import ToolMotion
 from robotcast.progress import Progress, silent
 from robotcast.simulators.simulator import SimulatedCast, Simulator
 
@@ -28,6 +29,10 @@ class Generated:
     diverged: np.ndarray
 
 
+def _exactly(told: ToolMotion) -> ToolMotion:
+    return told
+
+
 def generate_casts(
     simulator: Simulator,
     vector: np.ndarray,
@@ -35,6 +40,7 @@ def generate_casts(
     plan: Callable[[np.ndarray], Sequence[PlannedCast]],
     *,
     settle_s: float,
+    follow: Callable[[ToolMotion], ToolMotion] = _exactly,
     progress: Progress = silent,
 ) -> Generated:
     """Simulate the planned casts of `actions` (n, 6) under one parameter vector.
@@ -42,15 +48,16 @@ def generate_casts(
     Parameters
     ----------
     plan : actions (m, 6) → their planned casts.
-    settle_s : how long after the tool stops the endpoint is read at the latest; a cable that
-        rests earlier is not simulated further.
+    settle_s : how long after the tool should stop the endpoint is read at the latest; a cable
+        that rests earlier is not simulated further.
+    follow : the motion that an arm is told → the one it makes (`Following.motion`).
     """
     endpoints_m = np.empty((len(actions), 2))
     diverged = np.empty(len(actions), dtype=bool)
     for first in range(0, len(actions), ACTIONS_AT_ONCE):
         part = slice(first, first + ACTIONS_AT_ONCE)
         casts = [
-            SimulatedCast(planned.tool, np.array([planned.end_s + settle_s]))
+            SimulatedCast(follow(planned.tool), np.array([planned.end_s + settle_s]))
             for planned in plan(actions[part])
         ]
         prediction = simulator.simulate(

@@ -1,0 +1,63 @@
+"""An arm's following is learned from its logs, whatever linear thing the arm is."""
+
+import numpy as np
+import pytest
+from scipy.signal import lti
+
+from robotcast.casts.following import fit_following
+from robotcast.casts.plan import PlanLimits, plan_cast
+from robotcast.casts.tool_motion import ToolMotion
+
+R0_M, PERIOD_S = 0.6, 0.008
+ARCS = [(0.4, -0.3, 0.7, 0.6, 1.5), (0.7, -0.5, 0.6, 1.2, 2.0), (0.9, -0.8, 0.75, 0.0, 1.2)]
+FURTHER = (0.6, -0.6, 0.65, 0.9, 1.8)
+
+
+def told(theta1: float, theta2: float, r2: float, alpha: float, vmax: float) -> ToolMotion:
+    return plan_cast(theta1, theta2, r2, alpha, vmax, r0_m=R0_M, limits=PlanLimits()).tool
+
+
+def passed_through(system: lti, motion: ToolMotion, delay_s: float) -> ToolMotion:
+    """Return the answer of a linear arm, simulated finely, at the times of a log."""
+    fine_s = np.arange(0, motion.t_s[-1] + 0.3, 0.0005)
+    asked = motion.at(fine_s - delay_s) - motion.pose[0]
+    answered = np.stack([system.output(column, fine_s)[1] for column in asked.T], axis=1)
+    made = ToolMotion(fine_s, motion.pose[0] + answered)
+    t_s = np.arange(0, fine_s[-1], PERIOD_S)
+    return ToolMotion(t_s, made.at(t_s))
+
+
+@pytest.mark.parametrize(
+    ("system", "delay_s", "lag_s"),
+    [
+        (lti([1], [0.03, 1]), 0.0, 0.03),
+        (lti([0.98], [1 / 60**2, 2 * 0.7 / 60, 1]), 0.012, 0.012 + 1.4 / 60),
+    ],
+    ids=["first order", "second order, late, short"],
+)
+def test_an_arm_is_followed_in_a_cast_that_it_never_made(system, delay_s, lag_s):
+    motions = [told(*arcs) for arcs in ARCS]
+    made = [passed_through(system, m, delay_s) for m in motions]
+    following = fit_following(list(zip(motions, made, strict=True)), PERIOD_S)
+    assert following.lag_s == pytest.approx(lag_s, abs=0.001)
+    assert following.followed_rms_m < 0.02 * following.told_rms_m
+    further = told(*FURTHER)
+    truth, ours = passed_through(system, further, delay_s), following.motion(further)
+    away = np.abs(ours.at(truth.t_s) - truth.pose).max(axis=0)
+    assert (away < [0.001, 0.001, 0.005]).all()
+    assert np.allclose(ours.pose[0], further.pose[0])
+    assert np.allclose(ours.pose[-1], ours.pose[-2], atol=1e-4)  # it came to rest
+
+
+def test_an_arm_that_does_as_told_and_stands_elsewhere_changes_nothing():
+    motions = [told(*arcs) for arcs in ARCS]
+    moved = [ToolMotion(m.t_s, m.pose + np.array([0.002, -0.001, 0.01])) for m in motions]
+    following = fit_following(list(zip(motions, moved, strict=True)), PERIOD_S)
+    assert following.lag_s == pytest.approx(0.0, abs=2e-4)
+    further = told(*FURTHER)
+    assert np.allclose(following.motion(further).at(further.t_s), further.pose, atol=5e-4)
+
+
+def test_without_a_cast_nothing_is_known():
+    with pytest.raises(ValueError, match="no cast that tells"):
+        fit_following([], PERIOD_S)
