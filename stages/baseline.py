@@ -1,6 +1,6 @@
 """Test the baseline Cast and Pull on the same targets, and as often, as the policies."""
 
-from casting import cast_on_rig, spread_over_board, write_evaluation
+from casting import cast_on_rig, chosen_targets, write_evaluation
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 from rigs import build_rig
@@ -15,7 +15,7 @@ def baseline(config: DictConfig) -> None:
             f"policy={config.policy.name} is no baseline; policy=cast_and_pull dataset=none is"
         )
     rig = build_rig(config)
-    choices = instantiate(config.policy.baseline).choose(rig.cable, spread_over_board(config))
+    choices = instantiate(config.policy.baseline).choose(rig.cable, chosen_targets(config))
     write_evaluation(config, cast_on_rig(config, rig, choices, plan_pull))
 
 

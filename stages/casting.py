@@ -15,16 +15,20 @@ from robotcast.files import atomic_file
 from robotcast.policies.choice import Choice
 from robotcast.policies.datasets import read_simulated
 from robotcast.policies.evaluation import Subject, execute_choices, executed_table
+from robotcast.policies.target_file import read_targets
 from robotcast.policies.targets import Board, spread_targets
 from robotcast.rigs.collect import Plan
 from robotcast.rigs.rig import Rig
 
 
-def spread_over_board(config: DictConfig) -> np.ndarray:
+def chosen_targets(config: DictConfig) -> np.ndarray:
     """Return the targets (k, 2) that every policy of the configured cable is tested on."""
+    board = Board(**config.camera.board)
+    if config.evaluate.targets is not None:
+        return read_targets(Path(config.evaluate.targets), board)
     simulated = read_simulated(Path(config.paths.targets) / "casts.parquet")
     count = config.scale.evaluate.targets
-    return spread_targets(simulated.endpoints_m, count, Board(**config.camera.board))
+    return spread_targets(simulated.endpoints_m, count, board)
 
 
 def cast_on_rig(

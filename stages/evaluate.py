@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import polars as pl
-from casting import cast_on_rig, spread_over_board, write_evaluation
+from casting import cast_on_rig, chosen_targets, write_evaluation
 from grids import build_envelope, build_grid, build_limits
 from hydra.utils import instantiate
 from omegaconf import DictConfig
@@ -34,7 +34,7 @@ def _executed(config: DictConfig, model: ForwardModel) -> pl.DataFrame:
     rig, limits, envelope = build_rig(config), build_limits(config), build_envelope(config)
     _refuse_other_cable(model, rig.cable.name)
     feasible = partial(are_feasible, r0_m=rig.r0_m, limits=limits, envelope=envelope)
-    choices = choose_actions(model, _candidates(config), spread_over_board(config))
+    choices = choose_actions(model, _candidates(config), chosen_targets(config))
     about = Neighbourhood.of(build_grid(config, "candidates"), rig.r0_m, limits)
     refined = refine_choices(model, choices, about, feasible)
     return cast_on_rig(config, rig, with_spread(model, refined))

@@ -15,7 +15,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from stage import bar, console, output_folder, stage
 
-from robotcast.casts.following import Following, fit_following
+from robotcast.casts.following import Following, exact_following, fit_following
 from robotcast.casts.limits import PlanLimits
 from robotcast.casts.plan import plan_action, plan_actions
 from robotcast.measurements.reader import read_measurement_set
@@ -69,14 +69,21 @@ def _following(config: DictConfig, limits: PlanLimits) -> Following:
     tuning, _ = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
     pairs = []
     for trial in tuning.trials:
-        with suppress(ValueError):  # recorded elsewhere: no action of this rig
+        with suppress(ValueError):  # an action that is none of this rig's
             planned = plan_action(trial.action, r0_m=config.casts.r0_m, limits=limits)
             pairs.append((planned.tool, trial.tool))
-    following = fit_following(pairs, limits.period_s)
+    following = fit_following(pairs, limits.period_s) if pairs else None
+    if following is None or not following.believed:
+        console.print(
+            "the logged motions are none that an arm makes of these plans: the casts were planned "
+            "by something else, and D_sim moves the tool as planned here",
+            style="yellow",
+        )
+        return exact_following(limits.period_s)
     console.print(
-        f"the arm follows its plans {1e3 * following.lag_s:.0f} ms late; with that, logged tools "
-        f"lie {1e3 * following.followed_rms_m:.1f} mm from what is simulated "
-        f"(from the plans {1e3 * following.told_rms_m:.1f} mm)"
+        f"the arm follows its plans {1e3 * following.lag_s:.0f} ms late; logged tools lie "
+        f"{1e3 * following.followed_rms_m:.1f} mm from what it is taken to do with them "
+        f"({1e3 * following.told_rms_m:.1f} mm from the plans)"
     )
     return following
 

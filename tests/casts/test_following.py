@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lti
 
-from robotcast.casts.following import fit_following
+from robotcast.casts.following import exact_following, fit_following
 from robotcast.casts.plan import PlanLimits, plan_cast
 from robotcast.casts.tool_motion import ToolMotion
 
@@ -39,6 +39,7 @@ def test_an_arm_is_followed_in_a_cast_that_it_never_made(system, delay_s, lag_s)
     motions = [told(*arcs) for arcs in ARCS]
     made = [passed_through(system, m, delay_s) for m in motions]
     following = fit_following(list(zip(motions, made, strict=True)), PERIOD_S)
+    assert following.believed
     assert following.lag_s == pytest.approx(lag_s, abs=0.001)
     assert following.followed_rms_m < 0.02 * following.told_rms_m
     further = told(*FURTHER)
@@ -56,6 +57,14 @@ def test_an_arm_that_does_as_told_and_stands_elsewhere_changes_nothing():
     assert following.lag_s == pytest.approx(0.0, abs=2e-4)
     further = told(*FURTHER)
     assert np.allclose(following.motion(further).at(further.t_s), further.pose, atol=5e-4)
+
+
+def test_motions_of_other_plans_are_not_believed():
+    motions = [told(*arcs) for arcs in ARCS]
+    other = [ToolMotion(2 * m.t_s, m.pose) for m in motions]
+    assert not fit_following(list(zip(motions, other, strict=True)), PERIOD_S).believed
+    exact = exact_following(PERIOD_S)
+    assert exact.motion(motions[0]).pose == pytest.approx(motions[0].pose)
 
 
 def test_without_a_cast_nothing_is_known():

@@ -15,6 +15,7 @@ from robotcast.casts.tool_motion import ToolMotion
 
 PAST_S = 0.2  # an arm that is later than this is not followed
 SMOOTHNESS = 1e-3  # of the weights: (1 mm that no such model explains / bends of 0.03) squared
+BELIEVED_M = 0.02  # what an arm may do otherwise, and still have been told these plans
 DECIMALS = 6
 LEVER_M = 0.3  # makes an angle as weighty as a distance
 
@@ -27,13 +28,19 @@ class Following:
     ----------
     period_s : between two weights.
     weights : ndarray of shape (k,), of the motion told now, a period ago and so on.
-    told_rms_m, followed_rms_m : how far logged tools lie from what was told, and from this model.
+    told_rms_m, followed_rms_m : how far logged tools lie from what was told, and from this model
+        (root mean square).
     """
 
     period_s: float
     weights: np.ndarray
     told_rms_m: float
     followed_rms_m: float
+
+    @property
+    def believed(self) -> bool:
+        """Whether the logged motions come from the plans at all; recorded casts may have others."""
+        return self.followed_rms_m <= BELIEVED_M
 
     @property
     def lag_s(self) -> float:
@@ -49,6 +56,11 @@ class Following:
         return ToolMotion(
             t_s, start + _past(told, t_s, self.period_s, len(self.weights)) @ self.weights
         )
+
+
+def exact_following(period_s: float) -> Following:
+    """Return an arm that does as it is told."""
+    return Following(period_s, np.ones(1), 0.0, 0.0)
 
 
 def fit_following(pairs: Sequence[tuple[ToolMotion, ToolMotion]], period_s: float) -> Following:
