@@ -4,6 +4,7 @@
 
 Runs the very commands of the README, collect to evaluate, with rig=ur5: the genuine ur_rtde client
 against tests/rigs/peer, whose camera films the virtual rig's board and cable of the configuration.
+Exits with 1 when a stage fails or the policy's casts end too far from their targets.
 """
 
 import argparse
@@ -12,8 +13,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import polars as pl
 from hydra import compose, initialize_config_dir
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -21,13 +25,14 @@ sys.path[:0] = [str(ROOT), str(ROOT / "stages")]
 
 from tests.rigs.peer.controller import Settings  # noqa: E402
 from tests.rigs.peer.film import FilmSettings  # noqa: E402
-from tests.rigs.peer.lab import HOME_RAD  # noqa: E402
+from tests.rigs.peer.lab import GRIPPER, HOME_RAD  # noqa: E402
 from tests.rigs.peer.process import running_peer  # noqa: E402
 
 SIZE = ("scale.camera.width=960", "scale.camera.height=540", "camera.picture.fps=30")
 # A busy machine shall not stop the arm: the peer waits for the next target, and so does the watch.
 CONTROLLER = Settings(HOME_RAD, patience_s=3.0, haste=3.0)
 PATIENT = ("rig.watch.stale_s=8",)
+MOST_PERCENT = 20.0  # of so few casts
 STAGES = ("collect", "track", "tune", "generate", "candidates", "train", "evaluate")
 CASTING = ("collect", "evaluate")
 FOLDERS = (
@@ -45,6 +50,7 @@ def main() -> None:
     asked = parser.parse_args()
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
         filmed = importlib.import_module("rigs").build_virtual_rig(compose("config", list(SIZE)))
+    filmed = replace(filmed, gripper=GRIPPER)  # that the arm really has
     with (
         running_peer(CONTROLLER, FilmSettings(filmed)) as peer,
         tempfile.TemporaryDirectory() as passing,
@@ -77,6 +83,10 @@ def main() -> None:
             print("".join(f"  {line}\n" for line in last), flush=True)
             if done.returncode:
                 raise SystemExit(1)
+        table = pl.read_csv(Path(folder) / "evaluation" / "evaluation.csv")
+        median = float(np.median(table["error_percent"].drop_nulls().to_numpy()))
+        print(f"median {median:.1f} % of cable length (asked: ≤ {MOST_PERCENT:.0f})")
+        raise SystemExit(0 if median <= MOST_PERCENT else 1)
 
 
 if __name__ == "__main__":
