@@ -21,13 +21,13 @@ def test_targets_are_read_in_their_order(path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("x,z\n1,2\n", "expected a column y, got x, z"),
-        ("x,y\n1,0.2\n,0.3\n", "line 3: expected two numbers, got (None, 0.3)"),
-        ("x,y\n1,left\n", "line 2: expected two numbers"),
-        ("x,y\n1,nan\n", "line 2: expected two numbers, got (1, nan)"),
+        ("x,z\n1,2\n", "column y is missing; expected x, y, found x, z"),
+        ("x,y\n1,0.2\n,0.3\n", "line 3: x must be a finite number, got an empty cell"),
+        ("x,y\n1,left\n", "line 2: y must be a finite number"),
+        ("x,y\n1,nan\n", "line 2: y must be a finite number, got 'nan'"),
         ("x,y\n1,0.2\n1.6,0\n", "line 3: (1.6, 0) m lies off the board, x from 0 to 1.55 m"),
         ("x,y\n", "holds no target"),
-        ("", "empty"),
+        ("", "expected the names of the columns"),
     ],
 )
 def test_bad_targets_get_one_clear_message(path: Path, text: str, said: str) -> None:
