@@ -16,11 +16,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from robotcast.hidden_effects.layout import answer_path, diagnosis_folder, measured_sets
+from robotcast.hidden_effects.layout import answer_path, measured_sets, pages_folder
 from robotcast.hidden_effects.outcome import read_truth
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "data" / "hidden_effects_pairs"
+REPORTS = ROOT / "reports" / "hidden_effects_pairs"
 ENOUGH = 0.8
 
 
@@ -48,7 +49,7 @@ def rival_of(truth: str, said: dict[str, Any]) -> tuple[str, bool]:
 
 def chosen_between(measurements: Path, truth: str, rival: str) -> list[str]:
     """Return the verdict of a diagnosis that knows the two effects alone, after further casts."""
-    first, name = diagnosis_folder(measurements.name, FOLDER), measurements.name
+    first, name = pages_folder(measurements.name, FOLDER), measurements.name
     grown, second = FOLDER / "grown" / name, FOLDER / "second" / name
     if not grown.exists():
         run(
@@ -78,10 +79,10 @@ def main() -> None:
     right = 0
     sets = measured_sets(FOLDER)[:cases]
     for measurements in sets:
-        first = diagnosis_folder(measurements.name, FOLDER)
+        first = pages_folder(measurements.name, FOLDER)
         if not (first / "diagnosis.json").exists() or not read(first)["finished"]:
             run("diagnose", f"measurements={measurements}", f"output={first}")
-        (truth,) = read_truth(answer_path(measurements.name, FOLDER)).effects
+        (truth,) = read_truth(answer_path(measurements.name, REPORTS)).effects
         said = read(first)
         rival, confused = rival_of(truth, said)
         verdict = chosen_between(measurements, truth, rival)

@@ -33,7 +33,7 @@ def hidden_cast(config: DictConfig) -> None:
         if given is None:
             raise ValueError(f"{name}= must be given")
     folder = Path(config.measurements)
-    answer = unseal(answer_path(folder.name, Path(settings.folder)))
+    answer = unseal(answer_path(folder.name, Path(settings.reports)))
     with processes(config.rig.workers) as pool:
         grown = further_casts(
             read_measurement_set(folder),

@@ -1,6 +1,5 @@
 """Diagnose every set of the hidden-effect benchmark; a finished diagnosis is not done again."""
 
-import json
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -9,26 +8,25 @@ from pathlib import Path
 from omegaconf import DictConfig
 from stage import bar, stage
 
-from robotcast.hidden_effects.layout import diagnosis_folder, measured_sets
+from robotcast.files import write_text
+from robotcast.hidden_effects.layout import diagnosis_path, measured_sets, pages_folder
 
 ROOT = Path(__file__).resolve().parents[1]
 
 
 def hidden_diagnose(config: DictConfig) -> None:
-    folder = Path(config.hidden_effects.folder)
-    sets = measured_sets(folder)
+    settings = config.hidden_effects
+    folder, reports = Path(settings.folder), Path(settings.reports)
+    sets = measured_sets(folder, settings.cases)
     with bar("diagnose sets") as progress:
         for done, measurements in enumerate(sets):
             progress(done, len(sets), measurements.name)
-            output = diagnosis_folder(measurements.name, folder)
-            if not _finished(output):
+            path = diagnosis_path(measurements.name, reports)
+            if not path.exists():
+                output = pages_folder(measurements.name, folder)
                 _diagnose(measurements, output, config.exclude)
+                write_text(path, (output / "diagnosis.json").read_text(encoding="utf-8"))
         progress(len(sets), len(sets))
-
-
-def _finished(output: Path) -> bool:
-    path = output / "diagnosis.json"
-    return path.exists() and json.loads(path.read_text(encoding="utf-8"))["finished"]
 
 
 def _diagnose(measurements: Path, output: Path, exclude: Sequence[str]) -> None:

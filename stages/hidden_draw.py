@@ -1,5 +1,6 @@
 """Draw the hidden-effect benchmark: measure every case that is missing and seal its answer."""
 
+from fnmatch import fnmatch
 from pathlib import Path
 
 from grids import build_limits, feasible_grid, plain_config
@@ -17,6 +18,7 @@ def hidden_draw(config: DictConfig) -> None:
     settings = config.hidden_effects
     composition = build_composition(settings)
     cases = draw_cases(composition, settings.seed)
+    cases = [case for case in cases if fnmatch(case.name, settings.cases)]
     with bar("feasible actions") as progress:
         feasible = feasible_grid(config, progress, grid="collected")
     bench = Bench(
@@ -27,9 +29,9 @@ def hidden_draw(config: DictConfig) -> None:
         limits=build_limits(config),
         shift_casts=settings.shift_casts,
     )
-    folder = Path(settings.folder)
+    folder, reports = Path(settings.folder), Path(settings.reports)
     with bar("hidden effects") as progress:
-        measured = generate_cases(cases, bench, folder, config.rig.workers, progress)
+        measured = generate_cases(cases, bench, folder, reports, config.rig.workers, progress)
     console.print(f"{folder}: {measured} of {len(cases)} cases measured, the others stood")
 
 

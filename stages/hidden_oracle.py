@@ -21,17 +21,18 @@ from robotcast.hidden_effects.rivals.refitting import judged_base
 
 
 def hidden_oracle(config: DictConfig) -> None:
-    folder = Path(config.hidden_effects.folder)
-    sets = measured_sets(folder)
+    settings = config.hidden_effects
+    reports = Path(settings.reports)
+    sets = measured_sets(Path(settings.folder), settings.cases)
     with bar("oracle") as progress:
         for done, measurements in enumerate(sets):
             progress(done, len(sets), measurements.name)
-            path = oracle_path(measurements.name, folder)
-            truth = read_truth(answer_path(measurements.name, folder))
+            path = oracle_path(measurements.name, reports)
+            truth = read_truth(answer_path(measurements.name, reports))
             if truth.kind in ("single", "pair") and not path.exists():
                 write_text(path, json.dumps(_tell(config, measurements, truth), indent=1))
         progress(len(sets), len(sets))
-    console.print(f"{folder}: {len(sets)} sets")
+    console.print(f"{reports}: {len(sets)} sets")
 
 
 def _tell(config: DictConfig, measurements: Path, truth: Truth) -> dict[str, Any]:

@@ -24,16 +24,17 @@ from robotcast.progress import Progress
 
 
 def hidden_rivals(config: DictConfig) -> None:
-    folder = Path(config.hidden_effects.folder)
-    sets = measured_sets(folder)
+    settings = config.hidden_effects
+    reports = Path(settings.reports)
+    sets = measured_sets(Path(settings.folder), settings.cases)
     with bar("rivals") as progress:
         for done, measurements in enumerate(sets):
-            path = rivals_path(measurements.name, folder)
-            forced = measurements.name in config.hidden_effects.brute_force
+            path = rivals_path(measurements.name, reports)
+            forced = measurements.name in settings.brute_force
             if not _finished(path, forced):
                 _name_effects(config, measurements, path, forced, _noted(progress, done, sets))
         progress(len(sets), len(sets))
-    console.print(f"{folder}: {len(sets)} sets")
+    console.print(f"{reports}: {len(sets)} sets")
 
 
 def _noted(progress: Progress, at: int, sets: list[Path]) -> Progress:

@@ -5,6 +5,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 from stage import console, output_folder, stage
 
+from robotcast.hidden_effects.layout import results_folder
 from robotcast.hidden_effects.outcome import read_outcomes
 from robotcast.hidden_effects.report import write_results
 from robotcast.hidden_effects.score import criteria
@@ -12,10 +13,9 @@ from robotcast.hidden_effects.tables import criteria_rows
 
 
 def hidden_score(config: DictConfig) -> None:
-    settings = config.hidden_effects
-    folder = Path(settings.folder)
-    outcomes = read_outcomes(folder)
-    written = write_results(outcomes, output_folder(settings.reports))
+    reports = Path(config.hidden_effects.reports)
+    outcomes = read_outcomes(reports)
+    written = write_results(outcomes, output_folder(results_folder(reports)))
     for line in criteria_rows(outcomes)[1:]:
         console.print(": ".join([line[0], ", ".join(line[1:])]), markup=False)
     missed = [one.name for one in criteria(outcomes) if one.met is False]

@@ -8,17 +8,18 @@ from typing import Any
 
 import pytest
 
-from robotcast.hidden_effects.layout import diagnosis_folder, oracle_path, rivals_path
+from robotcast.hidden_effects.layout import diagnosis_path, oracle_path, results_folder, rivals_path
 from robotcast.hidden_effects.outcome import Outcome, read_outcomes
 
 ROOT = Path(__file__).resolve().parents[2]
 CANDIDATES = ("air_drag", "board_tilt", "camera_latency")  # a few, to be quick
 FORCED = "case-001"
+SAID = (diagnosis_path, rivals_path, oracle_path)
 
 
 def run(stage: str, folder: Path) -> None:
     command = [sys.executable, f"stages/hidden_{stage}.py", "hidden_effects=few"]
-    command += [f"hidden_effects.folder={folder}", f"hidden_effects.reports={folder / 'reports'}"]
+    command += [f"hidden_effects.folder={folder}", f"hidden_effects.reports={folder}"]
     known = [path.stem for path in (ROOT / "conf" / "effect").glob("*.yaml")]
     command += [f"exclude=[{','.join(name for name in known if name not in CANDIDATES)}]"]
     command += [f"hidden_effects.brute_force=[{FORCED}]"]
@@ -76,8 +77,7 @@ def test_every_rival_names_an_effect_and_brute_force_only_where_asked(
 
 @pytest.mark.slow
 def test_what_stands_is_not_done_again(folder: Path, outcomes: list[Outcome]) -> None:
-    paths = [path(o.case, folder) for o in outcomes for path in (rivals_path, oracle_path)]
-    paths += [diagnosis_folder(o.case, folder) / "diagnosis.json" for o in outcomes]
+    paths = [path(o.case, folder) for o in outcomes for path in SAID]
     before = {path: path.stat().st_mtime_ns for path in paths if path.exists()}
     for stage in ("diagnose", "rivals", "oracle"):
         run(stage, folder)
@@ -86,6 +86,6 @@ def test_what_stands_is_not_done_again(folder: Path, outcomes: list[Outcome]) ->
 
 @pytest.mark.slow
 def test_the_results_are_written_for_people(folder: Path) -> None:
-    text = (folder / "reports" / "README.md").read_text(encoding="utf-8")
+    text = (results_folder(folder) / "README.md").read_text(encoding="utf-8")
     assert "2 of them were diagnosed" in text
     assert read(rivals_path(FORCED, folder))["brute_force"]["simulated_casts"] > 1000

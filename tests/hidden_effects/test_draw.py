@@ -2,6 +2,7 @@
 
 from concurrent.futures import Executor, Future
 from dataclasses import replace
+from shutil import rmtree
 
 import numpy as np
 import pytest
@@ -178,15 +179,40 @@ def test_a_cast_led_astray_is_half_a_metre_off_and_no_repeat(bench):
 @pytest.mark.rig
 def test_a_finished_case_is_not_measured_again_and_another_drawing_is_refused(bench, tmp_path):
     control = Case("case-001", "control", "cable1", 5)
-    assert generate_cases([control], bench, tmp_path, workers=1) == 1
+    assert generate_cases([control], bench, tmp_path, tmp_path, workers=1) == 1
     measured = sets_folder(tmp_path) / control.name
     before = {path.name: path.read_bytes() for path in measured.iterdir()}
-    assert generate_cases([control], bench, tmp_path, workers=1) == 0
+    assert generate_cases([control], bench, tmp_path, tmp_path, workers=1) == 0
     assert {path.name: path.read_bytes() for path in measured.iterdir()} == before
     assert len(read_measurement_set(measured).trials) == 4
     assert [path.name for path in answers_folder(tmp_path).iterdir()] == ["case-001.sealed"]
-    with pytest.raises(ValueError, match=r"case-001: was drawn otherwise"):
-        generate_cases([replace(control, seed=6)], bench, tmp_path, workers=1)
+    with pytest.raises(ValueError, match=r"case-001\.sealed: was drawn otherwise"):
+        generate_cases([replace(control, seed=6)], bench, tmp_path, tmp_path, workers=1)
+
+
+@pytest.mark.rig
+def test_a_set_that_was_removed_comes_back_and_never_from_another_rig(bench, tmp_path):
+    case, folder, reports = tilt(), tmp_path / "data", tmp_path / "reports"
+    generate_cases([case], bench, folder, reports, workers=1)
+    first = {path.name: path.read_bytes() for path in (folder / "sets" / case.name).iterdir()}
+    rmtree(folder)
+    generate_cases([case], bench, folder, reports, workers=1)
+    again = {path.name: path.read_bytes() for path in (folder / "sets" / case.name).iterdir()}
+    assert again == first
+    rmtree(folder)
+    rig = bench.rigs["cable1"]
+    other = replace(rig, truth=replace(rig.truth, friction=1.5 * rig.truth.friction))
+    with pytest.raises(ValueError, match=r"case-001\.sealed: was sealed for casts of another rig"):
+        generate_cases([case], replace(bench, rigs={"cable1": other}), folder, reports, workers=1)
+
+
+@pytest.mark.rig
+def test_a_set_without_an_answer_is_refused(bench, tmp_path):
+    control = Case("case-001", "control", "cable1", 5)
+    generate_cases([control], bench, tmp_path, tmp_path, workers=1)
+    rmtree(answers_folder(tmp_path))
+    with pytest.raises(ValueError, match=r"case-001: has no answer"):
+        generate_cases([control], bench, tmp_path, tmp_path, workers=1)
 
 
 @pytest.mark.rig

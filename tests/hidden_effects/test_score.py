@@ -10,7 +10,7 @@ import pytest
 from robotcast.hidden_effects.figures import confusion_counts, power_bins
 from robotcast.hidden_effects.layout import (
     answer_path,
-    diagnosis_folder,
+    diagnosis_path,
     oracle_path,
     rivals_path,
 )
@@ -38,7 +38,7 @@ class Bench:
         self.folder = folder
 
     def diagnosis(self, case: str) -> Path:
-        return diagnosis_folder(case, self.folder) / "diagnosis.json"
+        return diagnosis_path(case, self.folder)
 
     def add(
         self,

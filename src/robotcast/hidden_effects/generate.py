@@ -51,21 +51,26 @@ class Bench:
 
 
 def generate_cases(
-    cases: Sequence[Case], bench: Bench, folder: Path, workers: int, progress: Progress = silent
+    cases: Sequence[Case],
+    bench: Bench,
+    folder: Path,
+    reports: Path,
+    workers: int,
+    progress: Progress = silent,
 ) -> int:
     """Measure the cases that `folder` does not hold yet; return how many those were.
 
-    A finished case is never measured again. One that was drawn otherwise is refused: sets are
-    not changed in place.
+    A finished case is never measured again. One whose answer, in `reports`, was drawn or came
+    out otherwise is refused: what was said of it was said of other casts.
     """
     discard_unfinished(sets_folder(folder))
-    missing = [case for case in cases if not _stands(case, folder)]
+    missing = [case for case in cases if not _stands(case, folder, reports)]
     stood = len(cases) - len(missing)
     progress(stood, len(cases))
     with processes(workers) as pool:
         for done, case in enumerate(missing, stood + 1):
             measured, answer = measure_case(case, bench, pool)
-            seal(answer, answer_path(case.name, folder))
+            _seal_once(answer, answer_path(case.name, reports))
             write_measurement_set(measured, sets_folder(folder) / case.name)
             progress(done, len(cases), case.name)
     return len(missing)
@@ -128,16 +133,27 @@ def _led_astray(
     return trials
 
 
-def _stands(case: Case, folder: Path) -> bool:
-    answer, measured = answer_path(case.name, folder), sets_folder(folder) / case.name
-    if not measured.exists():
-        return False
-    if not answer.exists() or unseal(answer)["drawn"] != case.as_dict():
-        raise ValueError(
-            f"{measured}: was drawn otherwise than {case.name} is now; a set is never changed in "
-            "place, draw into another folder or remove this one"
-        )
-    return True
+def _stands(case: Case, folder: Path, reports: Path) -> bool:
+    answer, measured = answer_path(case.name, reports), sets_folder(folder) / case.name
+    if answer.exists() and unseal(answer)["drawn"] != case.as_dict():
+        raise _other(answer, "was drawn otherwise than this case is now")
+    if measured.exists() and not answer.exists():
+        raise _other(measured, "has no answer")
+    return measured.exists()
+
+
+def _seal_once(answer: dict[str, Any], path: Path) -> None:
+    if not path.exists():
+        seal(answer, path)
+    elif unseal(path) != answer:
+        raise _other(path, "was sealed for casts of another rig")
+
+
+def _other(path: Path, what: str) -> ValueError:
+    return ValueError(
+        f"{path}: {what}; a case is never changed in place: remove the benchmark's folders, or "
+        "draw into others (hidden_effects.folder, hidden_effects.reports)"
+    )
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from typing import Any
 from robotcast.hidden_effects.layout import (
     answer_path,
     answers_folder,
-    diagnosis_folder,
+    diagnosis_path,
     oracle_path,
     rivals_path,
 )
@@ -139,28 +139,28 @@ class Outcome:
         return self.oracle is not None and self.oracle.significant
 
 
-def read_outcomes(folder: Path) -> list[Outcome]:
-    """Open every answer below `folder` and read all that was said of its case."""
-    answers = answers_folder(folder)
+def read_outcomes(reports: Path) -> list[Outcome]:
+    """Open every answer below `reports` and read all that was said of its case."""
+    answers = answers_folder(reports)
     sealed = sorted(answers.glob("*.sealed"))
     if not sealed:
         raise ValueError(f"{answers}: no sealed answers; stages/hidden_draw.py draws the cases")
-    return [read_outcome(path.stem, folder) for path in sealed]
+    return [read_outcome(path.stem, reports) for path in sealed]
 
 
-def read_outcome(case: str, folder: Path) -> Outcome:
+def read_outcome(case: str, reports: Path) -> Outcome:
     """Open the answer of one case; read its diagnosis, its rivals and its oracle."""
-    rivals = rivals_path(case, folder)
+    rivals = rivals_path(case, reports)
     said = _read(rivals) or {}
     with _named(rivals):
         return Outcome(
             case=case,
-            truth=read_truth(answer_path(case, folder)),
-            diagnosis=_diagnosis(diagnosis_folder(case, folder) / "diagnosis.json"),
+            truth=read_truth(answer_path(case, reports)),
+            diagnosis=_diagnosis(diagnosis_path(case, reports)),
             random=said.get("random"),
             largest_sensitivity=said.get("largest_sensitivity"),
             brute_force=_brute_force(said.get("brute_force")),
-            oracle=_oracle(oracle_path(case, folder)),
+            oracle=_oracle(oracle_path(case, reports)),
         )
 
 
