@@ -15,7 +15,7 @@ from robotcast.hidden_effects.tables import criteria_rows
 def hidden_score(config: DictConfig) -> None:
     reports = Path(config.hidden_effects.reports)
     outcomes = read_outcomes(reports)
-    written = write_results(outcomes, output_folder(results_folder(reports)))
+    written = write_results(outcomes, output_folder(str(results_folder(reports))))
     for line in criteria_rows(outcomes)[1:]:
         console.print(": ".join([line[0], ", ".join(line[1:])]), markup=False)
     missed = [one.name for one in criteria(outcomes) if one.met is False]

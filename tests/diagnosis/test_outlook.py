@@ -17,6 +17,7 @@ def run(outlook: Outlook, pace: float) -> list[tuple[int, int]]:
         *["trying a field that depends on place"] * FIELDS,
         *["beginning with a force"] * BEGUN,
         "fitting a force",
+        "refitting it further",
         "choosing the next trials",
     ]
     simulated, seen = 0.0, []

@@ -264,10 +264,10 @@ def test_no_answers_and_broken_files_are_refused_by_name(bench, tmp_path):
         read_outcomes(tmp_path / "nowhere")
     path = bench.diagnosis("case-001")
     path.write_text(json.dumps({"verdict": ["none"]}))
-    with pytest.raises(ValueError, match=r"diagnosis.json: expected the key 'ladder'"):
+    with pytest.raises(ValueError, match=r"diagnoses/case-001.json: expected the key 'ladder'"):
         bench.outcomes()
     path.write_text("{")
-    with pytest.raises(ValueError, match=r"diagnosis.json: is not JSON"):
+    with pytest.raises(ValueError, match=r"diagnoses/case-001.json: is not JSON"):
         bench.outcomes()
     path.unlink()
     rivals_path("case-001", bench.folder).write_text(json.dumps({"brute_force": {}}))

@@ -6,10 +6,13 @@ import numpy as np
 from scipy.stats import t as student
 
 from robotcast.diagnosis.floor import Floor
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.fitting.least_squares import Fit
 
 SIGNIFICANT = 1e-3  # p-value below which a gain on held-out trials is more than luck
 FAR = 4.0  # standard deviations, as the median of deviations tells them
 LEAST_EXCESS = 0.05  # of what a model misses: a floor is not known better than that
+UNDECIDED = 10.0  # times that: what a fit on its way may show
 WORTHWHILE = 0.10  # of the excess over the noise floor that an effect must take away
 
 
@@ -33,6 +36,11 @@ class Gain:
         """Tell whether the gain is both beyond luck and worth an effect."""
         return self.p_value < SIGNIFICANT and self.share > WORTHWHILE
 
+    @property
+    def may_pay(self) -> bool:
+        """Tell whether it may yet pay, once the revision has been fitted to the end."""
+        return self.p_value < UNDECIDED * SIGNIFICANT and self.share > WORTHWHILE / 2
+
 
 def gain(before: np.ndarray, after: np.ndarray, groups: np.ndarray, floor: Floor) -> Gain:
     """Compare two revisions' held-out errors (n_trials,), % of the scale."""
@@ -40,6 +48,19 @@ def gain(before: np.ndarray, after: np.ndarray, groups: np.ndarray, floor: Floor
     least = LEAST_EXCESS * float(floor.misses(before).mean())
     share = float(saved.mean()) / max(floor.excess(before), least, 1e-9)
     return Gain(float((before - after).mean()), share, worse(saved, groups))
+
+
+def seen_gain(inquiry: Inquiry, before: Fit, after: Fit, floor: Floor) -> Gain:
+    """Compare two fits on the very trials that they were fitted to.
+
+    What does not pay there will not pay on trials held out, which cost as much again to simulate.
+    """
+    every = inquiry.everything
+    errors = [
+        inquiry.percent(inquiry.difference_of(fit.residual, every), every)[0]
+        for fit in (before, after)
+    ]
+    return gain(errors[0], errors[1], inquiry.groups, floor)
 
 
 def worse(extra: np.ndarray, groups: np.ndarray) -> float:

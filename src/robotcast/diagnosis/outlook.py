@@ -11,7 +11,8 @@ STEPS: Mapping[str, float] = {  # how a step's note begins → the runs that a t
     "judging": 18.0,
     "trying a field": 7.0,
     "beginning with": 40.0,
-    "fitting": 130.0,
+    "fitting": 60.0,
+    "refitting it": 25.0,
     "choosing": 18.0,
 }
 JUDGED = 2  # in one search for a further effect

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robotcast.diagnosis.floor import Floor
-from robotcast.diagnosis.gain import Gain, gain, worse
+from robotcast.diagnosis.gain import Gain, gain, seen_gain, worse
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
@@ -19,7 +19,7 @@ LEADERS = 4  # of these, refitted to the end; half as many in later rounds
 IN_THE_RUNNING = 0.15  # of the best loss: refits that are no worse than that go on
 FINALISTS = 2  # of these, judged on held-out trials
 MOST_EFFECTS = 3
-HOPE = 0.05  # of the loss, and of what is missed on beginnings, that a later one must take away
+HOPE = 0.05  # of what is missed on beginnings that a later one must take away
 EQUAL = 0.05  # p-value above which two revisions explain the trials equally well
 
 
@@ -129,10 +129,11 @@ def _round(
 
     fitted = list(side_by_side(whole, begun))
     if later:
-        most_loss = (1 - HOPE) * top.revision.fit.loss
-        fitted = [one for one in fitted if one.loss < most_loss]
+        fitted = [one for one in fitted if _seen_gain(inquiry, top, one, floor).may_pay]
     tell(found, "refitting the best further")
     fitted = _further(inquiry, fitted)
+    if later:
+        fitted = [one for one in fitted if _seen_gain(inquiry, top, one, floor).pays]
     if not fitted:
         return found, False
     top = _rematch(inquiry, top, fitted[0].revision, effort)
@@ -190,6 +191,10 @@ def _further(inquiry: Inquiry, fitted: Sequence[_Refitted]) -> list[_Refitted]:
         return replace(one, revision=refit(inquiry, one.revision, 2))
 
     return sorted(side_by_side(on, fitted), key=lambda one: one.loss)
+
+
+def _seen_gain(inquiry: Inquiry, top: Rung, one: _Refitted, floor: Floor) -> Gain:
+    return seen_gain(inquiry, top.revision.fit, one.revision.fit, floor)
 
 
 def _rivals(inquiry: Inquiry, fitted: Sequence[_Refitted], best: Revision) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotcast.diagnosis.floor import Floor
-from robotcast.diagnosis.gain import Gain, gain
+from robotcast.diagnosis.gain import Gain, gain, seen_gain
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import Revision, held_out, refit
@@ -143,11 +143,19 @@ class _Contest:
             effects = (*below.revision.effects, one.screened.effect)
             fits.append((one.screened, Revision(effects, inquiry.fit(effects, one.fit.vector, 1))))
         one, revision = min(fits, key=lambda fitted: fitted[1].fit.loss)
-        self.tell("judging it on trials held out")
+        if not self._seen_gain(below, revision).may_pay:
+            return None
+        self.tell("refitting it further")
         revision = refit(inquiry, revision, 2)
+        if not self._seen_gain(below, revision).pays:
+            return None
+        self.tell("judging it on trials held out")
         errors = held_out(inquiry, revision, self.effort.seed, self.effort.fold)
         saved = gain(below.errors.waypoint, errors.waypoint, inquiry.groups, self.floor)
         return Unexplained(one.effect, Rung(revision, errors, one.predicted), saved)
+
+    def _seen_gain(self, below: Rung, revision: Revision) -> Gain:
+        return seen_gain(self.inquiry, below.revision.fit, revision.fit, self.floor)
 
     def _depends_on(self, begun: _Begun) -> str | None:
         return self.inquiry.model.effects[begun.screened.effect].depends_on

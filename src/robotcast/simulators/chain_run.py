@@ -99,6 +99,8 @@ class ChainRun(ABC):
         self, vectors: np.ndarray, active: ActiveEffects, qpos: np.ndarray, qvel: np.ndarray
     ) -> None:
         """Make the batch, at these generalised positions and velocities (n_sim, n_dof)."""
+        # diverged runs are marked in the prediction; MuJoCo's lines would only bury the bar
+        mujoco.set_mju_user_warning(lambda _: None)
         self._vectors = vectors
         self._effects = CableEffects(active, self._cable, self._geometry)
         self._batch = Batch(self._model, len(qpos), nthread=1)

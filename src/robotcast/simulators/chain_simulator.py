@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from functools import partial
 from typing import ClassVar
 
-import mujoco
 import numpy as np
 
 from robotcast.effects.effect import Effect
@@ -62,8 +61,6 @@ class ChainSimulator:
         progress: Progress = silent,
     ) -> Prediction:
         """Simulate every cast under every parameter vector (see `Simulator`)."""
-        # diverged runs are marked in the prediction; MuJoCo's lines would only bury the bar
-        mujoco.set_mju_user_warning(lambda _: None)
         starts = [
             (step_s, partial(self.run, self.cable, self._geometry, model, self.settings))
             for step_s, model in self._models.items()

@@ -1,11 +1,8 @@
 """Runs casts × parameter vectors in batches, whatever the planar model that steps them."""
 
 import math
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -14,11 +11,13 @@ from robotcast.effects.active import ActiveEffects
 from robotcast.effects.effect import Effect
 from robotcast.progress import Progress, silent
 from robotcast.simulators.cable_state import CableState
-from robotcast.simulators.simulator import Cast, Prediction
+from robotcast.simulators.elsewhere import answers, cores, shared
+from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast
 from robotcast.simulators.tool_path import ToolPaths
 
 CHECK_EVERY = 25  # steps between looks for runs that rest or diverge
 CROWDED = 0.95  # share under way below which the simulations that ended are taken out
+FEW = 8  # simulations that are run here rather than sent to other processes
 REST_SPEED_M_S = 0.01  # slower than this everywhere, once the tool has stopped, is at rest
 DIVERGED_RATE = 1e4  # rad/s or m/s: no cable moves like that
 
@@ -60,28 +59,43 @@ class Start(Protocol):
         ...
 
 
-@cache
-def _pool(threads: int) -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(threads)
-
-
 @dataclass(frozen=True)
-class _Batch:
+class _Pairs:
     """Casts and the vector that each is run under."""
 
     vector: np.ndarray  # (n_sim,) numbers of parameter vectors
     cast: np.ndarray  # (n_sim,) numbers of casts
 
-    def dealt(self, most: int, threads: int) -> list["_Batch"]:
+    def dealt(self, most: int, parts: int) -> list["_Pairs"]:
         """Deal the casts into batches that take equally long; those that end early leave them."""
-        rounds = math.ceil(len(self.cast) / (most * threads))
-        n = min(rounds * threads, len(self.cast))
-        return [_Batch(self.vector[first::n], self.cast[first::n]) for first in range(n)]
+        rounds = math.ceil(len(self.cast) / (most * parts))
+        n = min(rounds * parts, len(self.cast))
+        return [_Pairs(self.vector[first::n], self.cast[first::n]) for first in range(n)]
 
-    def where(self, marked: np.ndarray) -> "_Batch":
+    def where(self, marked: np.ndarray) -> "_Pairs":
         """Return those that are marked, bool (n_vectors, n_casts)."""
         chosen = marked[self.vector, self.cast]
-        return _Batch(self.vector[chosen], self.cast[chosen])
+        return _Pairs(self.vector[chosen], self.cast[chosen])
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Simulations that are stepped side by side, with all that a process needs for them.
+
+    Attributes
+    ----------
+    casts : different ones; `which` (n_sim,) says which of them each simulation is of.
+    vectors : ndarray of shape (n_sim, n), the parameters of the simulator; `values` : of the
+        effects.
+    """
+
+    start: "Start"
+    step_s: float
+    casts: Sequence[SimulatedCast]
+    which: np.ndarray
+    vectors: np.ndarray
+    effects: Sequence[Effect]
+    values: np.ndarray
 
 
 def simulate_planar(
@@ -99,16 +113,15 @@ def simulate_planar(
 
     Vectors hold `n_parameters` of the simulator itself, then those of the effects.
 
-    Each batch is stepped by one thread, so that what Python does between steps runs side by
-    side too. Calls made side by side share the threads: more of them than cores would wait for
-    each other between steps.
+    Each batch is stepped in a process of its own (see `elsewhere`); calls made side by side
+    share the processes.
 
     Parameters
     ----------
     starts : integration steps [s] and what starts a run with each. All runs take the first
         step; those that diverge are run again with the next.
     batch_size : the most simulations a batch holds.
-    threads : 0 means all cores.
+    threads : batches at a time; 0 for one a core, 1 for the one here.
     """
     vectors = np.atleast_2d(np.asarray(vectors, dtype=float))
     expected = n_parameters + sum(len(effect.parameters) for effect in effects)
@@ -117,40 +130,34 @@ def simulate_planar(
     k_max = max((len(c.waypoints_s) for c in casts), default=0)
     waypoints = np.full((len(vectors), len(casts), k_max, 2), np.nan)
     diverged = np.zeros((len(vectors), len(casts)), dtype=bool)
-    threads = threads or len(os.sched_getaffinity(0))
     order = np.argsort([-c.waypoints_s[-1] for c in casts], kind="stable")
-    left = _Batch(np.tile(np.arange(len(vectors)), len(casts)), np.repeat(order, len(vectors)))
-    pool = _pool(threads)
+    left = _Pairs(np.tile(np.arange(len(vectors)), len(casts)), np.repeat(order, len(vectors)))
+    sent = [SimulatedCast(c.tool, c.waypoints_s, c.start_m) for c in casts]
     for step_s, start in starts:
         done = diverged.size - len(left.cast)
 
-        def run(
-            batch: _Batch, start: Start = start, step_s: float = step_s
-        ) -> tuple[np.ndarray, np.ndarray]:
-            values = vectors[batch.vector]
-            active = ActiveEffects(effects, values[:, n_parameters:])
-            own = values[:, :n_parameters]
-            return _run_batch(start, casts, own, active, batch.cast, step_s)
+        def batch(pairs: _Pairs, start: Start = start, step_s: float = step_s) -> _Batch:
+            chosen, which = np.unique(pairs.cast, return_inverse=True)
+            values = vectors[pairs.vector]
+            own, of_effects = values[:, :n_parameters], values[:, n_parameters:]
+            used = [sent[cast] for cast in chosen]
+            return _Batch(start, step_s, used, which, own, effects, of_effects)
 
-        batches = left.dealt(batch_size, threads)
-        for batch, (seen_m, lost) in zip(batches, pool.map(run, batches), strict=True):
-            diverged[batch.vector, batch.cast] = lost
-            waypoints[batch.vector, batch.cast, : seen_m.shape[1]] = seen_m
-            done += len(lost)
-            progress(done, diverged.size)
+        at_once = 1 if len(left.cast) <= FEW else cores(threads)
+        with shared(at_once) as parts:
+            dealt = left.dealt(batch_size, parts)
+            found = answers(_run_batch, [batch(pairs) for pairs in dealt], at_once)
+            for pairs, (seen_m, lost) in zip(dealt, found, strict=True):
+                diverged[pairs.vector, pairs.cast] = lost
+                waypoints[pairs.vector, pairs.cast, : seen_m.shape[1]] = seen_m
+                done += len(lost)
+                progress(done, diverged.size)
         left = left.where(diverged)
     return Prediction(waypoints, diverged)
 
 
-def _run_batch(
-    start: Start,
-    casts: Sequence[Cast],
-    vectors: np.ndarray,
-    active: ActiveEffects,
-    cast: np.ndarray,
-    step_s: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Step the casts numbered `cast` (n_sim,) to their ends, each under its own vector.
+def _run_batch(batch: _Batch) -> tuple[np.ndarray, np.ndarray]:
+    """Step the simulations of a batch to their ends.
 
     Returns
     -------
@@ -158,16 +165,17 @@ def _run_batch(
         and where a run diverged.
     diverged : bool ndarray of shape (n_sim,).
     """
-    chosen, which = np.unique(cast, return_inverse=True)
-    stamped_s = _padded_times([casts[c] for c in chosen])[which]
+    casts, which, step_s = batch.casts, batch.which, batch.step_s
+    active = ActiveEffects(batch.effects, batch.values)
+    stamped_s = _padded_times(casts)[which]
     happened_s = active.seen_at(stamped_s)
     last = np.ceil(np.nanmax(happened_s, axis=1) / step_s - 1e-9).astype(int)
-    tool_end = np.array([casts[c].tool.t_s[-1] / step_s for c in chosen])[which]
+    tool_end = np.array([cast.tool.t_s[-1] / step_s for cast in casts])[which]
     times_s = np.arange(last.max() + 2) * step_s
-    tools = ToolPaths([casts[c].tool for c in chosen], times_s)
+    tools = ToolPaths([cast.tool for cast in casts], times_s)
     pose = active.held_pose(tools.at(0, which), step_s)
-    lean_rad = _leans(np.array([_start(casts[c]) for c in chosen])[which], pose, active)
-    run = start(pose, lean_rad, vectors, active)
+    lean_rad = _leans(np.array([_start(cast) for cast in casts])[which], pose, active)
+    run = batch.start(pose, lean_rad, batch.vectors, active)
     path = np.empty((last.max() + 1, 2, len(which)), np.float32)
     ended = np.full(len(which), -1)  # the step at which each simulation ended, −1 under way
     diverged = np.zeros(len(which), dtype=bool)
