@@ -34,7 +34,8 @@ def _executed(config: DictConfig, model: ForwardModel) -> pl.DataFrame:
     rig, limits, envelope = build_rig(config), build_limits(config), build_envelope(config)
     _refuse_other_cable(model, rig.cable.name)
     feasible = partial(are_feasible, r0_m=rig.r0_m, limits=limits, envelope=envelope)
-    choices = choose_actions(model, _candidates(config), chosen_targets(config))
+    caution = config.evaluate.caution
+    choices = choose_actions(model, _candidates(config), chosen_targets(config), caution)
     about = Neighbourhood.of(build_grid(config, "candidates"), rig.r0_m, limits)
     refined = refine_choices(model, choices, about, feasible)
     return cast_on_rig(config, rig, with_spread(model, refined))

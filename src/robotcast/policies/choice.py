@@ -1,4 +1,4 @@
-"""The policy: from a target to the action whose predicted endpoint is nearest to it."""
+"""The policy: from a target to the action whose cast is expected to end nearest to it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robotcast.casts.action import Action
-from robotcast.policies.forward_model import Predictor, UncertainPredictor
+from robotcast.policies.forward_model import UncertainPredictor
 
 OUT_OF_REACH_M = 0.03  # predicted miss from which on a target is said to be out of reach
 
@@ -47,8 +47,15 @@ class Choice:
         )
 
 
-def choose_actions(model: Predictor, candidates: np.ndarray, targets_m: np.ndarray) -> list[Choice]:
-    """Choose π(s) = argmin over the candidates of |f_forw(a) − s| for every target.
+def choose_actions(
+    model: UncertainPredictor, candidates: np.ndarray, targets_m: np.ndarray, caution: float = 1.0
+) -> list[Choice]:
+    """Choose the candidate whose cast is expected to miss least, for every target.
+
+    The paper's policy is π(s) = argmin |f_forw(a) − s|. Among thousands of candidates many are
+    predicted to end at the target, and some of them are whip-like casts that end anywhere. What
+    a cast misses by is expected to be |f_forw(a) − s|² + |σ(a)|² in the mean square, with the
+    spread σ that the model expects; the least of that is chosen.
 
     Candidates come to rest mostly on one half of the board. A target on the other half gets the
     mirror image of the cast chosen for its mirror image (paper, "Parameterized Actions"); so the
@@ -59,14 +66,16 @@ def choose_actions(model: Predictor, candidates: np.ndarray, targets_m: np.ndarr
     candidates : ndarray of shape (n, 6), in the order of `ACTION_COLUMNS`: what the arm can do,
         mirrored or not (`feasible_actions`).
     targets_m : ndarray of shape (k, 2).
+    caution : weight of |σ|²; 0 for the paper's policy.
     """
     if not len(candidates):
         raise ValueError("there is no candidate action to choose from")
     predicted = model.predict(candidates)
+    scatter = caution * np.square(model.spread(candidates)).sum(axis=1) if caution else 0.0
     flips = mirror_flips(targets_m, rest_side(predicted))
     choices = []
     for target, flip in zip(targets_m, flips, strict=True):
-        row = int(np.square(predicted - target * flip).sum(axis=1).argmin())
+        row = int((np.square(predicted - target * flip).sum(axis=1) + scatter).argmin())
         action = Action.from_array(candidates[row])
         chosen = action.mirrored() if flip[1] < 0 else action
         choices.append(Choice(target, chosen, predicted[row] * flip))

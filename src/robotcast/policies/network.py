@@ -11,6 +11,7 @@ from torch import nn
 
 from robotcast.policies.normalisation import Normalisation
 from robotcast.policies.reproducible import in_parts
+from robotcast.policies.scatter import Scatter
 from robotcast.policies.slopes import row_slopes
 from robotcast.policies.storage import read_model, write_model
 from robotcast.policies.training import Epoch
@@ -28,15 +29,29 @@ class LastLayerSpread:
     Attributes
     ----------
     root : tensor of shape (h + 1, h + 1), R with A⁻¹ = Rᵀ R.
-    scale_m : tensor of shape (2,), spread of a cast amid the training examples.
+    scatter : of casts about the network.
+    scale_m : tensor of shape (2,), metres in a unit of scatter.
     """
 
     root: torch.Tensor
+    scatter: Scatter
     scale_m: torch.Tensor
 
     def relative(self, features: torch.Tensor) -> torch.Tensor:
-        """Return √(1 + φᵀ A⁻¹ φ), (n,), of features (n, h)."""
-        return torch.sqrt(1 + (with_one(features) @ self.root.T).square().sum(dim=1))
+        """Return the scatter times √(1 + φᵀ A⁻¹ φ), (n,), of features (n, h)."""
+        unlike = (with_one(features) @ self.root.T).square().sum(dim=1)
+        return self.scatter(features) * torch.sqrt(1 + unlike)
+
+    def tensors(self) -> dict[str, torch.Tensor]:
+        """Return what it is made of, by name, for a file."""
+        scatter = {"scatter_weights": self.scatter.weights, "scatter_bounds": self.scatter.bounds}
+        return {"root": self.root, **scatter, "scale_m": self.scale_m}
+
+    @classmethod
+    def of(cls, tensors: Mapping[str, torch.Tensor]) -> "LastLayerSpread":
+        """Make it of `tensors`."""
+        scatter = Scatter(tensors["scatter_weights"], tensors["scatter_bounds"])
+        return cls(tensors["root"], scatter, tensors["scale_m"])
 
 
 @dataclass(frozen=True)
@@ -86,8 +101,8 @@ class Network:
 
     def save(self, folder: Path) -> None:
         """Write weights.safetensors, training.csv and, last, policy.yaml into `folder`."""
-        spread = {"root": self.uncertainty.root, "scale_m": self.uncertainty.scale_m}
-        tensors = {**self.layers.state_dict(), **{_SPREAD + name: v for name, v in spread.items()}}
+        spread = {_SPREAD + name: v for name, v in self.uncertainty.tensors().items()}
+        tensors = {**self.layers.state_dict(), **spread}
         told = {
             "kind": "network",
             "dataset": self.dataset,
@@ -106,15 +121,15 @@ class Network:
         """Read a network that `save` wrote."""
         stored = read_model(folder)
         told, hidden = stored.told, tuple(stored.told["hidden"])
-        spread = [stored.tensors.pop(_SPREAD + name) for name in ("root", "scale_m")]
+        spread = {n.removeprefix(_SPREAD): v for n, v in stored.tensors.items() if _SPREAD in n}
         layers = make_layers(hidden)
-        layers.load_state_dict(stored.tensors)
+        layers.load_state_dict({n: v for n, v in stored.tensors.items() if _SPREAD not in n})
         return cls(
             layers,
             hidden,
             Normalisation.from_dict(told["normalisation"]["actions"]),
             Normalisation.from_dict(told["normalisation"]["endpoints_m"]),
-            LastLayerSpread(*spread),
+            LastLayerSpread.of(spread),
             told["dataset"],
             told["examples"],
             told["seed"],

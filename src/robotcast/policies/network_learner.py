@@ -14,6 +14,7 @@ from robotcast.policies.network import LastLayerSpread, Network, make_layers, wi
 from robotcast.policies.normalisation import Normalisation
 from robotcast.policies.reproducible import reproducible_torch
 from robotcast.policies.rows import Rows
+from robotcast.policies.scatter import fit_scatter
 from robotcast.policies.spread import held_out_scale
 from robotcast.policies.training import subject_of, train
 from robotcast.progress import Progress, silent
@@ -162,19 +163,23 @@ def _uncertainty(
 ) -> LastLayerSpread:
     """Learn the shape of the spread from the training examples, its size from the held-out."""
     with torch.inference_mode():
-        seen = with_one(_all(layers[:-1], training.actions)).double()
+        features = _all(layers[:-1], training.actions)
+        away_m = (layers[-1](features) - training.endpoints) * scale_m
+        sizes_m = torch.linalg.norm(away_m, dim=1).double()
+        scatter = fit_scatter(features.double(), sizes_m, training.weights.double()).single()
+        seen = with_one(features).double()
         precision = (training.weights.double()[:, None] * seen).T @ seen
         precision += _PRIOR_PRECISION * torch.eye(len(precision), dtype=torch.float64)
         lower = torch.linalg.cholesky(precision)
         unit = torch.eye(len(lower), dtype=torch.float64)
         root = torch.linalg.solve_triangular(lower, unit, upper=False).float()
         features = _all(layers[:-1], validation.actions)
-        relative = LastLayerSpread(root, torch.ones(2)).relative(features)
+        relative = LastLayerSpread(root, scatter, torch.ones(2)).relative(features)
         misses_m = (layers[-1](features) - validation.endpoints) * scale_m
     size = held_out_scale(
         *(t.numpy().astype(float) for t in (misses_m, relative, validation.weights))
     )
-    return LastLayerSpread(root.clone(), torch.from_numpy(size))
+    return LastLayerSpread(root.clone(), scatter, torch.from_numpy(size))
 
 
 def _rows(examples: Examples, actions: Normalisation, endpoints: Normalisation) -> Rows:
