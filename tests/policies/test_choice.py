@@ -58,3 +58,22 @@ def test_candidates_are_predicted_once_for_all_targets(world) -> None:
 def test_no_candidate_is_refused(world) -> None:
     with pytest.raises(ValueError, match="no candidate action"):
         choose_actions(world, np.zeros((0, 6)), np.array([[0.8, -0.5]]))
+
+
+def test_a_target_is_out_of_reach_only_when_no_candidate_is_predicted_near_it(world) -> None:
+    class SureOfOne:
+        """Sure of the first candidate alone, which ends far from the target."""
+
+        def predict(self, actions):
+            return world.predict(actions)
+
+        def spread(self, actions):
+            return np.where(np.arange(len(actions)) == 0, 0.0, 5.0)[:, None] * np.ones(2)
+
+    candidates = world.actions(300)
+    near, far = world.predict(candidates)[5], np.array([3.0, -0.5])
+    within, beyond = choose_actions(SureOfOne(), candidates, np.array([near, far]))
+    assert within.miss_m > 0.03
+    assert within.reachable
+    assert not beyond.reachable
+    assert "the nearest point within reach is" in beyond.out_of_reach()

@@ -17,16 +17,18 @@ class Choice:
 
     Attributes
     ----------
-    target_m, predicted_m : ndarray of shape (2,), the wanted and the predicted endpoint. For a
-        target out of reach the latter is the nearest point that the policy can reach.
+    target_m, predicted_m : ndarray of shape (2,), the wanted and the predicted endpoint.
     spread_m : ndarray of shape (2,), standard deviations that the model expects of a cast's
         endpoint about the predicted one; NaN of a policy that says nothing of it.
+    nearest_m : ndarray of shape (2,), the predicted endpoint of all candidates that is nearest
+        to the target, be that cast as wild as it may; NaN of a policy without candidates.
     """
 
     target_m: np.ndarray
     action: Action
     predicted_m: np.ndarray
     spread_m: np.ndarray = field(default_factory=lambda: np.full(2, np.nan))
+    nearest_m: np.ndarray = field(default_factory=lambda: np.full(2, np.nan))
 
     @property
     def miss_m(self) -> float:
@@ -35,15 +37,22 @@ class Choice:
 
     @property
     def reachable(self) -> bool:
-        """Whether the model expects the cast to end at the target or close by."""
-        return self.miss_m <= OUT_OF_REACH_M
+        """Whether the model expects any cast to end at the target or close by."""
+        return float(np.linalg.norm(self._reached_m - self.target_m)) <= OUT_OF_REACH_M
+
+    @property
+    def _reached_m(self) -> np.ndarray:
+        """The point nearest to the target that the model knows how to reach."""
+        nearer = np.linalg.norm(self.nearest_m - self.target_m) < self.miss_m
+        return self.nearest_m if nearer else self.predicted_m
 
     def out_of_reach(self) -> str:
-        """Say that the target cannot be reached, and where the cast is aimed instead."""
-        (x, y), (near_x, near_y) = self.target_m, self.predicted_m
+        """Say that the target cannot be reached, and what can be instead."""
+        (x, y), (near_x, near_y) = self.target_m, self._reached_m
+        away_m = np.linalg.norm(self._reached_m - self.target_m)
         return (
             f"({x:.2f}, {y:.2f}) m is out of reach; the nearest point within reach is "
-            f"({near_x:.2f}, {near_y:.2f}) m, {100 * self.miss_m:.0f} cm away"
+            f"({near_x:.2f}, {near_y:.2f}) m, {100 * away_m:.0f} cm away"
         )
 
 
@@ -75,10 +84,12 @@ def choose_actions(
     flips = mirror_flips(targets_m, rest_side(predicted))
     choices = []
     for target, flip in zip(targets_m, flips, strict=True):
-        row = int((np.square(predicted - target * flip).sum(axis=1) + scatter).argmin())
+        away = np.square(predicted - target * flip).sum(axis=1)
+        row = int((away + scatter).argmin())
         action = Action.from_array(candidates[row])
         chosen = action.mirrored() if flip[1] < 0 else action
-        choices.append(Choice(target, chosen, predicted[row] * flip))
+        nearest_m = predicted[away.argmin()] * flip
+        choices.append(Choice(target, chosen, predicted[row] * flip, nearest_m=nearest_m))
     return choices
 
 

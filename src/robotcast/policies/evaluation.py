@@ -119,8 +119,8 @@ def _tracked_rest(request: CastRequest, session: Session) -> np.ndarray | str:
 def executed_table(subject: Subject, choices: Sequence[Choice], executed: Executed) -> pl.DataFrame:
     """Return evaluation.csv for executed casts; a lost cast has no endpoint and no error.
 
-    `predicted_x`, `predicted_y` of a target out of reach are the nearest point within reach;
-    `spread_x`, `spread_y` are the standard deviations that the model expects about it [m].
+    `spread_x`, `spread_y` are the standard deviations that the model expects about
+    `predicted_x`, `predicted_y` [m].
     """
     rows = []
     for target, (choice, ends) in enumerate(zip(choices, executed.ends_m, strict=True)):

@@ -1,7 +1,7 @@
 """From the best candidate of the grid to the best action about it, through the model's gradient."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -96,7 +96,7 @@ def refine_choices(
         if not moved:
             break
     return [
-        Choice(c.target_m, Action.from_array(a), e)
+        replace(c, action=Action.from_array(a), predicted_m=e)
         for c, a, e in zip(choices, actions * mirror, ends * flips, strict=True)
     ]
 
