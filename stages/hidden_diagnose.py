@@ -1,5 +1,6 @@
 """Diagnose every set of the hidden-effect benchmark; a finished diagnosis is not done again."""
 
+import json
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -25,8 +26,14 @@ def hidden_diagnose(config: DictConfig) -> None:
             if not path.exists():
                 output = pages_folder(measurements.name, folder)
                 _diagnose(measurements, output, config.exclude)
-                write_text(path, (output / "diagnosis.json").read_text(encoding="utf-8"))
+                write_text(path, _said(output))
         progress(len(sets), len(sets))
+
+
+def _said(output: Path) -> str:
+    """Return what was said, as JSON, without every cast's path, which only its page needs."""
+    said = json.loads((output / "diagnosis.json").read_text(encoding="utf-8"))
+    return json.dumps({**said, "comparison": None}, ensure_ascii=False, indent=1)
 
 
 def _diagnose(measurements: Path, output: Path, exclude: Sequence[str]) -> None:
