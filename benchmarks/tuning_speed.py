@@ -21,7 +21,6 @@ than a third of the time in which sysid reaches its best held-out error.
 """
 
 import argparse
-import resource
 import statistics
 import sys
 import time
@@ -91,17 +90,10 @@ def start_vector(error: WaypointError) -> np.ndarray:
     return np.array([p.to_unit(np.asarray(p.nominal)) for p in error.free])
 
 
-def cpu_s() -> float:
-    """Return the processor time of this process and of the children that have ended."""
-    used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(u.ru_utime + u.ru_stime for u in used)
-
-
-def rates(work: Callable[[], int]) -> tuple[float, float]:
-    """Return how many casts `work` simulates a second, and a second of processor time."""
-    begun_s, begun_cpu_s = time.perf_counter(), cpu_s()
-    casts = work()
-    return casts / (time.perf_counter() - begun_s), casts / (cpu_s() - begun_cpu_s)
+def rate(work: Callable[[], int]) -> float:
+    """Return how many casts `work` simulates a second."""
+    begun_s = time.perf_counter()
+    return work() / (time.perf_counter() - begun_s)
 
 
 def prepare_alone(tuning: MeasurementSet) -> None:
@@ -148,13 +140,11 @@ def compare_evolution(split: Split, population: int, generations: int, rounds: i
     for _ in range(rounds):
         with get_context("spawn").Pool(2, prepare_alone, (split.tuning,)) as pool:
             pool.map(error_alone, [first[0]] * 2)
-            at_once, at_once_cpu = rates(together)
-            one_by_one, _ = rates(apart)
+            at_once, one_by_one = rate(together), rate(apart)
         ratios.append(at_once / one_by_one)
         print(
-            f"differential evolution: batched {at_once:6.1f} casts/s "
-            f"({at_once_cpu:.1f} a second of processor time), one at a time with workers=2 "
-            f"{one_by_one:6.1f} casts/s, ratio {ratios[-1]:.1f}",
+            f"differential evolution: batched {at_once:6.1f} casts/s, one at a time with "
+            f"workers=2 {one_by_one:6.1f} casts/s, ratio {ratios[-1]:.1f}",
             flush=True,
         )
     ratio = statistics.median(ratios)
