@@ -83,6 +83,17 @@ def test_nothing_is_named_where_nothing_is_missing() -> None:
     assert said["verdict"] == ["none"] and said["conclusive"] and said["notes"] == []
 
 
+def test_errors_far_above_noise_are_never_given_a_clean_bill() -> None:
+    field = replace(SHEAR, text="a shear of the board", depends_on="place")
+    model, records = Puck(TURN, field), pushes(shift=(0.15, 0.1))
+    said = diagnose(Case(model, records, ["turn"], wording=WORDS), lambda said: None)
+    assert said["verdict"] == ["unknown"]
+    assert said["unexplained"]["depends_on"] == "place"
+    assert "times what repeats differ by" in said["sentence"]
+    bare = diagnosed(records, TURN)
+    assert bare["verdict"] == ["none"] and "something is missing" in bare["sentence"]
+
+
 def test_what_cannot_act_is_said_and_never_ranked() -> None:
     said = diagnosed(pushes(tilt=TILTED), DEAD, FAINT, NULLED, TILT, ignored=True)
     status = {row["effect"]: row["status"] for row in said["ranking"]}

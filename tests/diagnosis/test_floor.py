@@ -37,3 +37,10 @@ def test_without_repeats_no_error_reaches_the_floor() -> None:
 def test_a_floor_known_from_elsewhere_is_its_own_unit() -> None:
     floor = Floor.known(2.0)
     assert floor.reached(np.full(5, 2.1)) and not floor.reached(np.full(5, 2.5))
+
+
+def test_errors_twice_those_of_repeats_are_far_above_the_floor() -> None:
+    floor = Floor.of(scatter([1.0, 1.2, 0.9], [0.8, 1.1, 1.0], [10.0, 12.0, 2.0]))
+    errors = np.array([1.0, 1.2, 0.9, 0.8, 1.1, 1.0, 10.0, 12.0, 2.0])
+    assert floor.far(2.1 * errors) and not floor.far(1.9 * errors)
+    assert not Floor.of(RepeatScatter(None, None, np.empty(0), (), 0, 0)).far(errors)

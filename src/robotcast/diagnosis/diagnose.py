@@ -236,7 +236,8 @@ class _Run:
     def _sentence(self, named: list[str]) -> str:
         if limits.too_few(self.inquiry):
             return report.sentence_on_too_few(self.inquiry, self._case.wording)
-        return report.sentence(self.inquiry, self._found, named, self._left, self._case.wording)
+        floor, words = self._floor, self._case.wording
+        return report.sentence(self.inquiry, self._found, named, self._left, floor, words)
 
     def _base_parameters(self, base: Revision | None) -> dict[str, Any]:
         if base is None:

@@ -53,7 +53,7 @@ def gain(before: np.ndarray, after: np.ndarray, groups: np.ndarray, floor: Floor
 def seen_gain(inquiry: Inquiry, before: Fit, after: Fit, floor: Floor) -> Gain:
     """Compare two fits on the very trials that they were fitted to.
 
-    What does not pay there will not pay on trials held out, which cost as much again to simulate.
+    What does not pay there hardly pays on trials held out, which cost as much again to simulate.
     """
     every = inquiry.everything
     errors = [

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.limits import FEWEST_GROUPS, counted, is_ignored
 from robotcast.diagnosis.next_trials import NextTrial
@@ -29,28 +30,36 @@ def sentence(
     found: Found,
     named: Sequence[str],
     left: Unexplained | None,
+    floor: Floor,
     wording: Wording = PLAIN,
 ) -> str:
-    """Say the verdict in one sentence."""
+    """Say the verdict in a sentence, and in another that the error stays far above noise."""
     base, top = found.ladder[0], found.ladder[-1]
     before, after = (float(rung.errors.waypoint.mean()) for rung in (base, top))
     unit, trials = inquiry.model.error_unit, wording.trials
+    far = floor.far(top.errors.waypoint)
+    times = f"{after / floor.percent:.1f} times what repeats differ by" if floor.percent else ""
     if named == ["none"]:
-        return (
+        said = (
             f"No effect of the library makes the model predict held-out {trials} better: "
             f"the error stays at {before:.2f} {unit}."
         )
+        return f"{said} That is {times}, so something is missing." if far else said
     if named == ["unknown"]:
+        said = "Something is missing that the library does not hold:"
         depends_on = inquiry.model.effects[left.field].depends_on if left else ""
+        if left is None or left.enough:
+            return f"{said} a force that depends on {depends_on} explains what the model misses."
         return (
-            f"Something is missing that the library does not hold: a force that depends on "
-            f"{depends_on} explains what the model misses."
+            f"{said} the error on held-out {trials} stays at {after:.2f} {unit}, {times}. "
+            f"A force that depends on {depends_on} comes nearest."
         )
     names = " and ".join(inquiry.model.effects[name].text for name in named)
-    return (
+    said = (
         f"The model lacks this: {names}. With it the error on held-out {trials} falls from "
         f"{before:.2f} to {after:.2f} {unit}."
     )
+    return f"{said} That is still {times}, so more is missing." if far else said
 
 
 def sentence_on_too_few(inquiry: Inquiry, wording: Wording) -> str:
@@ -73,9 +82,10 @@ def unexplained(
     if left is None:
         return None
     field = inquiry.model.effects[left.field]
+    like = "What is missing acts like" if left.enough else "Nothing explains it. Nearest comes"
     return {
         "depends_on": field.depends_on,
-        "text": f"What is missing acts like {field.text}.",
+        "text": f"{like} {field.text}.",
         "heldout_waypoint_error_percent": float(left.rung.errors.waypoint.mean()),
         "field": draw(inquiry, left),
     }

@@ -37,7 +37,7 @@ class Unexplained:
 
     @property
     def enough(self) -> bool:
-        """Tell whether the field takes away so much that something must be missing."""
+        """Tell whether the field takes away so much that what is missing must be like it."""
         return self.gain.pays and self.gain.share > FLEXIBLE
 
     def over(self, inquiry: Inquiry, rung: Rung, floor: Floor) -> Gain:
@@ -59,7 +59,8 @@ def look_for_the_unknown(
     -------
     found : as it was; without the named effects where a field does better alone, or as well as
         beside them: they had only stood in for something that the library does not hold.
-    left : None when no field takes away enough.
+    left : None when no field takes away enough; but where the errors lie far above the noise
+        floor something is missing all the same, and the field that comes nearest is returned.
     """
     base, top = found.ladder[0], found.ladder[-1]
     if floor.reached(top.errors.waypoint):
@@ -70,9 +71,10 @@ def look_for_the_unknown(
     alone = contest.alone(base, top, most_missed) if top is not base else None
     if alone is not None and alone.over(inquiry, top, floor).pays:
         return replace(found, ladder=(base,), rivals={}), alone
-    left = contest.judged(top, contest.begin(on_top), most_missed)
+    begun = contest.begin(on_top)
+    left = contest.judged(top, begun, most_missed)
     if left is None or not left.enough:
-        return found, None
+        return found, contest.nearest(top, begun) if floor.far(top.errors.waypoint) else None
     if alone is not None and not left.over(inquiry, alone.rung, floor).pays:
         return replace(found, ladder=(base,), rivals={}), alone
     return found, left
@@ -149,9 +151,21 @@ class _Contest:
         revision = refit(inquiry, revision, 2)
         if not self._seen_gain(below, revision).pays:
             return None
+        return self._on_trials_held_out(below, one, revision)
+
+    def nearest(self, below: Rung, begun: Sequence[_Begun]) -> Unexplained | None:
+        """Fit the best of the fields to whole trials, however little it takes away."""
+        if not begun:
+            return None
+        self.tell(f"fitting {self._text(begun[0].screened.effect)}")
+        effects = (*below.revision.effects, begun[0].screened.effect)
+        revision = Revision(effects, self.inquiry.fit(effects, begun[0].fit.vector, 3))
+        return self._on_trials_held_out(below, begun[0].screened, revision)
+
+    def _on_trials_held_out(self, below: Rung, one: Screened, revision: Revision) -> Unexplained:
         self.tell("judging it on trials held out")
-        errors = held_out(inquiry, revision, self.effort.seed, self.effort.fold)
-        saved = gain(below.errors.waypoint, errors.waypoint, inquiry.groups, self.floor)
+        errors = held_out(self.inquiry, revision, self.effort.seed, self.effort.fold)
+        saved = gain(below.errors.waypoint, errors.waypoint, self.inquiry.groups, self.floor)
         return Unexplained(one.effect, Rung(revision, errors, one.predicted), saved)
 
     def _seen_gain(self, below: Rung, revision: Revision) -> Gain:

@@ -91,6 +91,26 @@ class PlaceField(_Field):
         return np.exp(apart * apart * np.float32(-0.5 / self.width_m**2))
 
 
+class PlaceResistanceField(PlaceField):
+    """A deceleration against the motion that depends on where a point is.
+
+    Every bump has two strengths, one of dry resistance, which does not depend on the speed, and
+    one of viscous resistance, at 1 m/s.
+    """
+
+    def force(self, cable: CableMotion, **values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        strengths = np.concatenate([values[p.name] for p in self.parameters], axis=1)
+        dry, viscous = self._accelerations(cable.x, cable.y, strengths)
+        mass = self.acts_on(cable)
+        x = dry * cable.slip_x + viscous * cable.vx
+        y = dry * cable.slip_y + viscous * cable.vy
+        return -mass * x, -mass * y
+
+    def at(self, points_m: np.ndarray, strengths: np.ndarray) -> np.ndarray:
+        """Return the decelerations (m, 1) of what moves at 1 m/s at points (m, 2)."""
+        return super().at(points_m, strengths).sum(axis=1, keepdims=True)
+
+
 class AlongMotionField(_Field):
     """A deceleration against the motion that depends on speed or on time: hats on a grid."""
 

@@ -87,6 +87,21 @@ def test_a_draft_starts_where_the_arrows_point_and_acts_on_what_they_act_on() ->
     assert pull_field()["acts_on"] == read.field.acts_on
 
 
+def test_a_resistance_over_the_board_drafts_a_brake_where_it_is_strongest() -> None:
+    points, values = ((0.5, 0.0), (0.9, -0.2), (1.1, 0.3)), ((0.1,), (1.4,), (-0.2,))
+    field = Field("the whole cable", ("x [m]", "y [m]"), "m/s²", points, values)
+    code, settings = (d.text for d in drafts(Unexplained("place", "", None, field)))
+    room: dict = {}
+    exec(code, room)
+    plain = yaml.safe_load(settings)
+    effect: Effect = room["MyEffect"]("my_effect", plain["text"], plain["parameters"])
+    assert plain["parameters"]["x0"]["nominal"] == pytest.approx(0.9)
+    cable = two_cables()
+    probed = {p.name: np.full((2, 1), abs(p.probes[0])) for p in effect.parameters}
+    x, y = effect.force(cable, **probed)
+    assert (x * cable.vx + y * cable.vy <= 0).all() and np.any(x)
+
+
 def test_a_force_by_speed_is_a_curve() -> None:
     read = read_diagnosis(unknown_speed()).unexplained
     assert read is not None and read.field is not None

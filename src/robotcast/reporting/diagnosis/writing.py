@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from robotcast.reporting.diagnosis.field import focus
-from robotcast.reporting.diagnosis.reading import Unexplained
+from robotcast.reporting.diagnosis.reading import Field, Unexplained
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,15 @@ _LAWS = {
         "Pulls towards a place: f = k m (p0 − p).",
         ("k", "x0", "y0"),
         ("return k * {mass} * (x0 - cable.x), k * {mass} * (y0 - cable.y)",),
+    ),
+    "resistance of place": _Law(
+        "Brakes about a place: f = −k m v e^(−|p − p0|² / 0.04 m²).",
+        ("k", "x0", "y0"),
+        (
+            "near = np.exp(-((cable.x - x0) ** 2 + (cable.y - y0) ** 2) / 0.04)",
+            "return -k * {mass} * near * cable.vx, -k * {mass} * near * cable.vy",
+        ),
+        "1/s",
     ),
     "speed": _Law(
         "Brakes with speed: f = −k m v.",
@@ -64,11 +73,18 @@ _LAWS = {
 
 def drafts(unexplained: Unexplained) -> tuple[Draft, ...]:
     """Return the files to write, with a law that fits what the force depends on."""
-    law = _LAWS.get(unexplained.depends_on, _LAWS["place"])
+    law = _LAWS.get(_kind(unexplained), _LAWS["place"])
     return (
         Draft("src/robotcast/effects/my_effect.py", _class(law, _at_end(unexplained))),
         Draft("conf/effect/my_effect.yaml", _yaml(law, unexplained)),
     )
+
+
+def _kind(unexplained: Unexplained) -> str:
+    """Return the law to start from: numbers over the board are a resistance, arrows a force."""
+    field = unexplained.field
+    scalar = field is not None and len(field.axes) == 2 and len(field.values[0]) == 1
+    return "resistance of place" if scalar else unexplained.depends_on
 
 
 def _at_end(unexplained: Unexplained) -> bool:
@@ -85,6 +101,7 @@ def _class(law: _Law, at_end: bool) -> str:
         body.insert(0, f"        mass = {mass}")
     return "\n".join(
         [
+            *(["import numpy as np", ""] if "np." in law.lines[0] else []),
             "from robotcast.effects.effect import Effect",
             "",
             "",
@@ -107,13 +124,21 @@ def _yaml(law: _Law, unexplained: Unexplained) -> str:
         f"probes: [{small}, {large}] }}",
     ]
     if "x0" in law.parameters:
-        aimed = focus(unexplained.field) if unexplained.field else None
-        x, y = aimed[0].tolist() if aimed else (0.9, 0.0)
+        x, y = _place(unexplained.field)
         lines += [
             f"  x0: {{ unit: m, lower: 0.0, upper: 1.6, nominal: {x:.2f}, probes: [{x:.2f}] }}",
             f"  y0: {{ unit: m, lower: -1.2, upper: 1.2, nominal: {y:.2f}, probes: [{y:.2f}] }}",
         ]
     return "\n".join(lines)
+
+
+def _place(field: Field | None) -> tuple[float, float]:
+    """Return the place that arrows point at, or where numbers are largest."""
+    if field is not None and len(field.values[0]) == 1:
+        strongest = max(zip(field.values, field.points, strict=True))
+        return strongest[1][0], strongest[1][1]
+    aimed = focus(field) if field else None
+    return (float(aimed[0][0]), float(aimed[0][1])) if aimed else (0.9, 0.0)
 
 
 def _decimal(value: float) -> str:
