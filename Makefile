@@ -36,7 +36,7 @@ hidden-effects: $(INSTALLED)
 	$(BIN)/dvc repro benchmarks/hidden_effects/dvc.yaml
 
 hidden-effects-few: $(INSTALLED)
-	for stage in draw diagnose rivals oracle score; do \
+	for stage in draw diagnose rivals score; do \
 		$(BIN)/python stages/hidden_$$stage.py hidden_effects=few || exit 1; \
 	done
 

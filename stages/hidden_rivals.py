@@ -1,7 +1,9 @@
-"""Let cruder methods name what the sets of the hidden-effect benchmark hide.
+"""Let other methods name what the sets of the hidden-effect benchmark hide.
 
 A random guess, the largest raw sensitivity and, on `hidden_effects.brute_force` cases, a refit
-of every effect. What stands is not done again. No answer is opened.
+of every effect read a set alone. Once they have spoken, the oracle opens its answer and fits the
+model with what is hidden; cases that hide nothing, or something that the library has no name for,
+have none. All start from one fit of the model as it is. What stands is not done again.
 """
 
 import json
@@ -14,10 +16,13 @@ from omegaconf import DictConfig
 from stage import bar, console, stage
 
 from robotcast.diagnosis.search import Rung
+from robotcast.diagnosis.sizes import sizes
 from robotcast.files import write_text
-from robotcast.hidden_effects.layout import measured_sets, rivals_path
+from robotcast.hidden_effects.layout import answer_path, measured_sets, oracle_path, rivals_path
+from robotcast.hidden_effects.outcome import Truth, read_truth
 from robotcast.hidden_effects.rivals.brute_force import brute_force
 from robotcast.hidden_effects.rivals.guess import random_guess
+from robotcast.hidden_effects.rivals.oracle import Told, told
 from robotcast.hidden_effects.rivals.refitting import judged_base
 from robotcast.hidden_effects.rivals.sensitivity import raw_sensitivities
 from robotcast.progress import Progress
@@ -29,10 +34,8 @@ def hidden_rivals(config: DictConfig) -> None:
     sets = measured_sets(Path(settings.folder), settings.cases)
     with bar("rivals") as progress:
         for done, measurements in enumerate(sets):
-            path = rivals_path(measurements.name, reports)
-            forced = measurements.name in settings.brute_force
-            if not _finished(path, forced):
-                _name_effects(config, measurements, path, forced, _noted(progress, done, sets))
+            if not _finished(measurements.name, settings, reports):
+                _ask(config, measurements, reports, _noted(progress, done, sets))
         progress(len(sets), len(sets))
     console.print(f"{reports}: {len(sets)} sets")
 
@@ -46,27 +49,43 @@ def _noted(progress: Progress, at: int, sets: list[Path]) -> Progress:
     return noted
 
 
-def _finished(path: Path, forced: bool) -> bool:
+def _finished(case: str, settings: DictConfig, reports: Path) -> bool:
+    return _spoken(case, settings, reports) and oracle_path(case, reports).exists()
+
+
+def _spoken(case: str, settings: DictConfig, reports: Path) -> bool:
+    path = rivals_path(case, reports)
     if not path.exists():
         return False
+    forced = case in settings.brute_force
     return not forced or json.loads(path.read_text(encoding="utf-8"))["brute_force"] is not None
 
 
-def _name_effects(
-    config: DictConfig, measurements: Path, path: Path, forced: bool, progress: Progress
-) -> None:
+def _ask(config: DictConfig, measurements: Path, reports: Path, progress: Progress) -> None:
+    """Let every method speak that has not; the answer is opened after those that guess."""
+    case, settings = measurements.name, config.hidden_effects
     question = open_question(config, measurements, progress)
-    inquiry = question.inquiry
-    base = judged_base(inquiry, question.effort)
-    fitted = inquiry.simulated
-    moved = raw_sensitivities(inquiry, base.revision, question.candidates)
-    said = {
-        "random": random_guess(measurements.name, question.candidates, config.seed),
+    base = judged_base(question.inquiry, question.effort)
+    fitted = question.inquiry.simulated
+    if not _spoken(case, settings, reports):
+        said = _name_effects(question, base, case, config.seed)
+        if case in settings.brute_force:
+            said["brute_force"] = _forced(question, base, fitted, progress)
+        write_text(rivals_path(case, reports), json.dumps(said, indent=1))
+    truth = read_truth(answer_path(case, reports))
+    known = truth.kind in ("single", "pair")
+    found = _tell(question, base, fitted, truth) if known else None
+    write_text(oracle_path(case, reports), json.dumps(found, indent=1))
+
+
+def _name_effects(question: Question, base: Rung, case: str, seed: int) -> dict[str, Any]:
+    moved = raw_sensitivities(question.inquiry, base.revision, question.candidates)
+    return {
+        "random": random_guess(case, question.candidates, seed),
         "largest_sensitivity": max(moved, key=lambda name: moved[name]),
         "moved_noise": moved,
-        "brute_force": _forced(question, base, fitted, progress) if forced else None,
+        "brute_force": None,
     }
-    write_text(path, json.dumps(said, indent=1))
 
 
 def _forced(question: Question, base: Rung, base_casts: int, progress: Progress) -> dict[str, Any]:
@@ -88,6 +107,36 @@ def _forced(question: Question, base: Rung, base_casts: int, progress: Progress)
         "simulated_casts": base_casts + inquiry.simulated - before,
         "seconds": round(time.monotonic() - started, 1),
     }
+
+
+def _tell(question: Question, base: Rung, base_casts: int, truth: Truth) -> dict[str, Any]:
+    inquiry, effort = question.inquiry, question.effort
+    before = inquiry.simulated
+    found = told(inquiry, base, truth.effects, question.floor, effort)
+    return {
+        "effects": list(truth.effects),
+        "base_heldout_waypoint_error_percent": float(found.base.errors.waypoint.mean()),
+        "heldout_waypoint_error_percent": float(found.rung.errors.waypoint.mean()),
+        "p_value": found.gain.p_value,
+        **_sizes(question, found),
+        "simulated_casts": base_casts + inquiry.simulated - before,
+    }
+
+
+def _sizes(question: Question, found: Told) -> dict[str, Any]:
+    """Return the parameters of the base model and of what is hidden, with intervals."""
+    inquiry, rung = question.inquiry, found.rung
+    every = [
+        (size.parameter.name, size.as_dict())
+        for size in sizes(inquiry, rung.revision, rung.errors.vectors)
+    ]
+    first = len(inquiry.model.parameters)
+    plain: dict[str, Any] = {"base": {"parameters": dict(every[:first])}, "sizes": []}
+    for name in rung.revision.effects:
+        last = first + len(inquiry.model.effects[name].parameters)
+        plain["sizes"].append({"effect": name, "parameters": dict(every[first:last])})
+        first = last
+    return plain
 
 
 if __name__ == "__main__":

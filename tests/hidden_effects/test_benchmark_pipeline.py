@@ -12,8 +12,7 @@ from robotcast.hidden_effects.draw import draw_cases
 from tests.test_pipeline import covers, reached
 
 ROOT = Path(__file__).resolve().parents[2]
-ORDER = ("draw", "diagnose", "rivals", "oracle", "score")
-BLIND = ("diagnose", "rivals")  # stages that must name effects without an answer
+ORDER = ("draw", "diagnose", "rivals", "score")
 
 
 def stages() -> dict[str, dict[str, Any]]:
@@ -41,10 +40,10 @@ def test_a_stage_depends_on_all_the_code_it_runs_and_on_no_other(name: str) -> N
     assert not [dep for dep in code if not any(covers([dep], file) for file in run)]
 
 
-@pytest.mark.parametrize("name", BLIND)
-def test_who_names_effects_reads_no_answer(name: str) -> None:
-    assert not [dep for dep in stages()[name]["deps"] if "answers" in dep]
-    assert not [file for file in files(name) if file.endswith(("/seal.py", "/mechanisms.py"))]
+def test_the_diagnosis_reads_no_answer() -> None:
+    assert not [dep for dep in stages()["diagnose"]["deps"] if "answers" in dep]
+    run = files("diagnose")
+    assert not [file for file in run if file.endswith(("/seal.py", "/mechanisms.py"))]
 
 
 def test_what_stands_outlives_a_rerun() -> None:

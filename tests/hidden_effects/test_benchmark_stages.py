@@ -37,7 +37,7 @@ def read(path: Path) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("few")
-    for stage in ("draw", "diagnose", "rivals", "oracle", "score"):
+    for stage in ("draw", "diagnose", "rivals", "score"):
         run(stage, folder)
     return folder
 
@@ -79,7 +79,7 @@ def test_every_rival_names_an_effect_and_brute_force_only_where_asked(
 def test_what_stands_is_not_done_again(folder: Path, outcomes: list[Outcome]) -> None:
     paths = [path(o.case, folder) for o in outcomes for path in SAID]
     before = {path: path.stat().st_mtime_ns for path in paths if path.exists()}
-    for stage in ("diagnose", "rivals", "oracle"):
+    for stage in ("diagnose", "rivals"):
         run(stage, folder)
     assert {path: path.stat().st_mtime_ns for path in paths if path.exists()} == before
 

@@ -209,7 +209,7 @@ def _brute_force(said: Mapping[str, Any] | None) -> BruteForce | None:
 
 def _oracle(path: Path) -> Oracle | None:
     said = _read(path)
-    if said is None:
+    if said is None:  # not asked yet, or there is nothing to be told
         return None
     with _named(path):
         return Oracle(
