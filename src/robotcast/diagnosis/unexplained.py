@@ -137,30 +137,34 @@ class _Contest:
         """
         if not begun or begun[0].missed > most_missed:
             return None
-        inquiry, fits = self.inquiry, []
         best_of = {self._depends_on(one): one for one in reversed(begun)}  # of each dependence
         level = [one for one in best_of.values() if one.missed < LEVEL * begun[0].missed]
-        for one in level:
-            self.tell(f"fitting {self._text(one.screened.effect)}")
-            effects = (*below.revision.effects, one.screened.effect)
-            fits.append((one.screened, Revision(effects, inquiry.fit(effects, one.fit.vector, 1))))
-        one, revision = min(fits, key=lambda fitted: fitted[1].fit.loss)
+        one, revision = self._whole(below, level)[0]
         if not self._seen_gain(below, revision).may_pay:
             return None
         self.tell("refitting it further")
-        revision = refit(inquiry, revision, 2)
+        revision = refit(self.inquiry, revision, 2)
         if not self._seen_gain(below, revision).pays:
             return None
         return self._on_trials_held_out(below, one, revision)
 
     def nearest(self, below: Rung, begun: Sequence[_Begun]) -> Unexplained | None:
-        """Fit the best of the fields to whole trials, however little it takes away."""
-        if not begun:
+        """Fit the fields to whole trials; judge the best of them, however little it takes away."""
+        fits = self._whole(below, begun)
+        if not fits:
             return None
-        self.tell(f"fitting {self._text(begun[0].screened.effect)}")
-        effects = (*below.revision.effects, begun[0].screened.effect)
-        revision = Revision(effects, self.inquiry.fit(effects, begun[0].fit.vector, 3))
-        return self._on_trials_held_out(below, begun[0].screened, revision)
+        one, revision = fits[0]
+        return self._on_trials_held_out(below, one, refit(self.inquiry, revision, 2))
+
+    def _whole(self, below: Rung, begun: Sequence[_Begun]) -> list[tuple[Screened, Revision]]:
+        """Go one step on whole trials with each; the one that fits best comes first."""
+        fits = []
+        for one in begun:
+            self.tell(f"fitting {self._text(one.screened.effect)}")
+            effects = (*below.revision.effects, one.screened.effect)
+            fit = self.inquiry.fit(effects, one.fit.vector, 1)
+            fits.append((one.screened, Revision(effects, fit)))
+        return sorted(fits, key=lambda fitted: fitted[1].fit.loss)
 
     def _on_trials_held_out(self, below: Rung, one: Screened, revision: Revision) -> Unexplained:
         self.tell("judging it on trials held out")

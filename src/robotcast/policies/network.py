@@ -121,9 +121,13 @@ class Network:
         """Read a network that `save` wrote."""
         stored = read_model(folder)
         told, hidden = stored.told, tuple(stored.told["hidden"])
-        spread = {n.removeprefix(_SPREAD): v for n, v in stored.tensors.items() if _SPREAD in n}
+        spread = {
+            n.removeprefix(_SPREAD): v for n, v in stored.tensors.items() if n.startswith(_SPREAD)
+        }
         layers = make_layers(hidden)
-        layers.load_state_dict({n: v for n, v in stored.tensors.items() if _SPREAD not in n})
+        layers.load_state_dict(
+            {n: v for n, v in stored.tensors.items() if not n.startswith(_SPREAD)}
+        )
         return cls(
             layers,
             hidden,
