@@ -1,5 +1,7 @@
 """The noise floor as errors are judged."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -39,8 +41,11 @@ def test_a_floor_known_from_elsewhere_is_its_own_unit() -> None:
     assert floor.reached(np.full(5, 2.1)) and not floor.reached(np.full(5, 2.5))
 
 
-def test_errors_twice_those_of_repeats_are_far_above_the_floor() -> None:
+@pytest.mark.parametrize(("tell", "times"), [(Floor.above, 2.0), (Floor.far_above, 4.0)])
+def test_errors_so_many_times_those_of_repeats_lie_above_the_floor(
+    tell: Callable[[Floor, np.ndarray], bool], times: float
+) -> None:
     floor = Floor.of(scatter([1.0, 1.2, 0.9], [0.8, 1.1, 1.0], [10.0, 12.0, 2.0]))
     errors = np.array([1.0, 1.2, 0.9, 0.8, 1.1, 1.0, 10.0, 12.0, 2.0])
-    assert floor.far(2.1 * errors) and not floor.far(1.9 * errors)
-    assert not Floor.of(RepeatScatter(None, None, np.empty(0), (), 0, 0)).far(errors)
+    assert tell(floor, 1.05 * times * errors) and not tell(floor, 0.95 * times * errors)
+    assert not tell(Floor.of(RepeatScatter(None, None, np.empty(0), (), 0, 0)), 100 * errors)

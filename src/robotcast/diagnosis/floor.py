@@ -8,7 +8,8 @@ from robotcast.diagnosis.repeats import RepeatScatter
 
 LEAST_PERCENT = 0.3  # no noise is known to be smaller
 AT_THE_FLOOR = 1.1  # of the floor: with less error than this nothing is missing
-FAR_ABOVE = 2.0  # of the floor: with more error than this something is, whatever explains it
+ABOVE = 2.0  # of the floor: with more error than this, what is left is worth a closer look
+FAR_ABOVE = 4.0  # of the floor: with more than this something is missing, whatever explains it
 
 
 @dataclass(frozen=True)
@@ -58,9 +59,16 @@ class Floor:
         """Tell whether errors (n_trials,) are hardly larger than repeats differ."""
         return self.percent is not None and self.excess(errors / AT_THE_FLOOR) == 0.0
 
-    def far(self, errors: np.ndarray) -> bool:
+    def above(self, errors: np.ndarray) -> bool:
+        """Tell whether errors (n_trials,) are so much larger that something may be missing."""
+        return self._exceeded(ABOVE, errors)
+
+    def far_above(self, errors: np.ndarray) -> bool:
         """Tell whether errors (n_trials,) are so much larger that something must be missing."""
-        return self.percent is not None and self.excess(errors / FAR_ABOVE) > 0.0
+        return self._exceeded(FAR_ABOVE, errors)
+
+    def _exceeded(self, times: float, errors: np.ndarray) -> bool:
+        return self.percent is not None and self.excess(errors / times) > 0.0
 
 
 def _misses(errors: np.ndarray, unit: float) -> np.ndarray:

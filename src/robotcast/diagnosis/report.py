@@ -37,14 +37,14 @@ def sentence(
     base, top = found.ladder[0], found.ladder[-1]
     before, after = (float(rung.errors.waypoint.mean()) for rung in (base, top))
     unit, trials = inquiry.model.error_unit, wording.trials
-    far = floor.far(top.errors.waypoint)
+    above, far = floor.above(top.errors.waypoint), floor.far_above(top.errors.waypoint)
     times = f"{after / floor.percent:.1f} times what repeats differ by" if floor.percent else ""
     if named == ["none"]:
         said = (
             f"No effect of the library makes the model predict held-out {trials} better: "
             f"the error stays at {before:.2f} {unit}."
         )
-        return f"{said} That is {times}, so something is missing." if far else said
+        return f"{said}{_beside_repeats(f'That is {times}', 'something', above, far)}"
     if named == ["unknown"]:
         said = "Something is missing that the library does not hold:"
         depends_on = inquiry.model.effects[left.field].depends_on if left else ""
@@ -59,7 +59,13 @@ def sentence(
         f"The model lacks this: {names}. With it the error on held-out {trials} falls from "
         f"{before:.2f} to {after:.2f} {unit}."
     )
-    return f"{said} That is still {times}, so more is missing." if far else said
+    return f"{said}{_beside_repeats(f'That is still {times}', 'more', above, far)}"
+
+
+def _beside_repeats(that: str, what: str, above: bool, far: bool) -> str:
+    if far:
+        return f" {that}, so {what} is missing."
+    return f" {that}." if above else ""
 
 
 def sentence_on_too_few(inquiry: Inquiry, wording: Wording) -> str:

@@ -73,8 +73,10 @@ def look_for_the_unknown(
         return replace(found, ladder=(base,), rivals={}), alone
     begun = contest.begin(on_top)
     left = contest.judged(top, begun, most_missed)
+    if (left is None or not left.enough) and floor.above(top.errors.waypoint):
+        left = contest.nearest(top, begun)
     if left is None or not left.enough:
-        return found, contest.nearest(top, begun) if floor.far(top.errors.waypoint) else None
+        return found, left if floor.far_above(top.errors.waypoint) else None
     if alone is not None and not left.over(inquiry, alone.rung, floor).pays:
         return replace(found, ladder=(base,), rivals={}), alone
     return found, left

@@ -1,0 +1,128 @@
+"""A sweep and a sharded D_sim on a Ray cluster of two nodes, one of them killed half-way.
+
+    .venv-ray/bin/python benchmarks/ray_nodes.py --measurements DIR --tuned DIR
+
+Run it with the Python of an environment that has the extra `ray`. Both nodes are processes of
+this machine, on loopback. The second one is killed when the first job has ended; its jobs go to
+the other. What the cluster wrote is compared, byte by byte, with the same jobs run one after the
+other without it. Exits with 1 when a file differs.
+"""
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+RAY = Path(sys.executable).with_name("ray")
+PORT = 6399
+SEEDS = (1, 2, 3, 4)
+SHARDS = 6
+SMALL = ("scale.tune.segmented.budget_casts.de=1400", "++simulator.model.settings.threads=1")
+ON_RAY = "hydra/launcher=ray_cluster"
+
+
+def node(*given: str) -> subprocess.Popen[bytes]:
+    """Start a Ray node of one core that lives as long as its process group."""
+    command = [str(RAY), "start", "--block", "--num-cpus=1", "--disable-usage-stats", *given]
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen(command, cwd=ROOT, stdout=quiet, stderr=quiet, start_new_session=True)
+
+
+def kill(process: subprocess.Popen[bytes]) -> None:
+    """Kill a node at once, as a machine that loses power."""
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def stage(name: str, *given: str) -> list[str]:
+    return [sys.executable, str(ROOT / "stages" / f"{name}.py"), *given]
+
+
+def run(command: Sequence[str]) -> None:
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    if done.returncode:
+        raise SystemExit(f"{' '.join(command)}: {done.stderr[-2000:]}")
+
+
+def on_the_cluster(command: Sequence[str], folder: Path, wanted: str, jobs: int) -> None:
+    """Run a sweep on both nodes; kill the second one when the first file `wanted` is there."""
+    head = node("--head", f"--port={PORT}", "--node-ip-address=127.0.0.1")
+    time.sleep(8)
+    second = node(f"--address=127.0.0.1:{PORT}")
+    time.sleep(8)
+    try:
+        sweep = subprocess.Popen(
+            command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+        )
+        while sweep.poll() is None and not list(folder.rglob(wanted)):
+            time.sleep(0.2)
+        done = len(list(folder.rglob(wanted)))
+        kill(second)
+        print(f"  a node was killed with {done} of {jobs} jobs done", flush=True)
+        said, _ = sweep.communicate()
+        if sweep.returncode:
+            raise SystemExit(f"{' '.join(command)}: {said.decode()[-3000:]}")
+    finally:
+        for one in (second, head):
+            if one.poll() is None:
+                kill(one)
+        subprocess.run([str(RAY), "stop", "--force"], capture_output=True, check=False)
+
+
+def compared(one: Path, other: Path) -> int:
+    """Print how many files of two folders differ, and return it."""
+    files = sorted(path.relative_to(one) for path in one.rglob("*") if path.is_file())
+    there = sorted(path.relative_to(other) for path in other.rglob("*") if path.is_file())
+    same = files == there
+    differ = [f for f in files if not same or (one / f).read_bytes() != (other / f).read_bytes()]
+    print(f"  {len(files)} files, {len(differ)} differ", flush=True)
+    return len(differ) + (not files)
+
+
+def sweep(measurements: Path, folder: Path) -> int:
+    """Tune with four seeds, on the cluster and without it."""
+    print("sweep: four seeds", flush=True)
+    given = (f"paths.measurements={measurements}", *SMALL)
+    for seed in SEEDS:
+        place = f"paths.tuned={folder}/alone/optimizer.seed={seed}"
+        run(stage("tune", *given, f"optimizer.seed={seed}", place, f"paths.unfinished={folder}/a"))
+    seeds = f"optimizer.seed={','.join(map(str, SEEDS))}"
+    swept = ("-m", ON_RAY, f"hydra.sweep.dir={folder}/ray", f"paths.unfinished={folder}/b")
+    swept = (*swept, "hydra.sweep.subdir='${hydra:job.override_dirname}'")
+    on_the_cluster(stage("tune", *swept, *given, seeds), folder / "ray", "tuned.yaml", len(SEEDS))
+    return compared(folder / "alone", folder / "ray")
+
+
+def shards(measurements: Path, tuned: Path, folder: Path) -> int:
+    """Generate D_sim in shards on the cluster, merge them, and generate it in one piece."""
+    print(f"D_sim: {SHARDS} shards", flush=True)
+    given = (f"paths.measurements={measurements}", f"paths.tuned={tuned}", SMALL[1])
+    run(stage("generate", *given, f"paths.simulated={folder}/whole"))
+    cut = (f"generate.shards={SHARDS}", f"paths.shards={folder}/shards")
+    swept = ("-m", ON_RAY, f"hydra.sweep.dir={folder}/jobs")
+    command = stage("generate", *swept, *given, *cut, f"generate.shard=range({SHARDS})")
+    on_the_cluster(command, folder / "shards", "generation.yaml", SHARDS)
+    run(stage("merge_shards", *cut, f"paths.simulated={folder}/merged"))
+    return compared(folder / "whole", folder / "merged")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--measurements", type=Path, required=True)
+    parser.add_argument("--tuned", type=Path, required=True)
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder, measurements = Path(temporary), asked.measurements.resolve()
+        differ = shards(measurements, asked.tuned.resolve(), folder / "d_sim")
+        differ += sweep(measurements, folder / "sweep")
+    sys.exit(1 if differ else 0)
+
+
+if __name__ == "__main__":
+    main()
