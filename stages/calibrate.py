@@ -11,8 +11,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import yaml
+from filmed_cable import build_tracker
 from omegaconf import DictConfig
-from rigs import build_tracker
 from stage import bar, console, require, stage
 
 from robotcast.files import atomic_file, write_text

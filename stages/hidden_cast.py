@@ -10,8 +10,8 @@ from pathlib import Path
 
 from grids import build_limits
 from omegaconf import DictConfig
-from rigs import rig_with_cable
 from stage import console, stage
+from virtual_rig import rig_with_cable
 
 from robotcast.casts.action_file import read_actions
 from robotcast.hidden_effects.further import further_casts

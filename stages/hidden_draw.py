@@ -5,8 +5,8 @@ from pathlib import Path
 
 from grids import build_limits, feasible_grid, plain_config
 from omegaconf import DictConfig
-from rigs import rig_with_cable
 from stage import bar, console, stage
+from virtual_rig import rig_with_cable
 
 from robotcast.hidden_effects.actions import CastCounts
 from robotcast.hidden_effects.draw import Composition, Control, Strength, draw_cases

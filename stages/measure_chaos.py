@@ -7,8 +7,8 @@ import numpy as np
 import polars as pl
 from grids import build_limits, feasible_grid
 from omegaconf import DictConfig
-from rigs import build_virtual_rig
 from stage import bar, console, output_folder, stage
+from virtual_rig import build_virtual_rig
 
 from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.plan import plan_action

@@ -5,8 +5,8 @@ Not part of the pipeline; rerun it for a cable whose `truth` or reset has change
 
 from grids import build_limits, build_reset, feasible_grid
 from omegaconf import DictConfig
-from rigs import build_virtual_rig
 from stage import bar, console, stage
+from virtual_rig import build_virtual_rig
 
 from robotcast.casts.plan import plan_action
 from robotcast.files import atomic_file

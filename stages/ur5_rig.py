@@ -4,9 +4,9 @@ import sys
 from dataclasses import replace
 from typing import Any
 
+from filmed_cable import build_tracker, weighed_cable
 from grids import build_envelope, build_reset, plain_config
 from omegaconf import DictConfig
-from rigs import build_tracker, weighed_cable
 from stage import console
 
 from robotcast.rigs.envelope import ToolBox

@@ -41,7 +41,7 @@ def test_the_free_end_of_the_virtual_rig_comes_to_rest_on_the_ray() -> None:
         config = compose("config", overrides=["rig.workers=1"])
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(ROOT / "stages"))
-        rig = importlib.import_module("rigs").build_virtual_rig(config)
+        rig = importlib.import_module("virtual_rig").build_virtual_rig(config)
     (choice,) = BASELINE.choose(rig.cable, on_ray(1.25, -0.8)[None])
     planned = plan_pull(choice.action, r0_m=rig.r0_m, limits=PlanLimits())
     end = rig.simulate_truth(planned, 9_000).cable.end_m[-1, :2]
