@@ -22,8 +22,10 @@ ROOT = Path(__file__).resolve().parents[1]
 RAY = Path(sys.executable).with_name("ray")
 PORT = 6399
 SEEDS = (1, 2, 3, 4)
-SHARDS = 6
-SMALL = ("scale.tune.segmented.budget_casts.de=1400", "++simulator.model.settings.threads=1")
+SHARDS = 4
+ONE_CORE = "++simulator.model.settings.threads=1"
+BUDGET = "scale.tune.segmented.budget_casts.de=800"
+GRID = "scale.generate.grid={theta1:5,theta2:5,r2:4,alpha:4,vmax:2}"
 ON_RAY = "hydra/launcher=ray_cluster"
 
 
@@ -88,21 +90,22 @@ def compared(one: Path, other: Path) -> int:
 def sweep(measurements: Path, folder: Path) -> int:
     """Tune with four seeds, on the cluster and without it."""
     print("sweep: four seeds", flush=True)
-    given = (f"paths.measurements={measurements}", *SMALL)
+    given = (f"paths.measurements={measurements}", ONE_CORE, BUDGET)
     for seed in SEEDS:
-        place = f"paths.tuned={folder}/alone/optimizer.seed={seed}"
+        place = f"paths.tuned={folder}/alone/seed-{seed}"
         run(stage("tune", *given, f"optimizer.seed={seed}", place, f"paths.unfinished={folder}/a"))
     seeds = f"optimizer.seed={','.join(map(str, SEEDS))}"
     swept = ("-m", ON_RAY, f"hydra.sweep.dir={folder}/ray", f"paths.unfinished={folder}/b")
-    swept = (*swept, "hydra.sweep.subdir='${hydra:job.override_dirname}'")
+    swept = (*swept, "hydra.sweep.subdir=seed-${optimizer.seed}")
     on_the_cluster(stage("tune", *swept, *given, seeds), folder / "ray", "tuned.yaml", len(SEEDS))
-    return compared(folder / "alone", folder / "ray")
+    places = [f"seed-{seed}" for seed in SEEDS]
+    return sum(compared(folder / "alone" / place, folder / "ray" / place) for place in places)
 
 
 def shards(measurements: Path, tuned: Path, folder: Path) -> int:
     """Generate D_sim in shards on the cluster, merge them, and generate it in one piece."""
     print(f"D_sim: {SHARDS} shards", flush=True)
-    given = (f"paths.measurements={measurements}", f"paths.tuned={tuned}", SMALL[1])
+    given = (f"paths.measurements={measurements}", f"paths.tuned={tuned}", ONE_CORE, GRID)
     run(stage("generate", *given, f"paths.simulated={folder}/whole"))
     cut = (f"generate.shards={SHARDS}", f"paths.shards={folder}/shards")
     swept = ("-m", ON_RAY, f"hydra.sweep.dir={folder}/jobs")

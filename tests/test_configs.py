@@ -12,7 +12,9 @@ from omegaconf import DictConfig, OmegaConf
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 LIBRARIES = ("effect", "field")  # used by name, many at once: no group to choose one from
-GROUPS = sorted(p.name for p in CONF.iterdir() if p.is_dir() and p.name not in LIBRARIES)
+LAUNCHERS = ("hydra",)  # of clusters: their libraries are extras
+NO_GROUPS = (*LIBRARIES, *LAUNCHERS)
+GROUPS = sorted(p.name for p in CONF.iterdir() if p.is_dir() and p.name not in NO_GROUPS)
 OPTIONS = sorted(
     f"{path.parent.relative_to(CONF)}={path.stem}"
     for group in GROUPS
@@ -65,6 +67,6 @@ def sizes(scale: str) -> dict[str, Any]:
 
 
 def test_scales_differ_in_sizes_only() -> None:
-    demo, paper = sizes("demo"), sizes("paper")
-    assert demo.keys() == paper.keys()
+    demo, study, paper = sizes("demo"), sizes("study"), sizes("paper")
+    assert demo.keys() == study.keys() == paper.keys()
     assert demo != paper
