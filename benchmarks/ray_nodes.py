@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -30,16 +31,28 @@ ON_RAY = "hydra/launcher=ray_cluster"
 
 
 def node(*given: str) -> subprocess.Popen[bytes]:
-    """Start a Ray node of one core that lives as long as its process group."""
+    """Start a Ray node of one core."""
     command = [str(RAY), "start", "--block", "--num-cpus=1", "--disable-usage-stats", *given]
     quiet = subprocess.DEVNULL
-    return subprocess.Popen(command, cwd=ROOT, stdout=quiet, stderr=quiet, start_new_session=True)
+    return subprocess.Popen(command, cwd=ROOT, stdout=quiet, stderr=quiet)
 
 
 def kill(process: subprocess.Popen[bytes]) -> None:
-    """Kill a node at once, as a machine that loses power."""
-    os.killpg(process.pid, signal.SIGKILL)
+    """Kill a node at once with all its processes, as a machine that loses power."""
+    for pid in [process.pid, *descendants(process.pid)]:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
     process.wait()
+
+
+def descendants(pid: int) -> list[int]:
+    """Return the children of a process, and theirs: a node's daemons have sessions of their own."""
+    listed = subprocess.run(["ps", "-eo", "pid=,ppid="], capture_output=True, text=True, check=True)
+    parents = [tuple(map(int, line.split())) for line in listed.stdout.splitlines()]
+    found = [pid]
+    for one in found:
+        found += [child for child, parent in parents if parent == one]
+    return found[1:]
 
 
 def stage(name: str, *given: str) -> list[str]:

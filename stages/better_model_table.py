@@ -20,6 +20,7 @@ casts without knowing; the diagnosed one with the effects that the diagnosis nam
 Each generated its D_sim, and the policies learned from them were tested on the same targets, as
 often. Model: average waypoint error on the same held-out casts. Policies: median distance to the
 target with the 95 % interval of a bootstrap over targets, and quartiles. In % of cable length.
+Made by `make better-model`.
 
 ![Both error ladders](ladders.svg)
 
