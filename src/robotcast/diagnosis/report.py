@@ -12,7 +12,7 @@ from robotcast.diagnosis.next_trials import NextTrial
 from robotcast.diagnosis.revision import Revision
 from robotcast.diagnosis.screen import Screened
 from robotcast.diagnosis.search import Found, Rung
-from robotcast.diagnosis.sizes import sizes
+from robotcast.diagnosis.sizes import sizes, sizes_of_effect
 from robotcast.diagnosis.unexplained import Unexplained
 from robotcast.diagnosis.wording import PLAIN, Wording
 
@@ -169,13 +169,8 @@ def _row(inquiry: Inquiry, found: Found, name: str, one: Screened) -> dict[str, 
     status = one.status or ("confirmed" if on_ladder else "refitted" if rung else "screened")
     shown: dict[str, Any] = {}
     if rung:
-        own = sizes(inquiry, rung.revision, rung.errors.vectors)
-        first = len(inquiry.model.parameters)
-        for effect in rung.revision.effects:
-            n = len(inquiry.model.effects[effect].parameters)
-            if effect == name:
-                shown = {s.parameter.name: s.as_dict() for s in own[first : first + n]}
-            first += n
+        own = sizes_of_effect(inquiry, rung.revision, rung.errors.vectors, name)
+        shown = {size.parameter.name: size.as_dict() for size in own}
     confusable = list(found.rivals.get(name, ()))
     confusable += [e for e, rivals in found.rivals.items() if name in rivals]
     said = status not in UNTOUCHED

@@ -12,6 +12,7 @@ from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
 from robotcast.diagnosis.screen import Screened, looks, screen
 from robotcast.diagnosis.side_by_side import side_by_side
+from robotcast.diagnosis.sizes import sizes_of_effect
 from robotcast.fitting.least_squares import Fit, trial_losses
 
 CONTENDERS = 5  # effects that a later round fits to beginnings of trials; the first, all
@@ -145,7 +146,7 @@ def _round(
         rungs.append(replace(rung, gain=_gain(inquiry, top, rung, floor)))
     refits = {rung.revision.effects[-1]: rung for rung in rungs}
     found = replace(found, refits=found.refits | refits)
-    paying = [rung for rung in rungs if rung.gain and rung.gain.pays]
+    paying = [rung for rung in rungs if rung.gain and rung.gain.pays and _acts(inquiry, rung)]
     if not paying:
         return found, False
     best = min(paying, key=lambda rung: floor.misses(rung.errors.waypoint).mean())
@@ -233,6 +234,17 @@ def _rematch(inquiry: Inquiry, top: Rung, rival: Revision, effort: Effort) -> Ru
 
 def _gain(inquiry: Inquiry, before: Rung, after: Rung, floor: Floor) -> Gain:
     return gain(before.errors.waypoint, after.errors.waypoint, inquiry.groups, floor)
+
+
+def _acts(inquiry: Inquiry, rung: Rung) -> bool:
+    """Tell whether the last effect of a rung is told apart from doing nothing.
+
+    A gain may come of the fit's freedom rather than of the effect: then no strength is known
+    to be anything but its null.
+    """
+    revision = rung.revision
+    own = sizes_of_effect(inquiry, revision, rung.errors.vectors, revision.effects[-1])
+    return any(size.apart_from_null for size in own)
 
 
 def _without_needless(

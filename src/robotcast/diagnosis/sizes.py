@@ -23,6 +23,12 @@ class Size:
     low: float
     high: float
 
+    @property
+    def apart_from_null(self) -> bool:
+        """Tell whether the interval leaves out the value at which the parameter does nothing."""
+        null = self.parameter.null
+        return null is not None and not self.low <= null <= self.high
+
     def as_dict(self) -> dict[str, float | str | None]:
         """Return the size as `diagnosis.json` has it."""
         return {
@@ -57,6 +63,15 @@ def sizes(inquiry: Inquiry, revision: Revision, vectors: np.ndarray | None) -> t
         value, low, high = parameter.from_unit(ends).tolist()
         found.append(Size(parameter, value, low, high))
     return tuple(found)
+
+
+def sizes_of_effect(
+    inquiry: Inquiry, revision: Revision, vectors: np.ndarray | None, effect: str
+) -> tuple[Size, ...]:
+    """Return the size of every parameter of one of the revision's effects (see `sizes`)."""
+    before = revision.effects[: revision.effects.index(effect)]
+    first, end = (len(inquiry.parameters(e)) for e in (before, (*before, effect)))
+    return sizes(inquiry, revision, vectors)[first:end]
 
 
 def _shift(fit: Fit, inverse: np.ndarray) -> np.ndarray:
