@@ -2,6 +2,8 @@ import csv
 import io
 import shutil
 import subprocess
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -47,11 +49,21 @@ def test_latex_writes_the_papers_symbols() -> None:
     assert to_latex("a_b & c") == r"a\_b \& c"
 
 
+WIDE = replace(
+    TABLE,
+    groups=tuple(Group(f"a group of columns, {k}", ("Median", "Third")) for k in range(9)),
+    rows=(Row(("π_RD",), (Cell(12.34),) * 18),),
+)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX on this machine")
-def test_latex_compiles(tmp_path) -> None:
-    document = r"\documentclass{article}\usepackage{booktabs}\begin{document}%s\end{document}"
-    (tmp_path / "t.tex").write_text(document.replace("%s", "\n" + TABLE.latex()))
+@pytest.mark.parametrize("table", [TABLE, WIDE])
+def test_latex_compiles_and_fits_the_page(tmp_path: Path, table: Table) -> None:
+    packages = r"\documentclass{article}\usepackage{booktabs,graphicx}"
+    document = packages + "\\begin{document}\n" + table.latex() + "\\end{document}"
+    (tmp_path / "t.tex").write_text(document)
     command = ["pdflatex", "-halt-on-error", "-interaction=nonstopmode", "t.tex"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-1500:]
+    assert "Overfull" not in done.stdout

@@ -108,7 +108,10 @@ class Table:
         return text.getvalue()
 
     def latex(self) -> str:
-        """Write a table environment; it needs \\usepackage{booktabs}."""
+        """Write a table environment that shrinks to the text's width where it is wider.
+
+        It needs \\usepackage{booktabs,graphicx}.
+        """
         n_labels = len(self.label_columns)
         n_numbers = sum(len(g.columns) for g in self.groups)
         titles, rules, at = [], [], n_labels + 1
@@ -122,9 +125,10 @@ class Table:
             [*map(to_latex, row.labels), *(_latex_cell(c) for c in row.cells)] for row in self.rows
         ]
         lines = [
-            "% needs \\usepackage{booktabs}",
+            "% needs \\usepackage{booktabs,graphicx}",
             r"\begin{table*}[t]",
             r"  \centering\footnotesize\setlength\tabcolsep{4pt}",
+            r"  \resizebox{\ifdim\width>\textwidth\textwidth\else\width\fi}{!}{%",
             rf"  \begin{{tabular}}{{@{{}}{'l' * n_labels}{'r' * n_numbers}@{{}}}}",
             r"  \toprule",
             "  " + " & " * n_labels + " & ".join(titles) + r" \\",
@@ -133,7 +137,7 @@ class Table:
             r"  \midrule",
             *("  " + " & ".join(cells) + r" \\" for cells in body),
             r"  \bottomrule",
-            r"  \end{tabular}",
+            r"  \end{tabular}}",
             rf"  \caption{{{to_latex(self.caption)}}}",
             rf"  \label{{tab:{self.name}}}",
             r"\end{table*}",
