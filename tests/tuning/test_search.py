@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from robotcast.fitting.elimination import Rounds
 from robotcast.tuning.asking import Answer, Optimizer, Problem, Question
 from robotcast.tuning.bayesian_optimization import BayesianOptimization
 from robotcast.tuning.called import Called
@@ -20,11 +19,13 @@ OPTIMIZERS: dict[str, tuple[Optimizer, int, float]] = {
     "de": (DifferentialEvolution(population=15, seed=4), 15 * 41 * CASTS, 0.01),
     "gn": (
         GaussNewton(
-            looked_at=16,
+            members=16,
+            updates=3,
             few=2,
             some=3,
             share=0.65,
-            rounds=Rounds(begun=2, left=1, ended=1),
+            begun=2,
+            begun_iterations=3,
             iterations=6,
             seed=4,
         ),

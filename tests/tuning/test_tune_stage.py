@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CASTING = ROOT.parent / "shared" / "data" / "casting" / "a"
 SMALL = {
     "de": ("scale.tune.segmented.population=8", "optimizer.budget_casts=1440"),
-    "gn": ("optimizer.search.looked_at=12", "optimizer.budget_casts=1500"),
+    "gn": ("optimizer.search.members=12", "optimizer.budget_casts=1500"),
     "bo": ("optimizer.search.initial=8", "optimizer.budget_casts=700"),
 }
 

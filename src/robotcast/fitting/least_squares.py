@@ -19,6 +19,8 @@ from robotcast.fitting.parameter import Parameter
 DAMPINGS = (1e-5, 1e-2, 0.3, 8.0)  # tried side by side, in units of the curvature
 DIFFERENCE = 0.02  # of a parameter's range; of an effect's strength, from its probes
 REACH = 0.15  # of a parameter's range: no difference is taken over more
+NEARER = 2.0  # times the median miss: below the noise, differences are no longer than that
+LEAST = 1e-3  # of the noise, that a difference moves the residuals by
 ENOUGH = 1e-3  # two steps that lower the loss by less than this share end the fit
 
 Residuals = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -96,6 +98,7 @@ def fit_robustly(
     *,
     iterations: int,
     known: Fit | None = None,
+    like: Fit | None = None,
     free: np.ndarray | None = None,
     prior: Prior | None = None,
 ) -> Fit:
@@ -108,12 +111,13 @@ def fit_robustly(
     steps : differences of the first Jacobian, (n,).
     trials : numbers of the trials that the fit sees, (m,).
     known : a fit of these trials that ended at `start`; its Jacobian serves the first step.
+    like : a fit of other trials that ended there; its curvature tells how far to take differences.
     free : bool (n,), which parameters may change; all by default.
     prior : about `start`, as wide as the ranges, by default.
     """
     free = np.ones(len(start), bool) if free is None else free
     prior = prior or Prior(start, np.ones(len(start)))
-    best = known or _differentiated(residuals, None, start, steps, trials, free, prior)
+    best = known or _differentiated(residuals, like, start, steps, trials, free, prior)
     small = 0
     for iteration in range(iterations):
         if iteration:
@@ -198,11 +202,15 @@ def steadiness(values: np.ndarray) -> np.ndarray:
 
 
 def noise_axes(fit: Fit, free: np.ndarray) -> np.ndarray:
-    """Return the curvature's axes (n_free, n), each moving the residuals by about the noise."""
+    """Return the curvature's axes (n_free, n), each moving the residuals by about the noise.
+
+    Where a fit misses much less than the noise, as it may a made-up truth, they are shorter.
+    """
     weights = fit.weights
     curvature = _curvature(fit, weights)[np.ix_(free, free)]
     values, vectors = np.linalg.eigh(curvature)
-    lengths = np.sqrt(weights.sum() / np.maximum(values, 1e-9))
+    moved = np.clip(NEARER * median_miss(fit.residual), LEAST, 1.0)
+    lengths = moved * np.sqrt(weights.sum() / np.maximum(values, 1e-9))
     axes = np.zeros((len(values), len(fit.vector)))
     axes[:, free] = (vectors * np.minimum(lengths, REACH)).T
     return axes
@@ -214,7 +222,12 @@ def _scale(residual: np.ndarray) -> float:
     Judged by the noise alone, all trials would be outliers far from the answer, and none would
     pull (graduated non-convexity, Blake and Zisserman 1987).
     """
-    return max(1.0, float(np.sqrt(np.median((residual**2).sum(axis=-1)))))
+    return max(1.0, median_miss(residual))
+
+
+def median_miss(residual: np.ndarray) -> float:
+    """Return the root mean square of the median trial, residuals being (..., n_trials, D)."""
+    return float(np.sqrt(np.median((residual**2).sum(axis=-1))))
 
 
 def _curvature(fit: Fit, weights: np.ndarray) -> np.ndarray:

@@ -1,16 +1,14 @@
-"""Gauss–Newton least squares on finite differences, from several starts (Nocedal and Wright)."""
+"""Gauss–Newton least squares on finite differences, from starts that an ensemble finds.
+
+Steps and differences: Nocedal and Wright 2006, ch. 10; starts: Iglesias, Law and Stuart 2013.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.fitting.elimination import (
-    Rounds,
-    best_first,
-    fit_by_elimination,
-    hypercube,
-    spread,
-)
+from robotcast.fitting.elimination import hypercube, spread
+from robotcast.fitting.ensemble import ensemble_starts
 from robotcast.fitting.least_squares import (
     Fit,
     Prior,
@@ -29,23 +27,25 @@ ALL_OVER = 0.96  # of every range: where the starts may lie
 class GaussNewton:
     """Fits every waypoint at once; a Jacobian or all tried steps are one question each.
 
-    Starts are looked at and fitted on the beginnings of some casts; the best few go on to all
-    casts. It ends by itself when a step hardly pays.
+    An ensemble looks for starts on the beginnings of a few casts, fits to those of some more
+    follow, and the best goes on with all casts. It ends by itself when a step hardly pays.
 
     Attributes
     ----------
-    looked_at : vectors of the first look, the problem's start among them.
-    few, some : casts of the first look, and of the fits that follow it.
+    members, updates : of the ensemble, the problem's start among its members.
+    few, some : casts that the ensemble sees, and those that the fits from its starts do.
     share : of each cast's waypoints that these see.
-    rounds : how many fits take part in each round (see `Rounds`).
+    begun, begun_iterations : fits from the ensemble's starts.
     iterations : of the last fit, at most.
     """
 
-    looked_at: int
+    members: int
+    updates: int
     few: int
     some: int
     share: float
-    rounds: Rounds
+    begun: int
+    begun_iterations: int
     iterations: int
     seed: int = 0
 
@@ -57,11 +57,14 @@ class GaussNewton:
         evaluate(Question(problem.start[None]))
         noise = problem.noise_percent
         early = _Fits(problem, _residuals(evaluate, noise, self.share), self.some)
-        starts = hypercube(np.full(len(problem.start), 0.5), ALL_OVER, self.looked_at, self.seed)
-        starts[0] = problem.start
-        starts = best_first(early.residuals, spread(early.trials, self.few), starts)
         whole = _Fits(problem, _residuals(evaluate, noise), problem.casts)
-        fit_by_elimination(early, whole, starts, self.iterations, self.rounds)
+        members = hypercube(np.full(len(problem.start), 0.5), ALL_OVER, self.members, self.seed)
+        members[0] = problem.start
+        few = spread(early.trials, self.few)
+        starts = ensemble_starts(early.residuals, members, few, self.updates, self.seed)
+        begun = [early(start, self.begun_iterations) for start in starts[: self.begun]]
+        best = min(begun, key=lambda fit: fit.loss)
+        whole(best.vector, self.iterations, like=best)
 
 
 class _Fits:
@@ -73,14 +76,14 @@ class _Fits:
         self._steps = difference_steps(problem.parameters)
         self._prior = Prior(problem.start, np.full(len(problem.start), WIDE))
 
-    def __call__(self, start: np.ndarray, iterations: int, *, known: Fit | None = None) -> Fit:
+    def __call__(self, start: np.ndarray, iterations: int, *, like: Fit | None = None) -> Fit:
         return fit_robustly(
             self.residuals,
             start,
             self._steps,
             self.trials,
             iterations=iterations,
-            known=known,
+            like=like,
             prior=self._prior,
         )
 

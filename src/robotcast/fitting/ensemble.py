@@ -1,0 +1,58 @@
+"""Starts of a fit by ensemble Kalman inversion (Iglesias, Law and Stuart 2013).
+
+A crowd of parameter vectors moves to where the trials are predicted well. Its slopes are taken
+across the whole crowd, by regression of what it misses on its parameters, so that the many narrow
+valleys of a chaotic model average out and only the broad one that leads to the answer is left.
+"""
+
+import numpy as np
+
+from robotcast.fitting.least_squares import Residuals, median_miss, trial_losses
+
+CAUTION = 0.02  # variance allowed to every sample of what is missed, the sum over a trial being 1
+EDGE = 0.02  # of a range, from which members keep clear
+
+
+def ensemble_starts(
+    residuals: Residuals,
+    members: np.ndarray,
+    trials: np.ndarray,
+    updates: int,
+    seed: int,
+) -> np.ndarray:
+    """Return unit vectors (1 + n_members, n) to start fits from: the mean, then the best members.
+
+    It takes n_members simulations of every trial for each update, and once more in the end.
+
+    Parameters
+    ----------
+    members : ndarray of shape (n_members, n), unit vectors all over where the answer may lie.
+    trials : numbers of the trials that are looked at, (m,).
+    """
+    rng = np.random.default_rng(seed)
+    for _ in range(updates):
+        members = _moved(members, residuals(members, trials), rng)
+    losses = trial_losses(residuals(members, trials)).mean(axis=1)
+    return np.vstack([members.mean(axis=0), members[np.argsort(losses, kind="stable")]])
+
+
+def _moved(members: np.ndarray, missed: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Return members moved towards missing nothing, one Kalman update with perturbed data."""
+    missed = _bounded(missed)
+    spread = members - members.mean(axis=0)
+    apart, sizes, along = np.linalg.svd(missed - missed.mean(axis=0), full_matrices=False)
+    data = np.sqrt(CAUTION) * rng.normal(size=missed.shape)
+    wanted = (data - missed) @ along.T
+    gain = sizes / (sizes**2 + (len(members) - 1) * CAUTION)
+    return np.clip(members + (wanted * gain) @ (apart.T @ spread), EDGE, 1 - EDGE)
+
+
+def _bounded(missed: np.ndarray) -> np.ndarray:
+    """Return residuals (n_members, m, D) as (n_members, m D); no trial counts for more than 1.
+
+    Half of that is what the trial in the middle is off by: far away all trials pull, nearer by
+    those that tip over another way no longer do.
+    """
+    unit = median_miss(missed)
+    size = np.sqrt(max(1.0, unit) ** 2 + (missed**2).sum(axis=-1))
+    return (missed / size[..., None]).reshape(len(missed), -1)
