@@ -237,13 +237,13 @@ def _gain(inquiry: Inquiry, before: Rung, after: Rung, floor: Floor) -> Gain:
 
 
 def _acts(inquiry: Inquiry, rung: Rung) -> bool:
-    """Tell whether the last effect of a rung is told apart from doing nothing.
+    """Tell whether the trials tell the last effect of a rung apart from doing nothing.
 
     A gain may come of the fit's freedom rather than of the effect: then no strength is known
-    to be anything but its null.
+    to be anything but its null, even if the model had no other fault.
     """
-    revision = rung.revision
-    own = sizes_of_effect(inquiry, revision, rung.errors.vectors, revision.effects[-1])
+    effects, vectors = rung.revision.effects, rung.errors.vectors
+    own = sizes_of_effect(inquiry, rung.revision, vectors, effects[-1], discrepancy=0.0)
     return any(size.apart_from_null for size in own)
 
 

@@ -40,13 +40,18 @@ class Size:
         }
 
 
-def sizes(inquiry: Inquiry, revision: Revision, vectors: np.ndarray | None) -> tuple[Size, ...]:
+def sizes(
+    inquiry: Inquiry,
+    revision: Revision,
+    vectors: np.ndarray | None,
+    discrepancy: float = DISCREPANCY,
+) -> tuple[Size, ...]:
     """Return the size of every parameter, in a vector's order.
 
     The standard error is the larger of two: the sandwich estimator with groups of trials as
     clusters (Liang and Zeger 1986), and the jackknife over the folds' fits `vectors` (k, n).
     Both shrink as trials are added, but what a model misses everywhere in the same way does not
-    (Kennedy and O'Hagan 2001): the most by which a misfit of `DISCREPANCY` in every trial can
+    (Kennedy and O'Hagan 2001): the most by which a misfit of `discrepancy` in every trial can
     shift the value is added in squares.
     """
     sd = np.array([p.prior_sd for p in inquiry.parameters(revision.effects)])
@@ -55,7 +60,7 @@ def sizes(inquiry: Inquiry, revision: Revision, vectors: np.ndarray | None) -> t
     if vectors is not None and len(vectors) > 1:
         k = len(vectors)
         error = np.maximum(error, np.sqrt((k - 1) / k * ((vectors - vectors.mean(0)) ** 2).sum(0)))
-    error = np.hypot(error, _shift(revision.fit, inverse) / SPREAD)
+    error = np.hypot(error, _shift(revision.fit, inverse, discrepancy) / SPREAD)
     centre = revision.fit.vector
     found = []
     for k, parameter in enumerate(inquiry.parameters(revision.effects)):
@@ -66,15 +71,19 @@ def sizes(inquiry: Inquiry, revision: Revision, vectors: np.ndarray | None) -> t
 
 
 def sizes_of_effect(
-    inquiry: Inquiry, revision: Revision, vectors: np.ndarray | None, effect: str
+    inquiry: Inquiry,
+    revision: Revision,
+    vectors: np.ndarray | None,
+    effect: str,
+    discrepancy: float = DISCREPANCY,
 ) -> tuple[Size, ...]:
     """Return the size of every parameter of one of the revision's effects (see `sizes`)."""
     before = revision.effects[: revision.effects.index(effect)]
     first, end = (len(inquiry.parameters(e)) for e in (before, (*before, effect)))
-    return sizes(inquiry, revision, vectors)[first:end]
+    return sizes(inquiry, revision, vectors, discrepancy)[first:end]
 
 
-def _shift(fit: Fit, inverse: np.ndarray) -> np.ndarray:
-    """Return by how much (n,) the worst misfit of `DISCREPANCY` in every trial shifts a value."""
+def _shift(fit: Fit, inverse: np.ndarray, discrepancy: float) -> np.ndarray:
+    """Return by how much (n,) the worst misfit of so much noise in every trial shifts a value."""
     by_trial = np.einsum("nm,idm,i->ind", inverse, fit.jacobian, fit.weights)
-    return DISCREPANCY * np.sqrt((by_trial**2).sum(axis=-1)).sum(axis=0)
+    return discrepancy * np.sqrt((by_trial**2).sum(axis=-1)).sum(axis=0)
