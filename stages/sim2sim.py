@@ -97,7 +97,7 @@ def _models(config: DictConfig, simulator: Simulator) -> Iterator[MadeUp]:
 def _tuned(
     config: DictConfig, problem: Problem, journal: Journal, number: int, start: int
 ) -> Found:
-    budget = _budget(config)
+    budget = config.optimizer.budget_casts
     seed = config.optimizer.seed + 1000 * number + start
     title = f"model {number + 1}, start {start + 1}, {config.optimizer.name}"
     with bar(title) as progress:
@@ -108,12 +108,6 @@ def _tuned(
 
         optimizer = instantiate(config.optimizer.search, seed=seed)
         return search(optimizer, problem, journal, budget, look)
-
-
-def _budget(config: DictConfig) -> int:
-    """Return how many casts a tuning may simulate: as many vectors as the scale's budget buys."""
-    usual = config.scale.tune[config.simulator.name].casts
-    return round(config.optimizer.budget_casts * config.sim2sim.casts / usual)
 
 
 def _outcomes(

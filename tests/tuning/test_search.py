@@ -27,13 +27,14 @@ OPTIMIZERS: dict[str, tuple[Optimizer, int, float]] = {
             begun=2,
             begun_iterations=3,
             iterations=6,
+            attempts=1,
             seed=4,
         ),
         3000,
         1e-4,
     ),
     "bo": (
-        BayesianOptimization(initial=8, batch=4, raw_samples=64, restarts=2, seed=4),
+        BayesianOptimization(initial=8, batch=4, most=44, raw_samples=64, restarts=2, seed=4),
         (8 + 9 * 4) * CASTS,
         0.1,
     ),
@@ -96,6 +97,12 @@ def test_vectors_that_diverge_cost_a_penalty_and_are_counted(name: str) -> None:
 def test_a_budget_too_small_for_the_first_batch_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="the budget is 1"):
         run(name, Bowl(), 1)
+
+
+def test_bayesian_optimization_ends_when_a_larger_process_would_cost_more_than_it_saves() -> None:
+    optimizer = BayesianOptimization(initial=8, batch=4, most=14, raw_samples=16, restarts=1)
+    found = search(optimizer, PROBLEM, Bowl(), 10_000)
+    assert found.casts == 16 * CASTS  # the last question is asked whole
 
 
 def test_a_journal_of_another_subject_is_not_used(tmp_path: Path) -> None:
@@ -161,7 +168,7 @@ def test_an_answer_has_no_misses_unless_asked() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("acquisition", ["ei", "lcb", "mpi"])
 def test_every_acquisition_finds_a_known_minimum(acquisition: str) -> None:
-    optimizer = BayesianOptimization(initial=10, batch=3, acquisition=acquisition, seed=4)
+    optimizer = BayesianOptimization(initial=10, batch=3, most=100, acquisition=acquisition, seed=4)
     found = search(optimizer, PROBLEM, Bowl(), 40 * CASTS)
     np.testing.assert_allclose(found.vector, TRUE, atol=0.05)
 
@@ -180,4 +187,4 @@ def test_bayesian_optimization_asks_the_same_whatever_the_threads() -> None:
 
 def test_an_unknown_acquisition_is_refused() -> None:
     with pytest.raises(ValueError, match="expected ei, lcb, mpi"):
-        BayesianOptimization(initial=8, batch=2, acquisition="ucb")
+        BayesianOptimization(initial=8, batch=2, most=100, acquisition="ucb")

@@ -19,6 +19,7 @@ class BayesianOptimization:
     ----------
     initial : vectors of the Latin hypercube that it starts from.
     batch : vectors a question afterwards.
+    most : vectors after which it ends, whatever its budget.
     acquisition : "ei" expected improvement, "lcb" lower confidence bound, "mpi" maximum
         probability of improvement.
     improvement : by how much a vector must be better to count as an improvement ("ei", "mpi"),
@@ -30,6 +31,7 @@ class BayesianOptimization:
 
     initial: int
     batch: int
+    most: int
     acquisition: str = "ei"
     improvement: float = 0.01
     exploration: float = 2.0
@@ -63,7 +65,9 @@ class _Run:
         self._loss = np.empty(0)
 
     def ask(self) -> Question | None:
-        """Return the next vectors; there are always more."""
+        """Return the next vectors, None when it has tried as many as it may."""
+        if len(self._loss) >= self._settings.most:
+            return None
         self._asked = self._promising() if len(self._loss) else self._first()
         return Question(self._asked)
 

@@ -15,10 +15,12 @@ from robotcast.fitting.least_squares import (
     Residuals,
     difference_steps,
     fit_robustly,
+    median_miss,
 )
 from robotcast.tuning.asking import Evaluate, Problem, Question, Search
 from robotcast.tuning.called import Called
 
+FAR = 3.0  # times the noise: a fit that misses more may have ended in a wrong valley
 WIDE = 10.0  # ranges: an expectation so wide only keeps what the casts do not tell where it is
 ALL_OVER = 0.96  # of every range: where the starts may lie
 
@@ -28,7 +30,8 @@ class GaussNewton:
     """Fits every waypoint at once; a Jacobian or all tried steps are one question each.
 
     An ensemble looks for starts on the beginnings of a few casts, fits to those of some more
-    follow, and the best goes on with all casts. It ends by itself when a step hardly pays.
+    follow, and the best goes on with all casts, until a step hardly pays. A search that ends far
+    above the noise begins again with another ensemble.
 
     Attributes
     ----------
@@ -37,6 +40,7 @@ class GaussNewton:
     share : of each cast's waypoints that these see.
     begun, begun_iterations : fits from the ensemble's starts.
     iterations : of the last fit, at most.
+    attempts : searches at most, the first included.
     """
 
     members: int
@@ -47,6 +51,7 @@ class GaussNewton:
     begun: int
     begun_iterations: int
     iterations: int
+    attempts: int
     seed: int = 0
 
     def begin(self, problem: Problem) -> Search:
@@ -55,16 +60,22 @@ class GaussNewton:
 
     def _run(self, problem: Problem, evaluate: Evaluate) -> None:
         evaluate(Question(problem.start[None]))
+        for attempt in range(self.attempts):
+            fit = self._fitted(problem, evaluate, self.seed + attempt)
+            if median_miss(fit.residual) < FAR:
+                return
+
+    def _fitted(self, problem: Problem, evaluate: Evaluate, seed: int) -> Fit:
         noise = problem.noise_percent
         early = _Fits(problem, _residuals(evaluate, noise, self.share), self.some)
         whole = _Fits(problem, _residuals(evaluate, noise), problem.casts)
-        members = hypercube(np.full(len(problem.start), 0.5), ALL_OVER, self.members, self.seed)
+        members = hypercube(np.full(len(problem.start), 0.5), ALL_OVER, self.members, seed)
         members[0] = problem.start
         few = spread(early.trials, self.few)
-        starts = ensemble_starts(early.residuals, members, few, self.updates, self.seed)
+        starts = ensemble_starts(early.residuals, members, few, self.updates, seed)
         begun = [early(start, self.begun_iterations) for start in starts[: self.begun]]
         best = min(begun, key=lambda fit: fit.loss)
-        whole(best.vector, self.iterations, like=best)
+        return whole(best.vector, self.iterations, like=best)
 
 
 class _Fits:
