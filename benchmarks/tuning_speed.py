@@ -6,7 +6,7 @@ Evolution: casts/s of differential evolution whose generations are one simulate 
 SciPy's with workers=2 on the same chain as one would write it (plain_chain.py), one cast under
 one vector at a time. Both see the same casts; rounds of the two alternate.
 
-Least squares: Gauss–Newton as tune runs it, which tries other starts besides, against
+Least squares: Gauss–Newton as tune runs it, which looks for a start by itself, against
 `mujoco.sysid.optimize` with MuJoCo's own least squares, on the same casts and from the same starts:
 the nominal parameters first, then random ones. sysid's rollout knows no
 friction on a board and no joint whose dry friction is integrated with it, so sysid is given the

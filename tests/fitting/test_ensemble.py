@@ -1,9 +1,9 @@
-"""An ensemble finds where fits should start, also where slopes of single vectors mislead."""
+"""An ensemble finds where a fit should start, also where slopes of single vectors mislead."""
 
 import numpy as np
 
 from robotcast.fitting.elimination import hypercube
-from robotcast.fitting.ensemble import ensemble_starts
+from robotcast.fitting.ensemble import ensemble_start
 from robotcast.fitting.least_squares import fit_robustly
 
 TRUE = np.array([0.3, 0.62, 0.45])
@@ -32,25 +32,20 @@ def rough(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
     return missed(vectors, trials) + 3 * ripples[..., None] / np.sqrt(12)
 
 
-def test_the_mean_comes_first_and_lies_near_the_truth() -> None:
-    starts = ensemble_starts(missed, MEMBERS, TRIALS, 6, seed=0)
-    assert starts.shape == (1 + len(MEMBERS), 3)
-    assert np.allclose(starts[0], starts[1:].mean(axis=0))
-    assert np.abs(starts[0] - TRUE).max() < 0.03
-    errors = (missed(starts[1:], TRIALS) ** 2).sum(axis=-1)
-    losses = np.log1p(errors).mean(axis=1)
-    assert (np.diff(losses) >= 0).all()
+def test_it_centres_near_the_truth() -> None:
+    start = ensemble_start(missed, MEMBERS, TRIALS, 6, seed=0)
+    assert np.abs(start - TRUE).max() < 0.03
 
 
 def test_ripples_that_trap_a_fit_do_not_trap_the_ensemble() -> None:
     steps = np.full(3, 0.02)
     alone = fit_robustly(rough, MEMBERS[0], steps, TRIALS, iterations=20)
-    starts = ensemble_starts(rough, MEMBERS, TRIALS, 6, seed=0)
-    assert np.abs(starts[0] - TRUE).max() < 0.06 < np.abs(alone.vector - TRUE).max()
+    start = ensemble_start(rough, MEMBERS, TRIALS, 6, seed=0)
+    assert np.abs(start - TRUE).max() < 0.06 < np.abs(alone.vector - TRUE).max()
 
 
 def test_the_same_seed_moves_the_ensemble_alike() -> None:
-    one, same, other = (ensemble_starts(missed, MEMBERS, TRIALS, 2, seed) for seed in (3, 3, 4))
+    one, same, other = (ensemble_start(missed, MEMBERS, TRIALS, 2, seed) for seed in (3, 3, 4))
     assert one.tobytes() == same.tobytes()
     assert one.tobytes() != other.tobytes()
 
@@ -62,5 +57,5 @@ def test_trials_that_diverge_do_not_lead_it_astray() -> None:
         values[vectors[:, 0] > 0.7, 2, 0] = 1e4
         return values
 
-    starts = ensemble_starts(lost, MEMBERS, TRIALS, 6, seed=0)
-    assert np.abs(starts[0] - TRUE).max() < 0.03
+    start = ensemble_start(lost, MEMBERS, TRIALS, 6, seed=0)
+    assert np.abs(start - TRUE).max() < 0.03

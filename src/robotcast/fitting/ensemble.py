@@ -1,4 +1,4 @@
-"""Starts of a fit by ensemble Kalman inversion (Iglesias, Law and Stuart 2013).
+"""The start of a fit by ensemble Kalman inversion (Iglesias, Law and Stuart 2013).
 
 A crowd of parameter vectors moves to where the trials are predicted well. Its slopes are taken
 across the whole crowd, by regression of what it misses on its parameters, so that the many narrow
@@ -7,22 +7,22 @@ valleys of a chaotic model average out and only the broad one that leads to the 
 
 import numpy as np
 
-from robotcast.fitting.least_squares import Residuals, median_miss, trial_losses
+from robotcast.fitting.least_squares import Residuals, median_miss
 
 CAUTION = 0.02  # variance allowed to every sample of what is missed, the sum over a trial being 1
 EDGE = 0.02  # of a range, from which members keep clear
 
 
-def ensemble_starts(
+def ensemble_start(
     residuals: Residuals,
     members: np.ndarray,
     trials: np.ndarray,
     updates: int,
     seed: int,
 ) -> np.ndarray:
-    """Return unit vectors (1 + n_members, n) to start fits from: the mean, then the best members.
+    """Return the unit vector (n,) at which an ensemble centres, to start a fit from.
 
-    It takes n_members simulations of every trial for each update, and once more in the end.
+    It takes n_members simulations of every trial for each update.
 
     Parameters
     ----------
@@ -32,8 +32,7 @@ def ensemble_starts(
     rng = np.random.default_rng(seed)
     for _ in range(updates):
         members = _moved(members, residuals(members, trials), rng)
-    losses = trial_losses(residuals(members, trials)).mean(axis=1)
-    return np.vstack([members.mean(axis=0), members[np.argsort(losses, kind="stable")]])
+    return members.mean(axis=0)
 
 
 def _moved(members: np.ndarray, missed: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -1,6 +1,6 @@
-"""Gauss–Newton least squares on finite differences, from starts that an ensemble finds.
+"""Gauss–Newton least squares on finite differences, from a start that an ensemble finds.
 
-Steps and differences: Nocedal and Wright 2006, ch. 10; starts: Iglesias, Law and Stuart 2013.
+Steps and differences: Nocedal and Wright 2006, ch. 10; the start: Iglesias, Law and Stuart 2013.
 """
 
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotcast.fitting.elimination import hypercube, spread
-from robotcast.fitting.ensemble import ensemble_starts
+from robotcast.fitting.ensemble import ensemble_start
 from robotcast.fitting.least_squares import (
     Fit,
     Prior,
@@ -29,17 +29,16 @@ ALL_OVER = 0.96  # of every range: where the starts may lie
 class GaussNewton:
     """Fits every waypoint at once; a Jacobian or all tried steps are one question each.
 
-    An ensemble looks for starts on the beginnings of a few casts, fits to those of some more
-    follow, and the best goes on with all casts, until a step hardly pays. A search that ends far
-    above the noise begins again with another ensemble.
+    An ensemble looks for a start on the beginnings of a few casts, a fit to those of some more
+    follows and goes on with all casts, until a step hardly pays. A search that ends far above the
+    noise begins again with another ensemble.
 
     Attributes
     ----------
     members, updates : of the ensemble, the problem's start among its members.
-    few, some : casts that the ensemble sees, and those that the fits from its starts do.
+    few, some : casts that the ensemble sees, and those that the first fit does.
     share : of each cast's waypoints that these see.
-    begun, begun_iterations : fits from the ensemble's starts.
-    iterations : of the last fit, at most.
+    early_iterations, iterations : of the first fit and of the last one, at most.
     attempts : searches at most, the first included.
     """
 
@@ -48,8 +47,7 @@ class GaussNewton:
     few: int
     some: int
     share: float
-    begun: int
-    begun_iterations: int
+    early_iterations: int
     iterations: int
     attempts: int
     seed: int = 0
@@ -72,10 +70,9 @@ class GaussNewton:
         members = hypercube(np.full(len(problem.start), 0.5), ALL_OVER, self.members, seed)
         members[0] = problem.start
         few = spread(early.trials, self.few)
-        starts = ensemble_starts(early.residuals, members, few, self.updates, seed)
-        begun = [early(start, self.begun_iterations) for start in starts[: self.begun]]
-        best = min(begun, key=lambda fit: fit.loss)
-        return whole(best.vector, self.iterations, like=best)
+        start = ensemble_start(early.residuals, members, few, self.updates, seed)
+        begun = early(start, self.early_iterations)
+        return whole(begun.vector, self.iterations, like=begun)
 
 
 class _Fits:
