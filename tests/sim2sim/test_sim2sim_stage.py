@@ -9,6 +9,7 @@ import pytest
 from robotcast.sim2sim.outcome import read_outcomes
 
 ROOT = Path(__file__).resolve().parents[2]
+DE_CASTS = 122_000  # of differential evolution at paper scale
 
 
 def run(script: str, folder: Path, *overrides: str) -> None:
@@ -22,15 +23,15 @@ def run(script: str, folder: Path, *overrides: str) -> None:
 
 
 @pytest.mark.slow
-def test_gauss_newton_finds_what_five_casts_tell(tmp_path: Path) -> None:
-    run("sim2sim", tmp_path, "optimizer=gn")
+def test_gauss_newton_finds_what_twenty_casts_tell(tmp_path: Path) -> None:
+    run("sim2sim", tmp_path, "optimizer=gn", "sim2sim.casts=20")
     outcomes = read_outcomes(tmp_path)
     told = [o for o in outcomes if o.told_within_percent <= 20]
     assert len(told) >= 3
-    for outcome in told:  # misses of 0.05 % tell it so well; those left may be a little larger
-        assert outcome.tuning_percent < 0.1
-        assert outcome.error_percent < 2 * outcome.told_within_percent
+    for outcome in told:
+        assert outcome.error_percent < 0.5
+        assert outcome.simulated_casts < DE_CASTS / 20
     assert "cable_mass_kg" not in [o.parameter for o in outcomes]  # weighed, so not tuned
     assert not list((tmp_path / "unfinished").glob("*"))
     run("sim2sim_table", tmp_path)
-    assert "Segmented | 5 | Gauss–Newton | 1 |" in (tmp_path / "reports" / "README.md").read_text()
+    assert "Segmented | 20 | Gauss–Newton | 1 |" in (tmp_path / "reports" / "README.md").read_text()
