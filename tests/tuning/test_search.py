@@ -1,5 +1,6 @@
 """Every optimizer finds known parameters within one budget, and one that is killed resumes."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -96,6 +97,24 @@ def test_vectors_that_diverge_cost_a_penalty_and_are_counted(name: str) -> None:
 def test_a_budget_too_small_for_the_first_batch_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="the budget is 1"):
         run(name, Bowl(), 1)
+
+
+def test_gauss_newton_begins_again_only_far_above_the_noise() -> None:
+    first, _, _ = OPTIMIZERS["gn"]
+    assert isinstance(first, GaussNewton)
+    short = replace(first, early_iterations=1, iterations=1)
+    casts = {
+        (noise, attempts): search(
+            replace(short, attempts=attempts),
+            replace(PROBLEM, noise_percent=noise),
+            Bowl(),
+            10_000,
+        ).casts
+        for noise in (5.0, 1e-9)
+        for attempts in (1, 3)
+    }
+    assert casts[5.0, 3] == casts[5.0, 1]
+    assert casts[1e-9, 3] > 2 * casts[1e-9, 1]
 
 
 def test_bayesian_optimization_ends_when_a_larger_process_would_cost_more_than_it_saves() -> None:
