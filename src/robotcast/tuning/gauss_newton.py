@@ -22,7 +22,7 @@ from robotcast.tuning.called import Called
 
 FAR = 3.0  # times the noise: a fit that misses more may have ended in a wrong valley
 WIDE = 10.0  # ranges: an expectation so wide only keeps what the casts do not tell where it is
-ALL_OVER = 0.96  # of every range: where members of an ensemble begin
+ALL_OVER = 0.96  # of every range: where the starts may lie
 
 
 @dataclass(frozen=True)
