@@ -10,8 +10,8 @@ from robotcast.effects.effect import Effect
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
 from robotcast.progress import Progress, silent
-from robotcast.simulators.chain import ChainGeometry, chain_model
-from robotcast.simulators.chain_run import ChainRun, ChainSettings
+from robotcast.simulators.chain import ChainGeometry
+from robotcast.simulators.chain_run import ChainRun, ChainSettings, implicitly_damped
 from robotcast.simulators.checks import all_parameters
 from robotcast.simulators.planar_batch import simulate_planar
 from robotcast.simulators.simulator import Cast, Prediction
@@ -50,7 +50,7 @@ class ChainSimulator:
             cable.length_m, settings.segments, settings.stretches
         )
         steps = (settings.step_s, settings.step_s / FINER)
-        self._models = {s: chain_model(self._geometry, s) for s in steps}
+        self._models = {s: implicitly_damped(self._geometry, s) for s in steps}
 
     def simulate(
         self,
