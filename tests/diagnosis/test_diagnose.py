@@ -176,6 +176,16 @@ def test_the_next_trials_would_move_what_is_hardly_seen() -> None:
         assert set(trial["separates"]) <= weak and trial["difference_percent"] > 0.1
 
 
+def test_error_that_nothing_pays_for_asks_for_trials_that_would_show_what_came_nearest() -> None:
+    wide = Further(Puck(SHIFT), pushes(5, groups=60, repeats=1))
+    said = diagnosed(pushes(groups=9, tilt=(0.0, 0.02)), SHIFT, further=lambda: wide)
+    error = said["ladder"][-1]["heldout_waypoint_error_percent"]
+    assert said["verdict"] == ["none"] and 2 < error / said["noise_floor_percent"] < 4
+    assert said["next_actions"]
+    assert all(trial["separates"] == ["shift"] for trial in said["next_actions"])
+    assert "with it the model predicts a path" in said["next_actions"][0]["why"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("hidden", "seed"), [("turn", 0), ("shear", 2)])
 def test_the_suggested_trials_tell_a_confused_pair_apart(hidden: str, seed: int) -> None:

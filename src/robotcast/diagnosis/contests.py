@@ -1,9 +1,10 @@
-"""What further trials should decide: between rivals, else whether a weakly seen effect is there."""
+"""What further trials should decide: between rivals, else whether an effect is there at all."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.next_trials import Contest
 from robotcast.diagnosis.revision import Revision
@@ -17,9 +18,17 @@ ITERATIONS = 3  # of a fit that only has to show what a rival would predict
 
 
 def open_contests(
-    inquiry: Inquiry, found: Found, top: Revision, named: Sequence[str], left: Unexplained | None
+    inquiry: Inquiry,
+    found: Found,
+    top: Revision,
+    named: Sequence[str],
+    left: Unexplained | None,
+    floor: Floor,
 ) -> list[Contest]:
     """Return what is still to be decided, the most important first.
+
+    Where error is left that nothing pays for, these are the effects that came nearest to it, and
+    everywhere those that the trials would hardly show.
 
     Parameters
     ----------
@@ -36,7 +45,20 @@ def open_contests(
     absent = [one for name, one in screens.items() if name not in top.effects]
     weak = [one for one in absent if one.power < ENOUGH_POWER and one.moved > 0]
     weak.sort(key=lambda one: (one.power, one.p_value))
-    return [_whether_there(inquiry, top, one) for one in weak[:MOST_WEAK]]
+    near = (
+        _near(found, top) if found.ladder and floor.above(found.ladder[-1].errors.waypoint) else []
+    )
+    return [*near, *(_whether_there(inquiry, top, one) for one in weak[:MOST_WEAK])]
+
+
+def _near(found: Found, top: Revision) -> list[Contest]:
+    """Set the model as it is against the refits on top of it that did not pay."""
+    tried = [rung.revision for rung in found.refits.values()]
+    return [
+        Contest(one.effects[-1:], top, (one.effects, one.fit.vector), one)
+        for one in tried
+        if one.effects[:-1] == top.effects
+    ]
 
 
 def _between(inquiry: Inquiry, found: Found, name: str, rival: str) -> Contest:

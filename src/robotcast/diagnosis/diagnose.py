@@ -145,7 +145,7 @@ class _Run:
         """Look for the trials that would decide what is still open."""
         self._step(self._found, f"choosing the next {self._case.wording.trials}")
         named = report.verdict(self._found, self._fixed, self._left)
-        contests = open_contests(self.inquiry, self._found, top, named, self._left)
+        contests = open_contests(self.inquiry, self._found, top, named, self._left, self._floor)
         if contests:
             self._next = next_trials(self.inquiry, contests, further(), self._looked_further)
 

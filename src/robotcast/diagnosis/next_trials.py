@@ -43,7 +43,7 @@ class Contest:
 
     Attributes
     ----------
-    names : what they stand for, as reported.
+    names : what they stand for, as reported; one name where the question is whether it is there.
     first : a fitted model.
     second : the other one, its effects with a unit vector (n,).
     rival : the second model's fit, None when it is only supposed: then only the first is

@@ -231,6 +231,8 @@ def _why(inquiry: Inquiry, one: NextTrial, wording: Wording) -> str:
     if name == "unknown":
         return f"the missing force, as it was fitted, moves this {wording.trial} by {apart}"
     text = inquiry.model.effects[name].text
+    if one.contest.rival is not None:
+        return f"{text}: with it the model predicts a path {apart} away on average"
     return f"{text}: a little of it moves this {wording.trial} by {apart}"
 
 
