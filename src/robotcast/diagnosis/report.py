@@ -91,6 +91,7 @@ def unexplained(
     like = "What is missing acts like" if left.enough else "Nothing explains it. Nearest comes"
     return {
         "depends_on": field.depends_on,
+        "explains": left.enough,
         "text": f"{like} {field.text}.",
         "heldout_waypoint_error_percent": float(left.rung.errors.waypoint.mean()),
         "field": draw(inquiry, left),

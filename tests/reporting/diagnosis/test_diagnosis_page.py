@@ -80,6 +80,15 @@ def test_an_unknown_force_is_drawn_and_a_draft_of_an_effect_given() -> None:
     assert "class MyEffect(Effect)" in page and "conf/effect/my_effect.yaml" in page
 
 
+def test_a_field_that_explains_nothing_is_not_said_to_be_the_missing_force() -> None:
+    said = unknown()
+    nearest = {**said, "unexplained": {**said["unexplained"], "explains": False}}
+    assert "What the missing force depends on: place" in diagnosis_page(said)
+    page = diagnosis_page(nearest)
+    assert "What comes nearest to the missing force: place" in page
+    assert "What the missing force depends on" not in page
+
+
 def test_a_running_diagnosis_says_what_it_does_and_reloads() -> None:
     page = diagnosis_page(running())
     assert '<meta http-equiv="refresh" content="3">' in page

@@ -71,12 +71,13 @@ class Field:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """What no named effect explains."""
+    """What no named effect explains; `explains` tells whether the field does, or comes nearest."""
 
     depends_on: str
     text: str
     heldout: float | None
     field: Field | None
+    explains: bool = True
 
 
 @dataclass(frozen=True)
@@ -267,6 +268,7 @@ def _unexplained(plain: Mapping[str, Any] | None) -> Unexplained | None:
         text=str(plain.get("text") or ""),
         heldout=_finite(plain.get("heldout_waypoint_error_percent")),
         field=_field(plain.get("field")),
+        explains=bool(plain.get("explains", True)),
     )
 
 
