@@ -9,7 +9,6 @@ from threading import Lock
 import numpy as np
 
 from robotcast.diagnosis.model import Model, Record
-from robotcast.fitting.elimination import spread
 from robotcast.fitting.least_squares import (
     Fit,
     Prior,
@@ -18,6 +17,7 @@ from robotcast.fitting.least_squares import (
     fit_robustly,
 )
 from robotcast.fitting.parameter import Parameter
+from robotcast.fitting.starts import spread
 from robotcast.progress import Progress, silent
 
 LOST = 100.0  # of the scale: by how much a run that diverged misses in a fit

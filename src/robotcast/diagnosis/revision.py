@@ -2,25 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.side_by_side import side_by_side
-from robotcast.fitting.elimination import (
-    Rounds,
-    best_first,
-    fit_by_elimination,
-    hypercube,
-    spread,
-)
+from robotcast.fitting.ensemble import ensemble_start
 from robotcast.fitting.least_squares import Fit
+from robotcast.fitting.starts import hypercube, spread
 
 FOLDS = 4
 EARLY = 0.65  # share of every trial that the search for a start sees: chaos comes late
-LOOKED_AT = 256  # parameter vectors of a first look, on a few trials
-FEW, SOME = 13, 26  # trials of the first look and of the fits that follow it
+FEW, SOME = 13, 26  # trials that an ensemble sees, and the fit that follows it
+ENSEMBLES, MEMBERS, UPDATES = 2, 40, 4
+ALL_OVER = 0.8  # of every range: where an ensemble's members lie about the nominal vector
+EARLY_ITERATIONS = 5
 
 
 @dataclass(frozen=True)
@@ -59,28 +55,33 @@ def fit_base(
     iterations: int,
     about: np.ndarray | None = None,
 ) -> Revision:
-    """Fit from many starts, by elimination (see `fit_by_elimination`).
+    """Fit from where ensembles find a start, to beginnings of some trials first, then to all.
+
+    What a chaotic model does late in a trial has a valley for every way in which it tips over;
+    the beginnings lead smoothly to the right one.
 
     Parameters
     ----------
-    about : a unit vector (n,), one of the starts; the others take their effects from it. The
-        nominal one by default.
+    about : a unit vector (n,), one of the ensemble's members; the others take their effects from
+        it. The nominal one by default.
     """
     effects = tuple(effects)
     about = inquiry.nominal(effects) if about is None else about
     early = inquiry.beginnings(EARLY, SOME)
-    starts = _starts(early, effects, about, seed)
-    fits = partial(early.fit, effects), partial(inquiry.fit, effects)
-    return Revision(effects, fit_by_elimination(*fits, starts, iterations, Rounds()))
+    begun = [_begun(early, effects, about, seed + k) for k in range(ENSEMBLES)]
+    best = min(begun, key=lambda fit: fit.loss)
+    return Revision(effects, inquiry.fit(effects, best.vector, iterations))
 
 
-def _starts(early: Inquiry, effects: tuple[str, ...], about: np.ndarray, seed: int) -> np.ndarray:
-    """Return a Latin hypercube (n_starts, n) of the model's own parameters, best first."""
+def _begun(early: Inquiry, effects: tuple[str, ...], about: np.ndarray, seed: int) -> Fit:
+    """Return a fit to beginnings from where an ensemble of the model's own parameters centres."""
     nominal, free = early.nominal(effects), early.free(effects)
     free[len(early.model.parameters) :] = False
-    looked = np.where(free, hypercube(nominal, 0.8, LOOKED_AT, seed), about)
-    looked[0] = about
-    return best_first(early.residuals(effects), spread(early.everything, FEW), looked)
+    members = np.where(free, hypercube(nominal, ALL_OVER, MEMBERS, seed), about)
+    members[0] = about
+    few = spread(early.everything, FEW)
+    start = ensemble_start(early.residuals(effects), members, few, UPDATES, seed)
+    return early.fit(effects, np.where(free, start, about), EARLY_ITERATIONS)
 
 
 def refit(inquiry: Inquiry, revision: Revision, iterations: int) -> Revision:

@@ -6,12 +6,12 @@ import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision
-from robotcast.fitting.least_squares import Fit
+from robotcast.fitting.least_squares import Fit, median_miss
 from robotcast.fitting.parameter import Parameter
 from robotcast.fitting.uncertainty import bread, sandwich
 
 SPREAD = 2.0  # standard errors on either side of a value
-DISCREPANCY = 0.5  # of the noise: what the model is allowed to miss in every trial, all its own
+DISCREPANCY = 0.5  # of what the model misses in a usual trial: may be its own in all of them
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,9 @@ def sizes(
     The standard error is the larger of two: the sandwich estimator with groups of trials as
     clusters (Liang and Zeger 1986), and the jackknife over the folds' fits `vectors` (k, n).
     Both shrink as trials are added, but what a model misses everywhere in the same way does not
-    (Kennedy and O'Hagan 2001): the most by which a misfit of `discrepancy` in every trial can
-    shift the value is added in squares.
+    (Kennedy and O'Hagan 2001): the most by which a misfit in every trial of this share,
+    `discrepancy`, of what the model misses in a usual one can shift the value is added in
+    squares. It misses the noise at least.
     """
     sd = np.array([p.prior_sd for p in inquiry.parameters(revision.effects)])
     inverse = bread(revision.fit, sd)
@@ -84,6 +85,7 @@ def sizes_of_effect(
 
 
 def _shift(fit: Fit, inverse: np.ndarray, discrepancy: float) -> np.ndarray:
-    """Return by how much (n,) the worst misfit of so much noise in every trial shifts a value."""
+    """Return by how much (n,) the worst misfit of such a share in every trial shifts a value."""
     by_trial = np.einsum("nm,idm,i->ind", inverse, fit.jacobian, fit.weights)
-    return discrepancy * np.sqrt((by_trial**2).sum(axis=-1)).sum(axis=0)
+    missed = max(1.0, median_miss(fit.residual))
+    return discrepancy * missed * np.sqrt((by_trial**2).sum(axis=-1)).sum(axis=0)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.fitting.elimination import hypercube, spread
 from robotcast.fitting.ensemble import ensemble_start
 from robotcast.fitting.least_squares import (
     Fit,
@@ -17,6 +16,7 @@ from robotcast.fitting.least_squares import (
     fit_robustly,
     median_miss,
 )
+from robotcast.fitting.starts import hypercube, spread
 from robotcast.tuning.asking import Evaluate, Problem, Question, Search
 from robotcast.tuning.called import Called
 

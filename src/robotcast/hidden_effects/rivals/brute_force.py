@@ -41,7 +41,7 @@ def brute_force(
     effort: Effort,
     tell: Callable[[str], object],
 ) -> Forced:
-    """Fit every candidate with about the budget of the base model; keep the best if it pays.
+    """Fit every candidate with all parameters from several starts; keep the best if it pays.
 
     Parameters
     ----------

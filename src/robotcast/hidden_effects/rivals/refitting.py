@@ -26,7 +26,7 @@ def judged_refit(
 ) -> Rung:
     """Fit the model with `effects` from several starts, by elimination, and judge it.
 
-    The base model was fitted so too: first to the beginnings of trials, which are not chaotic.
+    First to the beginnings of trials, which are not chaotic, as the base model was fitted.
 
     Parameters
     ----------
