@@ -35,3 +35,18 @@ def test_sizes_of_one_effect_among_several() -> None:
     assert own == ["ax", "ay"]
     first = sizes_of_effect(inquiry, revision, None, "late_clock")
     assert np.isclose(first[0].value, sizes(inquiry, revision, None)[2].value)
+
+
+def test_intervals_are_wider_where_the_model_lacks_something() -> None:
+    """A clock that is late is less well known while a tilt is missed as well."""
+    widths = []
+    for tilt in ((0.0, 0.0), (0.0, 0.1)):
+        inquiry = Inquiry(Puck(LATE), pushes(groups=12, late_clock=(0.05,), tilt=tilt), None)
+        effects = ("late_clock",)
+        revision = Revision(effects, inquiry.fit(effects, inquiry.nominal(effects), 4))
+        whole, own = (
+            sizes_of_effect(inquiry, revision, None, "late_clock", discrepancy=share)[0]
+            for share in (0.5, 0.0)
+        )
+        widths.append(np.sqrt((whole.high - whole.low) ** 2 - (own.high - own.low) ** 2))
+    assert widths[1] > 2 * widths[0]
