@@ -5,8 +5,9 @@
 Sets of 11 casts hide one effect each (conf/hidden_effects/pairs.yaml). One after another is
 diagnosed until so many confuse what they hide with something else. The virtual rig executes the
 casts that these diagnoses ask for, and a second diagnosis has to choose between the hidden effect
-and its strongest rival. Sets that are named at once, or in which what is hidden does not show, are
-no pairs; the lines say so. What stands in the benchmark's folder is not done again. Exits with 1
+and its strongest rival. Where a diagnosis says that no further cast would tell, its first verdict
+counts. Sets that are named at once, or in which what is hidden does not show, are no pairs; the
+lines say so. What stands in the benchmark's folder is not done again. Exits with 1
 when fewer than 8 of 10 are named rightly.
 """
 
@@ -79,15 +80,13 @@ def judged(case: str) -> bool | None:
     if rival is None:
         print(f"{line}; not confused", flush=True)
         return None
-    if not said["next_actions"]:
+    casts = len(said["next_actions"])
+    if not casts:
         print(f"{line}, confused with {rival}; no further cast would tell", flush=True)
-        return False
+        return said["verdict"] == [truth]
     verdict = chosen_between(measurements, truth, rival)
-    print(
-        f"{line}, confused with {rival}; after {len(said['next_actions'])} further casts "
-        f"{', '.join(verdict)}",
-        flush=True,
-    )
+    after = f"after {casts} further casts {', '.join(verdict)}"
+    print(f"{line}, confused with {rival}; {after}", flush=True)
     return verdict == [truth]
 
 
