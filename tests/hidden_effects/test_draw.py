@@ -126,7 +126,19 @@ def test_half_of_the_actions_are_mirrored_and_the_repeats_come_last():
     assert all(action == by_id[action_id] for action_id, action in chosen[6:])
 
 
+def test_alike_actions_lie_near_each_other_on_one_side():
+    spread = np.random.default_rng(0).uniform(size=(400, 6))
+    counts = CastCounts(actions=8, repeated=0, times=1, alike=0.05)
+    chosen = choose_actions(spread, counts, np.random.default_rng(0))
+    rows = np.array([action.as_array() for _, action in chosen])
+    apart, usual = (np.ptp(some, axis=0).mean() for some in (rows, spread[:8]))
+    assert apart < 0.8 * usual
+    assert (rows[:, 0] >= 0).all()
+
+
 def test_counts_that_cannot_be_are_refused():
+    with pytest.raises(ValueError, match="0 < alike ≤ 1"):
+        CastCounts(actions=3, repeated=1, times=2, alike=0.0)
     with pytest.raises(ValueError, match="0 ≤ repeated ≤ actions"):
         CastCounts(actions=3, repeated=4, times=2)
     with pytest.raises(ValueError, match="9 actions wanted, 6 are feasible"):

@@ -15,13 +15,18 @@ class CastCounts:
     ----------
     actions : distinct actions.
     repeated, times : so many of them are cast so many times, to show the noise floor.
+    alike : share of the feasible actions that they are drawn from: those nearest to one of them,
+        all to one side of the board. 1 draws from all, to both sides.
     """
 
     actions: int
     repeated: int
     times: int
+    alike: float = 1.0
 
     def __post_init__(self) -> None:
+        if not 0 < self.alike <= 1:
+            raise ValueError(f"hidden effects: expected 0 < alike ≤ 1, got {self.alike:g}")
         if not 0 <= self.repeated <= self.actions or self.actions < 1 or self.times < 1:
             raise ValueError(
                 "hidden effects: expected 0 ≤ repeated ≤ actions and times ≥ 1, got "
@@ -34,16 +39,25 @@ def choose_actions(
 ) -> list[tuple[int, Action]]:
     """Draw the casts (action_id, action) of a case from the feasible actions (m, 6).
 
-    Half of the actions are mirrored, so that both sides of the board are seen. The repeats
-    come last.
+    Where they need not be alike, half of them are mirrored. The repeats come last.
     """
-    if counts.actions > len(feasible):
+    among = feasible if counts.alike == 1 else _alike(feasible, counts.alike, random)
+    if counts.actions > len(among):
         raise ValueError(
-            f"hidden effects: {counts.actions} actions wanted, {len(feasible)} are feasible"
+            f"hidden effects: {counts.actions} actions wanted, {len(among)} are feasible"
         )
-    rows = random.permutation(len(feasible))[: counts.actions]
+    rows = random.permutation(len(among))[: counts.actions]
     mirrored = random.permutation(counts.actions) < counts.actions // 2
-    actions = [Action.from_array(feasible[row]) for row in rows]
-    actions = [a.mirrored() if m else a for a, m in zip(actions, mirrored, strict=True)]
+    actions = [Action.from_array(among[row]) for row in rows]
+    if counts.alike == 1:
+        actions = [a.mirrored() if m else a for a, m in zip(actions, mirrored, strict=True)]
     again = np.repeat(np.arange(counts.repeated), counts.times - 1)
     return [(int(n), actions[n]) for n in (*range(counts.actions), *again)]
+
+
+def _alike(feasible: np.ndarray, share: float, random: np.random.Generator) -> np.ndarray:
+    """Return the share of the actions that is nearest to one of them, in shares of their ranges."""
+    ranges = np.maximum(np.ptp(feasible, axis=0), 1e-9)
+    centre = feasible[random.integers(len(feasible))]
+    distance = np.linalg.norm((feasible - centre) / ranges, axis=1)
+    return feasible[np.argsort(distance, kind="stable")[: round(share * len(feasible))]]
