@@ -8,9 +8,10 @@ import pytest
 import yaml
 
 from robotcast.reporting.figures.trace import trace_figure
-from robotcast.reporting.report import RunFacts, make_page
+from robotcast.reporting.report import make_page
 from robotcast.reporting.results import Results, read_results
-from robotcast.reporting.tables import tuning_table
+from robotcast.reporting.run_facts import RunFacts
+from robotcast.reporting.tables.tuning import tuning_table
 from robotcast.tuning.revisions import Revision
 
 NAMES = {"de": "DE", "bo": "BO (EI)", "gn": "Gauss–Newton"}

@@ -5,8 +5,9 @@ from dataclasses import replace
 import polars as pl
 import pytest
 
-from robotcast.reporting.report import RunFacts, make_page, write_report
+from robotcast.reporting.report import make_page, write_report
 from robotcast.reporting.results import read_results
+from robotcast.reporting.run_facts import RunFacts
 from robotcast.tuning.revisions import Revision, keep_revision
 
 ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")

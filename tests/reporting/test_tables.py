@@ -3,7 +3,10 @@ import pytest
 
 from robotcast.reporting.results import Results, read_results
 from robotcast.reporting.table import Table
-from robotcast.reporting.tables import cables_table, parts_table, policies_table, tuning_table
+from robotcast.reporting.tables.cables import cables_table
+from robotcast.reporting.tables.parts import parts_table
+from robotcast.reporting.tables.policies import policies_table
+from robotcast.reporting.tables.tuning import tuning_table
 
 
 @pytest.fixture(scope="module")
