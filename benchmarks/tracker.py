@@ -23,9 +23,9 @@ from hydra import compose, initialize_config_dir
 
 from robotcast.rigs.capsules import segment_distance
 from robotcast.rigs.cast_files import TOOL_FILE, TRUTH_FILE, read_tool
-from robotcast.rigs.envelope import LINK_RADII_M
 from robotcast.rigs.session import Session, read_session
 from robotcast.rigs.ur5 import Gripper, joint_path, link_points
+from robotcast.rigs.virtual.shot import DRAWN_RADII_M
 from robotcast.vision.camera import Camera
 from robotcast.vision.facts import TrackerFacts
 from robotcast.vision.tracker import track_cast
@@ -100,7 +100,7 @@ def arm_margin(
     eye = np.broadcast_to(camera.position_m, (len(t_s), 1, 3))
     ball = np.column_stack([end_m, np.full(len(end_m), height_m)])[:, None]
     away = segment_distance(points[:, :-1], points[:, 1:], ball, eye)
-    return np.min(away - np.array(list(LINK_RADII_M.values())), axis=1)
+    return np.min(away - DRAWN_RADII_M, axis=1)
 
 
 def report(judged: list[Judged], lost: int) -> bool:

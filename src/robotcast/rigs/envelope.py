@@ -11,8 +11,9 @@ from typing import Literal
 
 import numpy as np
 
+from robotcast.rigs.arm_shape import LINK_CAPSULES, capsule_axis
 from robotcast.rigs.capsules import segment_distance
-from robotcast.rigs.ur5 import JOINTS, LINKS, Gripper, link_points
+from robotcast.rigs.ur5 import JOINTS, Gripper, link_points
 
 Rule = Literal[
     "reach",
@@ -26,20 +27,6 @@ Rule = Literal[
     "base collision",
     "self collision",
 ]
-
-LINK_RADII_M: dict[str, float] = {
-    "column": 0.075,
-    "shoulder": 0.06,
-    "upper arm": 0.06,
-    "elbow": 0.06,
-    "forearm": 0.05,
-    "wrist 1": 0.045,
-    "wrist 2": 0.045,
-    "wrist 3": 0.045,
-    "gripper": 0.05,
-    "fingers": 0.012,
-}
-"""Radii of capsules around the pieces of the arm, from the maker's drawings, rounded up."""
 
 HAND_LINKS = ("wrist 1", "wrist 2", "wrist 3", "gripper", "fingers")
 BASE_LINKS = ("forearm", *HAND_LINKS)
@@ -272,22 +259,20 @@ def _measure_tool(t_s: np.ndarray, tool: np.ndarray, envelope: Envelope) -> Iter
 def _measure_clearances(
     t_s: np.ndarray, points: np.ndarray, envelope: Envelope
 ) -> Iterator[_Measured]:
-    def link(name: str) -> tuple[np.ndarray, np.ndarray]:
-        index = LINKS.index(name)
-        return points[..., index, :], points[..., index + 1, :]
-
     for name in BOARD_LINKS:
-        start, end = link(name)
-        height = np.minimum(start[..., 2], end[..., 2]) - LINK_RADII_M[name]
+        start, end = capsule_axis(points, name)
+        height = np.minimum(start[..., 2], end[..., 2]) - LINK_CAPSULES[name].radius_m
         clearance = 0.0 if name == "fingers" else envelope.clearance_m
         yield _Measured("board collision", name, t_s, height, clearance, np.inf)
-    column = link("column")
     for name in BASE_LINKS:
-        gap = segment_distance(*link(name), *column)
-        gap -= LINK_RADII_M[name] + LINK_RADII_M["column"]
+        gap = _gap(points, name, "column")
         yield _Measured("base collision", name, t_s, gap, envelope.clearance_m, np.inf)
     for one, other in SELF_PAIRS:
-        gap = segment_distance(*link(one), *link(other))
-        gap -= LINK_RADII_M[one] + LINK_RADII_M[other]
+        gap = _gap(points, one, other)
         part = f"{one} and {other}"
         yield _Measured("self collision", part, t_s, gap, envelope.clearance_m, np.inf)
+
+
+def _gap(points: np.ndarray, one: str, other: str) -> np.ndarray:
+    apart = segment_distance(*capsule_axis(points, one), *capsule_axis(points, other))
+    return apart - LINK_CAPSULES[one].radius_m - LINK_CAPSULES[other].radius_m

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from robotcast.rigs.envelope import LINK_RADII_M
 from robotcast.vision.camera import Camera
 
 Colour = tuple[float, float, float]
 
-_LINK_RADII_M = np.array(list(LINK_RADII_M.values()))
+DRAWN_RADII_M = np.array([0.075, 0.06, 0.06, 0.06, 0.05, 0.045, 0.045, 0.045, 0.05, 0.012])
+"""How thick the arm's `LINKS` are in pictures."""
+
 _LINK_BGR, _LINK_RIM_BGR = (140.0, 139.0, 137.0), (96.0, 95.0, 94.0)
 _LINK_CORE = 0.7
 _CABLE_RIM, _CABLE_CORE = 0.75, 0.6
@@ -128,7 +129,7 @@ def _capsules(points_px: np.ndarray, scale: np.ndarray) -> np.ndarray:
     core's size in [1]; shape (2, n, k − 1, points, 2).
     """
     ends = np.stack([points_px[:, :-1], points_px[:, 1:]], axis=2)
-    radii = np.stack([scale[:, :-1], scale[:, 1:]], axis=2) * _LINK_RADII_M[:, None]
+    radii = np.stack([scale[:, :-1], scale[:, 1:]], axis=2) * DRAWN_RADII_M[:, None]
     radii = np.stack([radii, _LINK_CORE * radii])
     along = ends[:, :, 1] - ends[:, :, 0]
     length = np.linalg.norm(along, axis=-1) + 1e-9
