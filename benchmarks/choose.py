@@ -21,10 +21,10 @@ import numpy as np
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 
-from robotcast.casts.grid import are_feasible, feasible_actions
 from robotcast.policies.choice import choose_actions
 from robotcast.policies.datasets import Dataset, Examples
 from robotcast.policies.refinement import Neighbourhood, refine_choices
+from robotcast.rigs.feasible import are_feasible, feasible_actions
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "stages"))

@@ -24,19 +24,19 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from robotcast.casts.action import Action  # noqa: E402
-from robotcast.casts.grid import are_feasible  # noqa: E402
 from robotcast.casts.plan import PlanLimits, plan_action  # noqa: E402
 from robotcast.measurements.reader import read_measurement_set  # noqa: E402
 from robotcast.measurements.writer import write_measurement_set  # noqa: E402
 from robotcast.rigs.collect import Collected, collect_casts  # noqa: E402
 from robotcast.rigs.envelope import broken_rules  # noqa: E402
+from robotcast.rigs.feasible import are_feasible  # noqa: E402
 from robotcast.rigs.rig import RigStopped  # noqa: E402
-from robotcast.rigs.session import read_session  # noqa: E402
 from robotcast.rigs.ur5_robot.checks import refuse_unsafe  # noqa: E402
 from robotcast.rigs.ur5_robot.connection import Robot  # noqa: E402
 from robotcast.rigs.ur5_robot.drive import ServoSettings  # noqa: E402
 from robotcast.rigs.ur5_robot.motion import JointMotion, WholeMotion, sway  # noqa: E402
 from robotcast.rigs.ur5_robot.stream import RobotLog, WatchSettings, stream  # noqa: E402
+from robotcast.sessions.session import read_session  # noqa: E402
 from robotcast.vision.track_session import track_session  # noqa: E402
 from tests.rigs.peer.controller import Settings  # noqa: E402
 from tests.rigs.peer.film import FilmSettings  # noqa: E402
@@ -274,7 +274,7 @@ def offsets(delay_s: float, times: int) -> None:
     for _ in range(times):
         with running_peer(PATIENT, FilmSettings(filmed, delay_s=delay_s)) as peer:
             rig = ur5_rig(peer, filmed)
-            found.append(rig.open_session().camera_offset_s * 1e3)
+            found.append(rig.open_session().clocks.camera_offset_s * 1e3)
             rig.close()
     print(
         f"offset: {delay_s * 1e3:.0f} ms delay found as {', '.join(f'{f:.1f}' for f in found)} ms"

@@ -13,10 +13,11 @@ from stage import bar, console, named_session, output_folder, stage
 
 from robotcast.casts.action import Action
 from robotcast.casts.action_file import read_actions
-from robotcast.casts.grid import are_feasible
-from robotcast.rigs.collect import choose_casts, collect_casts, number_further
+from robotcast.rigs.choose import choose_casts, number_further
+from robotcast.rigs.collect import collect_casts
+from robotcast.rigs.feasible import are_feasible
 from robotcast.rigs.recorded import adopt_recorded_set
-from robotcast.rigs.session import SESSION_FILE, read_session
+from robotcast.sessions.session import SESSION_FILE, read_session
 
 
 def collect(config: DictConfig) -> None:

@@ -20,7 +20,6 @@ from robotcast.cast_model.model import CastModel
 from robotcast.cast_model.records import cast_records
 from robotcast.cast_model.wording import CAST_WORDING
 from robotcast.casts.action_file import write_actions
-from robotcast.casts.grid import feasible_actions
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.next_trials import Further
 from robotcast.diagnosis.search import Effort
@@ -29,6 +28,7 @@ from robotcast.files import write_text
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.reporting.diagnosis.page import diagnosis_page
+from robotcast.rigs.feasible import feasible_actions
 from robotcast.simulators.simulator import Simulator
 
 ACTIONS = "actions.csv"

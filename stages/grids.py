@@ -5,11 +5,12 @@ from typing import Any
 import numpy as np
 from omegaconf import DictConfig, OmegaConf
 
-from robotcast.casts.grid import ActionGrid, FilterReport, GridCounts, feasible_actions
+from robotcast.casts.grid import ActionGrid, GridCounts
 from robotcast.casts.plan import PlanLimits
 from robotcast.casts.reset import ResetSettings
 from robotcast.progress import Progress, silent
 from robotcast.rigs.envelope import Envelope, ToolBox
+from robotcast.rigs.feasible import FilterReport, feasible_actions
 from robotcast.rigs.ur5 import Gripper
 
 

@@ -12,8 +12,8 @@ from robotcast.files import write_text
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.rigs.recorded import recorded_copy
-from robotcast.rigs.session import read_session
 from robotcast.rigs.ur5_robot.notes import session_notes
+from robotcast.sessions.session import read_session
 from robotcast.vision.track_session import TrackedSession, track_session
 
 SUMMARY = "tracking.json"

@@ -11,7 +11,6 @@ from functools import partial
 from multiprocessing.connection import wait
 from pathlib import Path
 
-import numpy as np
 import yaml
 
 from robotcast.casts.action import Action
@@ -19,7 +18,7 @@ from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
 from robotcast.files import atomic_folder, write_text
 from robotcast.progress import Progress, silent
 from robotcast.rigs.rig import CastNotUsed, Rig, RigStopped
-from robotcast.rigs.session import (
+from robotcast.sessions.session import (
     REQUEST_FILE,
     CastRequest,
     exclusive,
@@ -32,9 +31,6 @@ from robotcast.rigs.session import (
 Plan = Callable[..., PlannedCast]
 Planner = Callable[[Action], PlannedCast]
 Describe = Callable[[CastRequest, Path], str]
-
-REPEATS_OF_ONE = 3
-FIRST_FURTHER = 5_000  # ids of actions that are of no grid, which numbers its own from 0
 
 
 @dataclass(frozen=True)
@@ -51,40 +47,6 @@ class Collected:
     stood: int
     added: int
     failed: dict[int, str]
-
-
-def choose_casts(
-    actions: np.ndarray, casts: int, repeats: int, seed: int
-) -> list[tuple[int, Action]]:
-    """Choose what to collect of the feasible actions (m, 6): a random part, some of it again.
-
-    The choice for fewer casts is contained in the choice for more.
-
-    Parameters
-    ----------
-    casts : distinct actions, all of them when there are no more.
-    repeats : further casts; they repeat the first of the chosen actions, three times each.
-    """
-    order = np.random.default_rng(seed).permutation(len(actions))[:casts]
-    again = np.repeat(order, REPEATS_OF_ONE)[:repeats]
-    return [(int(row), Action.from_array(actions[row])) for row in (*order, *again)]
-
-
-def number_further(
-    actions: Sequence[Action], casts: Sequence[CastRequest]
-) -> list[tuple[int, Action]]:
-    """Give actions that are of no grid the ids under which a session of `casts` may hold them.
-
-    An action that the session was asked for before keeps its id, so that a call that was cut
-    off can go on; one that stands there twice is cast twice.
-    """
-    known = {c.action: c.action_id for c in casts if c.action_id >= FIRST_FURTHER}
-    new = max(known.values(), default=FIRST_FURTHER - 1) + 1
-    for action in actions:
-        if action not in known:
-            known[action] = new
-            new += 1
-    return [(known[action], action) for action in actions]
 
 
 def collect_casts(
@@ -110,7 +72,10 @@ def collect_casts(
     planner = partial(plan, r0_m=rig.r0_m, limits=limits)
     requests = number_requests(actions)
     with exclusive(folder):
-        missing = missing_requests(open_session(rig, folder), requests)
+        session = open_session(
+            folder, rig=rig.name, cable=rig.cable, r0_m=rig.r0_m, facts=rig.facts()
+        )
+        missing = missing_requests(session, requests)
         stood = len(requests) - len(missing)
         failed: dict[int, str] = {}
         progress(stood, len(requests))

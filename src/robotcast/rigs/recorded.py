@@ -10,7 +10,7 @@ import yaml
 from robotcast.files import atomic_folder, write_text
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
-from robotcast.rigs.session import SESSION_FILE, read_session
+from robotcast.sessions.session import SESSION_FILE, read_session
 
 NAME = "recorded"
 COPY = "measurements"

@@ -11,8 +11,8 @@ import numpy as np
 
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.progress import Progress, silent
-from robotcast.rigs.cast_files import TOOL_FILE, read_tool
-from robotcast.rigs.session import CastRequest, Session
+from robotcast.sessions.cast_files import TOOL_FILE, read_tool
+from robotcast.sessions.session import CastRequest, Session
 from robotcast.vision.facts import TrackerFacts
 from robotcast.vision.tracker import TrackedCast, track_cast
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from robotcast.rigs.cast_files import VIDEO_FILE, read_frame_times, read_record
-from robotcast.rigs.session import Session
+from robotcast.sessions.cast_files import VIDEO_FILE, read_frame_times, read_record
+from robotcast.sessions.session import Session
 from robotcast.vision.calibration import Calibration, calibrate
 from robotcast.vision.detector import Detection, EndpointDetector
 from robotcast.vision.facts import TrackerFacts

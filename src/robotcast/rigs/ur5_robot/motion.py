@@ -38,6 +38,16 @@ class JointMotion:
         path = CubicSpline(times, self.joints_rad, bc_type="clamped")
         return JointMotion(t_s, path(np.minimum(t_s, times[-1])))
 
+    def held(self, before_s: float, after_s: float, period_s: float) -> "JointMotion":
+        """Return the motion with its first and last joints held for so long."""
+        counts = round(before_s / period_s), round(after_s / period_s)
+        joints = np.pad(self.joints_rad, (counts, (0, 0)), mode="edge")
+        return JointMotion(np.arange(len(joints)) * period_s, joints)
+
+    def end(self) -> "JointMotion":
+        """Return the last sample alone."""
+        return JointMotion(self.t_s[-1:], self.joints_rad[-1:])
+
 
 @dataclass(frozen=True)
 class WholeMotion:

@@ -7,7 +7,7 @@ from typing import Any
 import yaml
 
 from robotcast.files import write_text
-from robotcast.rigs.session import Session
+from robotcast.sessions.session import Session
 
 NOTES_FILE = "robot.yaml"
 

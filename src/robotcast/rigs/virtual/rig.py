@@ -12,14 +12,6 @@ from robotcast.casts.plan import PlannedCast
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.files import atomic_file
 from robotcast.measurements.measurement_set import Cable
-from robotcast.rigs.cast_files import (
-    TOOL_FILE,
-    TRUTH_FILE,
-    VIDEO_FILE,
-    CastRecord,
-    write_record,
-    write_tool,
-)
 from robotcast.rigs.ur5 import Gripper, joint_path
 from robotcast.rigs.virtual.arm import ArmDynamics
 from robotcast.rigs.virtual.cable import TOOL_JOINTS, CableTruth, build_cable, compile_cable
@@ -29,6 +21,14 @@ from robotcast.rigs.virtual.hidden.disturbance import Disturbance
 from robotcast.rigs.virtual.hidden.effect import Built, HiddenEffect, Holding
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, frame_starts, render_cast
 from robotcast.rigs.virtual.scatter import StartScatter
+from robotcast.sessions.cast_files import (
+    TOOL_FILE,
+    TRUTH_FILE,
+    VIDEO_FILE,
+    CastRecord,
+    write_record,
+    write_tool,
+)
 from robotcast.vision.camera import Camera
 from robotcast.vision.facts import TrackerFacts
 

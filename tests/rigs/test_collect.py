@@ -14,8 +14,9 @@ import pytest
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, PlannedCast
 from robotcast.measurements.measurement_set import Cable
-from robotcast.rigs.collect import choose_casts, collect_casts, number_further
-from robotcast.rigs.session import exclusive, number_requests, read_session
+from robotcast.rigs.choose import choose_casts, number_further
+from robotcast.rigs.collect import collect_casts
+from robotcast.sessions.session import exclusive, number_requests, read_session
 
 ROOT = Path(__file__).parents[2]
 LIMITS = PlanLimits()

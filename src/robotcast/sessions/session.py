@@ -21,7 +21,6 @@ import yaml
 from robotcast.casts.action import ACTION_COLUMNS, Action
 from robotcast.files import discard_unfinished, write_text
 from robotcast.measurements.measurement_set import Cable
-from robotcast.rigs.rig import Rig
 
 SESSION_FILE, REQUEST_FILE = "session.yaml", "request.yaml"
 MOST_ACTIONS = 10_000
@@ -76,14 +75,11 @@ def number_requests(actions: Sequence[tuple[int, Action]]) -> list[CastRequest]:
     return requests
 
 
-def open_session(rig: Rig, folder: Path) -> Session:
+def open_session(
+    folder: Path, *, rig: str, cable: Cable, r0_m: float, facts: dict[str, Any]
+) -> Session:
     """Start a session, or return the one in `folder` if it is of the same rig and cable."""
-    values = {
-        "rig": rig.name,
-        "cable": asdict(rig.cable),
-        "r0_m": float(rig.r0_m),
-        **rig.facts(),
-    }
+    values = {"rig": rig, "cable": asdict(cable), "r0_m": float(r0_m), **facts}
     path = folder / SESSION_FILE
     if not path.is_file():
         write_text(path, yaml.safe_dump(values, sort_keys=False))

@@ -1,0 +1,1 @@
+"""Recorded casts: the files of each, and the session that collects them."""
