@@ -16,7 +16,7 @@ from stage import bar, console, output_folder, require, stage
 from robotcast.cast_model.model import CastModel
 from robotcast.cast_model.records import cast_records
 from robotcast.cast_model.wording import CAST_WORDING
-from robotcast.diagnosis.compare import Comparison, compare
+from robotcast.diagnosis.comparison.compare import Comparison, compare
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import fit_base
 from robotcast.effects.active import parameters_of

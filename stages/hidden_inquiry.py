@@ -7,9 +7,9 @@ from diagnose import case_of
 from omegaconf import DictConfig
 
 from robotcast.diagnosis.diagnose import floor_and_noise
-from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.search import Effort
+from robotcast.diagnosis.search.floor import Floor
+from robotcast.diagnosis.search.found import Effort
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.progress import Progress, silent
 

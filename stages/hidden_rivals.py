@@ -15,8 +15,8 @@ from hidden_inquiry import Question, open_question
 from omegaconf import DictConfig
 from stage import bar, console, stage
 
-from robotcast.diagnosis.search import Rung
-from robotcast.diagnosis.sizes import sizes
+from robotcast.diagnosis.search.found import Rung
+from robotcast.diagnosis.search.sizes import sizes
 from robotcast.files import write_text
 from robotcast.hidden_effects.layout import answer_path, measured_sets, oracle_path, rivals_path
 from robotcast.hidden_effects.outcome import Truth, read_truth

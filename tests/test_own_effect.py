@@ -15,10 +15,10 @@ from omegaconf import OmegaConf
 from robotcast.cast_model.model import CastModel
 from robotcast.cast_model.records import cast_records
 from robotcast.diagnosis.diagnose import Case, floor_and_noise
-from robotcast.diagnosis.gain import gain
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision, fit_base, held_out
-from robotcast.diagnosis.screen import screen
+from robotcast.diagnosis.search.gain import gain
+from robotcast.diagnosis.search.screen import screen
 from robotcast.effects.effect import Effect
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.simulators.simulator import Simulator

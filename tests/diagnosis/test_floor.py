@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from robotcast.diagnosis.floor import Floor
-from robotcast.diagnosis.repeats import RepeatScatter
+from robotcast.diagnosis.comparison.repeats import RepeatScatter
+from robotcast.diagnosis.search.floor import Floor
 
 
 def scatter(*groups: list[float]) -> RepeatScatter:

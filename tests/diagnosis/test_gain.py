@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robotcast.diagnosis.floor import Floor
-from robotcast.diagnosis.gain import Gain, gain, worse
+from robotcast.diagnosis.search.floor import Floor
+from robotcast.diagnosis.search.gain import Gain, gain, worse
 
 FLOOR = Floor.known(0.5)
 GROUPS = np.arange(40)

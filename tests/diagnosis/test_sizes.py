@@ -5,7 +5,7 @@ import pytest
 
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision
-from robotcast.diagnosis.sizes import Size, sizes, sizes_of_effect
+from robotcast.diagnosis.search.sizes import Size, sizes, sizes_of_effect
 from robotcast.fitting.parameter import Parameter
 from tests.diagnosis.sliding_puck import LATE, TILT, Puck, pushes
 

@@ -5,22 +5,23 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from robotcast.diagnosis import limits, report
-from robotcast.diagnosis.contests import open_contests
-from robotcast.diagnosis.explained import Explained
-from robotcast.diagnosis.floor import Floor
+from robotcast.diagnosis.answer import limits, report
+from robotcast.diagnosis.answer.explained import Explained
+from robotcast.diagnosis.comparison.repeats import RepeatScatter, repeat_scatter
+from robotcast.diagnosis.further.contests import open_contests
+from robotcast.diagnosis.further.next_trials import Further, NextTrial, next_trials
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Model, Record
-from robotcast.diagnosis.next_trials import Further, NextTrial, next_trials
 from robotcast.diagnosis.outlook import Outlook
 from robotcast.diagnosis.plain import plain
-from robotcast.diagnosis.repeats import RepeatScatter, repeat_scatter
 from robotcast.diagnosis.revision import Revision, fit_base
-from robotcast.diagnosis.screen import Screened, looks
-from robotcast.diagnosis.search import Effort, Found, Rung, search
-from robotcast.diagnosis.stability import first_in_resamples
+from robotcast.diagnosis.search.floor import Floor
+from robotcast.diagnosis.search.found import Effort, Found, Rung
+from robotcast.diagnosis.search.rounds import search
+from robotcast.diagnosis.search.screen import Screened, looks
+from robotcast.diagnosis.search.stability import first_in_resamples
+from robotcast.diagnosis.search.unexplained import Unexplained, look_for_the_unknown
 from robotcast.diagnosis.time_grid import TimeGrid
-from robotcast.diagnosis.unexplained import Unexplained, look_for_the_unknown
 from robotcast.diagnosis.wording import PLAIN, Wording
 from robotcast.progress import Progress, silent
 

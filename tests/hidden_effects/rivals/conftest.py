@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
-from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.search import Effort
+from robotcast.diagnosis.search.floor import Floor
+from robotcast.diagnosis.search.found import Effort
 from tests.diagnosis.sliding_puck import (
     DEAD,
     LATE,

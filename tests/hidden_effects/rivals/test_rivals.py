@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.search import Rung
+from robotcast.diagnosis.search.found import Rung
 from robotcast.hidden_effects.rivals.brute_force import Forced, brute_force
 from robotcast.hidden_effects.rivals.oracle import told
 from robotcast.hidden_effects.rivals.refitting import judged_base, rematched

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.search import Effort, Rung
+from robotcast.diagnosis.search.floor import Floor
+from robotcast.diagnosis.search.found import Effort, Rung
 from robotcast.hidden_effects.rivals.places import all_probes
 from robotcast.hidden_effects.rivals.refitting import (
     judged_refit,

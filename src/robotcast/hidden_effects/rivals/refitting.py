@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotcast.diagnosis.floor import Floor
-from robotcast.diagnosis.gain import Gain, gain
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import EARLY, SOME, Revision, fit_base, held_out
-from robotcast.diagnosis.search import Effort, Rung
+from robotcast.diagnosis.search.floor import Floor
+from robotcast.diagnosis.search.found import Effort, Rung
+from robotcast.diagnosis.search.gain import Gain, gain
 from robotcast.fitting.least_squares import Fit, trial_losses
 from robotcast.hidden_effects.rivals.places import Place, unit_rows
 

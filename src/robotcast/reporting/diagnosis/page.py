@@ -7,7 +7,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from robotcast.diagnosis.limits import counted
+from robotcast.diagnosis.answer.limits import counted
 from robotcast.diagnosis.wording import parameter_name
 from robotcast.reporting.comparison import blocks
 from robotcast.reporting.comparison.labels import factor_name

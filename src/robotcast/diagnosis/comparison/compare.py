@@ -6,20 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from robotcast.diagnosis.error_course import (
+from robotcast.diagnosis.comparison.error_course import (
     Course,
     Trend,
     error_over_time,
     median_phases,
     trends,
 )
-from robotcast.diagnosis.lack_of_fit import LackOfFit, pure_error
-from robotcast.diagnosis.localise import Finding, localise
-from robotcast.diagnosis.misfit import Misfit, misfit
+from robotcast.diagnosis.comparison.lack_of_fit import LackOfFit, pure_error
+from robotcast.diagnosis.comparison.localise import Finding, localise
+from robotcast.diagnosis.comparison.misfit import Misfit, misfit
+from robotcast.diagnosis.comparison.outstanding import outstanding_trials
+from robotcast.diagnosis.comparison.repeats import RepeatScatter, repeat_scatter
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.outstanding import outstanding_trials
 from robotcast.diagnosis.plain import plain
-from robotcast.diagnosis.repeats import RepeatScatter, repeat_scatter
 from robotcast.diagnosis.time_grid import TimeGrid
 from robotcast.diagnosis.wording import Wording
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.diagnosis.misfit import Misfit
+from robotcast.diagnosis.comparison.misfit import Misfit
+from robotcast.diagnosis.comparison.repeats import RepeatScatter
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.repeats import RepeatScatter
 from robotcast.diagnosis.time_grid import TimeGrid
 
 LEAST_PART = 0.5  # of the trials that must still be seen at a time

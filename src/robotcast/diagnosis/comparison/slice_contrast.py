@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotcast.diagnosis.misfit import Misfit
-from robotcast.diagnosis.slices import Slice
+from robotcast.diagnosis.comparison.misfit import Misfit
+from robotcast.diagnosis.comparison.slices import Slice
 
 PERMUTATIONS = 2000
 

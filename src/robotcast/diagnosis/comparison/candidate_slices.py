@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotcast.diagnosis.misfit import padded, sample_mask
+from robotcast.diagnosis.comparison.misfit import padded, sample_mask
+from robotcast.diagnosis.comparison.ranges import ranges, thirds
+from robotcast.diagnosis.comparison.slices import Slice
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.ranges import ranges, thirds
-from robotcast.diagnosis.slices import Slice
 from robotcast.diagnosis.wording import Wording
 
 MOVING = 0.1  # of a trial's highest speed: slower, and it has no heading

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
-from robotcast.diagnosis.floor import Floor
 from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.search.floor import Floor
 from robotcast.fitting.least_squares import Fit
 
 SIGNIFICANT = 1e-3  # p-value below which a gain on held-out trials is more than luck

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotcast.diagnosis.finding import Finding
+from robotcast.diagnosis.comparison.finding import Finding
+from robotcast.diagnosis.comparison.misfit import Misfit
+from robotcast.diagnosis.comparison.repeats import RepeatScatter
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.misfit import Misfit
 from robotcast.diagnosis.model import Candidate
-from robotcast.diagnosis.repeats import RepeatScatter
 from robotcast.diagnosis.revision import Revision
 from robotcast.diagnosis.wording import Wording, parameter_name
 

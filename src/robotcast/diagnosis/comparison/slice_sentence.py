@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from robotcast.diagnosis.misfit import Misfit
-from robotcast.diagnosis.slices import Slice
+from robotcast.diagnosis.comparison.misfit import Misfit
+from robotcast.diagnosis.comparison.slices import Slice
 from robotcast.diagnosis.wording import Wording
 
 STEADY = 0.5  # a mean error beyond this part of its root mean square has a sign

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.diagnosis.misfit import padded
+from robotcast.diagnosis.comparison.misfit import padded
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.time_grid import TimeGrid
 

@@ -5,15 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from robotcast.diagnosis.floor import Floor
+from robotcast.diagnosis.answer.limits import FEWEST_GROUPS, counted, is_ignored
+from robotcast.diagnosis.further.next_trials import NextTrial
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.limits import FEWEST_GROUPS, counted, is_ignored
-from robotcast.diagnosis.next_trials import NextTrial
 from robotcast.diagnosis.revision import Revision
-from robotcast.diagnosis.screen import Screened
-from robotcast.diagnosis.search import Found, Rung
-from robotcast.diagnosis.sizes import sizes, sizes_of_effect
-from robotcast.diagnosis.unexplained import Unexplained
+from robotcast.diagnosis.search.floor import Floor
+from robotcast.diagnosis.search.found import Found, Rung
+from robotcast.diagnosis.search.screen import Screened
+from robotcast.diagnosis.search.sizes import sizes, sizes_of_effect
+from robotcast.diagnosis.search.unexplained import Unexplained
 from robotcast.diagnosis.wording import PLAIN, Wording
 
 UNTOUCHED = ("ignored by the model", "touches nothing")  # nothing that is computed says anything

@@ -11,7 +11,7 @@ import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import EARLY, SOME, Revision, held_out
-from robotcast.diagnosis.screen import Screened
+from robotcast.diagnosis.search.screen import Screened
 from robotcast.diagnosis.side_by_side import side_by_side
 from robotcast.fitting.least_squares import Fit, trial_losses
 

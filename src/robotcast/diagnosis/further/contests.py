@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotcast.diagnosis.floor import Floor
+from robotcast.diagnosis.further.next_trials import Contest
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.next_trials import Contest
 from robotcast.diagnosis.revision import Revision
-from robotcast.diagnosis.screen import Screened
-from robotcast.diagnosis.search import Found
-from robotcast.diagnosis.unexplained import Unexplained
+from robotcast.diagnosis.search.floor import Floor
+from robotcast.diagnosis.search.found import Found
+from robotcast.diagnosis.search.screen import Screened
+from robotcast.diagnosis.search.unexplained import Unexplained
 
 ENOUGH_POWER = 0.8
 MOST_RIVALS, MOST_WEAK = 4, 8

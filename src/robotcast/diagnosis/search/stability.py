@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from robotcast.diagnosis.search import Found, Rung
+from robotcast.diagnosis.search.found import Found, Rung
 
 RESAMPLES = 2000
 

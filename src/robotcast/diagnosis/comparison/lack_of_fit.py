@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.diagnosis.misfit import Misfit
+from robotcast.diagnosis.comparison.misfit import Misfit
+from robotcast.diagnosis.comparison.repeats import repeated
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.repeats import repeated
 from robotcast.diagnosis.time_grid import TimeGrid
 
 PATTERNS = 4096  # of signs: if there are no more, all are tried, else this many are drawn

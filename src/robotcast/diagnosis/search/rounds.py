@@ -1,18 +1,19 @@
 """Finding the missing effects: screen, refit the few best, keep what pays on held-out trials."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotcast.diagnosis.floor import Floor
-from robotcast.diagnosis.gain import Gain, gain, seen_gain, worse
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.profile import Profile
-from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out, refit
-from robotcast.diagnosis.screen import Screened, looks, screen
+from robotcast.diagnosis.revision import Revision, fit_base, held_out, refit
+from robotcast.diagnosis.search.floor import Floor
+from robotcast.diagnosis.search.found import Effort, Found, Rung
+from robotcast.diagnosis.search.gain import Gain, gain, seen_gain, worse
+from robotcast.diagnosis.search.profile import Profile
+from robotcast.diagnosis.search.screen import Screened, looks, screen
+from robotcast.diagnosis.search.sizes import sizes_of_effect
 from robotcast.diagnosis.side_by_side import side_by_side
-from robotcast.diagnosis.sizes import sizes_of_effect
 from robotcast.fitting.least_squares import Fit, trial_losses
 
 CONTENDERS = 5  # effects that a later round fits to beginnings of trials; the first, all
@@ -22,44 +23,6 @@ FINALISTS = 2  # of these, judged on held-out trials
 MOST_EFFECTS = 3
 HOPE = 0.05  # of what is missed on beginnings that a later one must take away
 EQUAL = 0.05  # p-value above which two revisions explain the trials equally well
-
-
-@dataclass(frozen=True)
-class Rung:
-    """One rung of the error ladder: a revision with its held-out errors."""
-
-    revision: Revision
-    errors: HeldOut
-    predicted: float | None = None
-    gain: Gain | None = None
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a search found so far.
-
-    Attributes
-    ----------
-    ladder : the base, then a rung for every effect that paid.
-    screens : of every round, effect → what the first look said.
-    refits : effect → its rung on top of the ladder of its round, whether or not it paid.
-    rivals : effect of the ladder → effects that do as well in its place.
-    """
-
-    ladder: tuple[Rung, ...] = ()
-    screens: tuple[dict[str, Screened], ...] = ()
-    refits: dict[str, Rung] = field(default_factory=dict)
-    rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How hard a search tries: iterations of fits on all trials and without a fold."""
-
-    base: int = 6
-    refit: int = 3
-    fold: int = 1
-    seed: int = 0
 
 
 def search(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotcast.diagnosis.misfit import Misfit, misfit
+from robotcast.diagnosis.comparison.misfit import Misfit, misfit
 from robotcast.diagnosis.model import Record
 
 

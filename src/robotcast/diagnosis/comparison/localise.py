@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotcast.diagnosis.candidate_slices import candidate_slices
-from robotcast.diagnosis.finding import Finding, find, well_beyond
-from robotcast.diagnosis.misfit import Misfit
+from robotcast.diagnosis.comparison.candidate_slices import candidate_slices
+from robotcast.diagnosis.comparison.finding import Finding, find, well_beyond
+from robotcast.diagnosis.comparison.misfit import Misfit
+from robotcast.diagnosis.comparison.slice_contrast import Contrast
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.slice_contrast import Contrast
 from robotcast.diagnosis.wording import Wording
 
 MOST_FINDINGS = 5

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.diagnosis.repeats import RepeatScatter
+from robotcast.diagnosis.comparison.repeats import RepeatScatter
 
 LEAST_PERCENT = 0.3  # no noise is known to be smaller
 AT_THE_FLOOR = 1.1  # of the floor: with less error than this nothing is missing

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.diagnosis.misfit import Misfit
-from robotcast.diagnosis.slice_sentence import heading_sentence, share_sentence
-from robotcast.diagnosis.slices import Slice
+from robotcast.diagnosis.comparison.misfit import Misfit
+from robotcast.diagnosis.comparison.slice_sentence import heading_sentence, share_sentence
+from robotcast.diagnosis.comparison.slices import Slice
 from robotcast.diagnosis.wording import Wording
 
 BEYOND, TIMES = 0.1, 1.3  # a share of the error minus, and over, the share of the samples

@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotcast.diagnosis.floor import Floor
-from robotcast.diagnosis.gain import Gain, gain, seen_gain
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.profile import Profile
 from robotcast.diagnosis.revision import Revision, held_out, refit
-from robotcast.diagnosis.screen import Screened, looks
-from robotcast.diagnosis.search import Effort, Found, Rung
+from robotcast.diagnosis.search.floor import Floor
+from robotcast.diagnosis.search.found import Effort, Found, Rung
+from robotcast.diagnosis.search.gain import Gain, gain, seen_gain
+from robotcast.diagnosis.search.profile import Profile
+from robotcast.diagnosis.search.screen import Screened, looks
 from robotcast.fitting.least_squares import Fit
 
 FLEXIBLE = 0.25  # of the excess over the noise floor that a field must take away

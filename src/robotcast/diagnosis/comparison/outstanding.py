@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from robotcast.diagnosis.finding import Finding, find, well_beyond
-from robotcast.diagnosis.misfit import Misfit
+from robotcast.diagnosis.comparison.finding import Finding, find, well_beyond
+from robotcast.diagnosis.comparison.misfit import Misfit
+from robotcast.diagnosis.comparison.slice_sentence import outstanding_sentence
+from robotcast.diagnosis.comparison.slices import Slice
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.slice_sentence import outstanding_sentence
-from robotcast.diagnosis.slices import Slice
 from robotcast.diagnosis.wording import Wording
 
 OUTSTANDING = 3.0  # times the error that nine trials in ten stay below

@@ -1,0 +1,1 @@
+"""Where a model misses what was measured, and how far repeats scatter."""

@@ -1,0 +1,1 @@
+"""Which effect a model lacks: screened, refitted, judged on trials held out."""
