@@ -21,9 +21,9 @@ import numpy as np
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 
-from robotcast.policies.choice import choose_actions
-from robotcast.policies.datasets import Dataset, Examples
-from robotcast.policies.refinement import Neighbourhood, refine_choices
+from robotcast.policies.choosing.choice import choose_actions
+from robotcast.policies.choosing.refinement import Neighbourhood, refine_choices
+from robotcast.policies.learning.datasets import Dataset, Examples
 from robotcast.rigs.feasible import are_feasible, feasible_actions
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -26,8 +26,9 @@ from mujoco.batch import Batch
 
 from robotcast.casts.plan import PlanLimits, plan_cast
 from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.chain import ChainGeometry, chain_model
-from robotcast.simulators.segmented import SegmentedSimulator
+from robotcast.simulators.chain.model import chain_model
+from robotcast.simulators.chain.segmented import SegmentedSimulator
+from robotcast.simulators.geometry import ChainGeometry
 from robotcast.simulators.simulator import SimulatedCast
 
 ROOT = Path(__file__).resolve().parents[1]

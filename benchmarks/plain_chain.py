@@ -11,15 +11,9 @@ import mujoco
 import numpy as np
 
 from robotcast.measurements.measurement_set import Cable, Trial
-from robotcast.simulators.chain import (
-    TOOL_ARMATURE,
-    TOOL_DOFS,
-    ChainGeometry,
-    capsule_inertia,
-    chain_model,
-)
-from robotcast.simulators.chain_run import GRAVITY_M_S2
-from robotcast.simulators.segmented import SegmentedSettings
+from robotcast.simulators.chain.model import TOOL_ARMATURE, chain_model
+from robotcast.simulators.chain.segmented import SegmentedSettings
+from robotcast.simulators.geometry import GRAVITY_M_S2, TOOL_DOFS, ChainGeometry, capsule_inertia
 from robotcast.simulators.tool_path import ToolPaths
 
 

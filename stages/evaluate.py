@@ -15,10 +15,10 @@ from stage import console, stage
 from robotcast.casts.action_file import read_actions
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
-from robotcast.policies.choice import choose_actions, with_spread
-from robotcast.policies.evaluation import Subject, predicted_table
-from robotcast.policies.forward_model import ForwardModel
-from robotcast.policies.refinement import Neighbourhood, refine_choices
+from robotcast.policies.choosing.choice import choose_actions, with_spread
+from robotcast.policies.choosing.refinement import Neighbourhood, refine_choices
+from robotcast.policies.evaluating.evaluation import Subject, predicted_table
+from robotcast.policies.learning.forward_model import ForwardModel
 from robotcast.rigs.feasible import are_feasible
 
 

@@ -9,14 +9,14 @@ from stage import bar, console, output_folder, stage, unfinished_file
 
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
-from robotcast.policies.datasets import (
+from robotcast.policies.learning.datasets import (
     Dataset,
     mixed_dataset,
     real_dataset,
     simulated_dataset,
 )
-from robotcast.policies.forward_model import Learner
-from robotcast.policies.mixing import choose_mixture
+from robotcast.policies.learning.forward_model import Learner
+from robotcast.policies.learning.mixing import choose_mixture
 
 
 def train(config: DictConfig) -> None:

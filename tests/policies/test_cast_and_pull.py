@@ -8,7 +8,7 @@ from hydra import compose, initialize_config_dir
 from robotcast.casts.limits import PlanLimits
 from robotcast.casts.pull import plan_pull
 from robotcast.measurements.measurement_set import Cable
-from robotcast.policies.cast_and_pull import CastAndPull
+from robotcast.policies.choosing.cast_and_pull import CastAndPull
 
 ROOT = Path(__file__).resolve().parents[2]
 CABLE = Cable("made up", 0.63, 0.03, 0.01, 0.02)

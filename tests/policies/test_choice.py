@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robotcast.policies.choice import choose_actions
+from robotcast.policies.choosing.choice import choose_actions
 
 
 def test_without_caution_the_candidate_predicted_nearest_to_the_target_is_chosen(world) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from robotcast.policies.datasets import (
+from robotcast.policies.learning.datasets import (
     Dataset,
     mixed_dataset,
     read_simulated,

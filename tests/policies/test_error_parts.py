@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robotcast.policies.error_parts import error_parts, median_interval
+from robotcast.policies.evaluating.error_parts import error_parts, median_interval
 
 RANDOM = np.random.default_rng(0)
 TARGETS = [np.array([1.0, -0.2 * k]) for k in range(400)]

@@ -3,8 +3,13 @@ import pytest
 
 from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.measurements.measurement_set import Cable
-from robotcast.policies.choice import choose_actions, with_spread
-from robotcast.policies.evaluation import Executed, Subject, executed_table, predicted_table
+from robotcast.policies.choosing.choice import choose_actions, with_spread
+from robotcast.policies.evaluating.evaluation import (
+    Executed,
+    Subject,
+    executed_table,
+    predicted_table,
+)
 
 CABLE = Cable("made up", 0.6, 0.03, 0.01, 0.02)
 TARGETS = np.array([[0.8, -0.5], [1.0, -0.3]])

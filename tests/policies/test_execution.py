@@ -11,8 +11,8 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from robotcast.casts.plan import PlanLimits, plan_cast
-from robotcast.policies.choice import Choice
-from robotcast.policies.evaluation import Executed, execute_choices
+from robotcast.policies.choosing.choice import Choice
+from robotcast.policies.evaluating.evaluation import Executed, execute_choices
 from robotcast.rigs.rig import Rig
 
 pytestmark = [pytest.mark.slow, pytest.mark.rig]

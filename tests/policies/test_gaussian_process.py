@@ -3,9 +3,9 @@ import pytest
 import torch
 from gpytorch.kernels import MaternKernel, ScaleKernel
 
-from robotcast.policies.datasets import Dataset, real_dataset, simulated_dataset
-from robotcast.policies.gaussian_process import GaussianProcess
-from robotcast.policies.gaussian_process_learner import GaussianProcessLearner
+from robotcast.policies.learning.datasets import Dataset, real_dataset, simulated_dataset
+from robotcast.policies.learning.gaussian_process import GaussianProcess
+from robotcast.policies.learning.gaussian_process_learner import GaussianProcessLearner
 
 SMALL = GaussianProcessLearner(
     exact_up_to=100, inducing=40, learning_rate=0.1, outlier_m=0.01, passes=10, patience=10

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from robotcast.policies.datasets import Dataset, Examples, real_dataset, simulated_dataset
-from robotcast.policies.gaussian_process_learner import GaussianProcessLearner
-from robotcast.policies.mixing import Mixture, choose_mixture
+from robotcast.policies.learning.datasets import Dataset, Examples, real_dataset, simulated_dataset
+from robotcast.policies.learning.gaussian_process_learner import GaussianProcessLearner
+from robotcast.policies.learning.mixing import Mixture, choose_mixture
 
 LEARNER = GaussianProcessLearner(
     exact_up_to=600, inducing=30, learning_rate=0.1, outlier_m=0.01, passes=3, patience=3

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 import torch
 
-from robotcast.policies.datasets import Dataset, real_dataset, simulated_dataset
-from robotcast.policies.network import Network
-from robotcast.policies.network_learner import NetworkLearner
-from robotcast.policies.training import best_epoch
+from robotcast.policies.learning.datasets import Dataset, real_dataset, simulated_dataset
+from robotcast.policies.learning.network import Network
+from robotcast.policies.learning.network_learner import NetworkLearner
+from robotcast.policies.learning.training import best_epoch
 
 SMALL = NetworkLearner(
     hidden=(32, 32),

@@ -3,8 +3,8 @@ import pytest
 
 from robotcast.casts.grid import ActionGrid, GridCounts
 from robotcast.casts.limits import PlanLimits
-from robotcast.policies.choice import Choice, choose_actions
-from robotcast.policies.refinement import Neighbourhood, refine_choices
+from robotcast.policies.choosing.choice import Choice, choose_actions
+from robotcast.policies.choosing.refinement import Neighbourhood, refine_choices
 
 GRID = ActionGrid(
     theta1_rad=(0.3, 1.0),

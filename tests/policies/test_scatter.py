@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from robotcast.policies.scatter import fit_scatter
+from robotcast.policies.learning.scatter import fit_scatter
 
 
 def ones(count: int) -> torch.Tensor:

@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from robotcast.policies.target_file import read_targets
-from robotcast.policies.targets import Board
+from robotcast.policies.choosing.target_file import read_targets
+from robotcast.policies.choosing.targets import Board
 
 BOARD = Board(1.55, 2.45)
 

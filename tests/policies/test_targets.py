@@ -1,7 +1,12 @@
 import numpy as np
 import pytest
 
-from robotcast.policies.targets import Board, reachable_outline, spread_targets, tool_sector
+from robotcast.policies.choosing.targets import (
+    Board,
+    reachable_outline,
+    spread_targets,
+    tool_sector,
+)
 
 BOARD = Board(length_m=1.55, width_m=2.45)
 MIRROR = np.array([1.0, -1.0])

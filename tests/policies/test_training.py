@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 import torch
 
-from robotcast.policies.datasets import Dataset, simulated_dataset
-from robotcast.policies.forward_model import Learner
-from robotcast.policies.gaussian_process_learner import GaussianProcessLearner
-from robotcast.policies.network_learner import NetworkLearner
+from robotcast.policies.learning.datasets import Dataset, simulated_dataset
+from robotcast.policies.learning.forward_model import Learner
+from robotcast.policies.learning.gaussian_process_learner import GaussianProcessLearner
+from robotcast.policies.learning.network_learner import NetworkLearner
 
 LEARNERS = {
     "network": NetworkLearner((16, 16), 64, 3e-3, 1e-3, 0.01, passes=13, patience=13),

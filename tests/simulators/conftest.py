@@ -11,7 +11,7 @@ from robotcast.casts.plan import PlanLimits, plan_cast
 from robotcast.effects.effect import Effect
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
+from robotcast.simulators.chain.segmented import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast, Simulator
 
 CONFIGURATION = Path(__file__).resolve().parents[2] / "conf"

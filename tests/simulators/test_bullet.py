@@ -13,11 +13,11 @@ import pytest
 
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.effects.active import ActiveEffects
-from robotcast.simulators.bullet_run import BulletRun
-from robotcast.simulators.bullet_settings import BulletSettings
-from robotcast.simulators.bullet_springs import fastest_frequency, spring_torques
-from robotcast.simulators.bullet_tasks import Setup, Task
-from robotcast.simulators.bullet_worker import prepare
+from robotcast.simulators.bullet.run import BulletRun
+from robotcast.simulators.bullet.settings import BulletSettings
+from robotcast.simulators.bullet.springs import fastest_frequency, spring_torques
+from robotcast.simulators.bullet.tasks import Setup, Task
+from robotcast.simulators.bullet.worker import prepare
 from robotcast.simulators.simulator import SimulatedCast
 from tests.simulators.conftest import CABLE, configured, mirrored, nominal
 from tests.simulators.test_workers import gone_within

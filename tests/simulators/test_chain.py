@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from robotcast.simulators.chain import TOOL_DOFS, ChainGeometry, chain_model
+from robotcast.simulators.chain.model import chain_model
+from robotcast.simulators.geometry import TOOL_DOFS, ChainGeometry
 
 
 @pytest.mark.parametrize("stretches", [1, 3, 5, 18])

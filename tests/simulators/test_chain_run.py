@@ -5,10 +5,11 @@ import numpy as np
 
 from robotcast.effects.active import ActiveEffects
 from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.chain import TOOL_DOFS, ChainGeometry, chain_model
-from robotcast.simulators.chain_run import implicitly_damped
-from robotcast.simulators.segmented import SegmentedSettings, SegmentedSimulator
-from robotcast.simulators.undistracted import undistracted
+from robotcast.simulators.chain.model import chain_model
+from robotcast.simulators.chain.run import implicitly_damped
+from robotcast.simulators.chain.segmented import SegmentedSettings, SegmentedSimulator
+from robotcast.simulators.chain.undistracted import undistracted
+from robotcast.simulators.geometry import TOOL_DOFS, ChainGeometry
 
 CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
 STEP_S = 0.004

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hydra.errors import InstantiationException
 
-from robotcast.simulators.bullet import BulletSimulator
-from robotcast.simulators.hybrid import HybridSimulator
-from robotcast.simulators.segmented import SegmentedSimulator
+from robotcast.simulators.bullet.simulator import BulletSimulator
+from robotcast.simulators.chain.hybrid import HybridSimulator
+from robotcast.simulators.chain.segmented import SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast
 from tests.simulators.conftest import CONFIGURATION, configured, nominal
 

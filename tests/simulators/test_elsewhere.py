@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from robotcast.simulators import elsewhere
+from robotcast.simulators.batch import elsewhere
 
 
 def pid_and(number: int) -> tuple[int, int]:

@@ -1,1 +1,1 @@
-"""Forward models of a cast, the datasets they learn from and the choice of an action."""
+"""Policies: `learning` of forward models, `choosing` of actions, `evaluating` of what came."""

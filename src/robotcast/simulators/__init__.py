@@ -1,1 +1,4 @@
-"""Simulators of a cast; all answer the same simulate call."""
+"""Simulators of a cast; all answer the same simulate call (`simulator`).
+
+`chain` holds those that MuJoCo steps, `bullet` PyBullet's, `batch` what runs many casts at once.
+"""

@@ -6,7 +6,7 @@ from robotcast.effects.active import ActiveEffects
 from robotcast.effects.motion import CableMotion
 from robotcast.measurements.measurement_set import Cable
 from robotcast.simulators.cable_state import CableState
-from robotcast.simulators.chain import ChainGeometry
+from robotcast.simulators.geometry import ChainGeometry
 
 _HOOKS = ("force", "rest_curvature", "bending_moment")
 

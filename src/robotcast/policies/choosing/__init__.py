@@ -1,0 +1,1 @@
+"""Targets, and the action to take for each."""

@@ -1,0 +1,1 @@
+"""Forward models: where a cast comes to rest, learned from real and simulated casts."""

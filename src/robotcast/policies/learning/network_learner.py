@@ -1,0 +1,192 @@
+"""Training of the network by mini-batches."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn.functional import huber_loss
+
+from robotcast.policies.learning.datasets import Dataset, Examples
+from robotcast.policies.learning.network import LastLayerSpread, Network, make_layers, with_one
+from robotcast.policies.learning.normalisation import Normalisation
+from robotcast.policies.learning.reproducible import reproducible_torch
+from robotcast.policies.learning.rows import Rows
+from robotcast.policies.learning.scatter import fit_scatter
+from robotcast.policies.learning.spread import held_out_scale
+from robotcast.policies.learning.training import subject_of, train
+from robotcast.progress import Progress, silent
+
+_JUDGED_AT_ONCE = 8192
+_PRIOR_PRECISION = 1.0  # of the last layer's weights: as much as one example with features of 1
+
+
+@dataclass(frozen=True)
+class NetworkLearner:
+    """Trains a network by Adam on mini-batches, with early stopping.
+
+    Attributes
+    ----------
+    hidden : widths of the hidden layers.
+    outlier_m : errors beyond it count linearly instead of squared; whip-like casts amplify small
+        differences, and the few that no smooth function explains must not bend the others.
+    passes : at most so many passes; the learning rate falls to zero along a cosine over them.
+    patience : passes without a better validation loss before it stops.
+    """
+
+    hidden: tuple[int, ...]
+    batch_size: int
+    learning_rate: float
+    weight_decay: float
+    outlier_m: float
+    passes: int
+    patience: int
+
+    def __post_init__(self) -> None:
+        for name in ("batch_size", "learning_rate", "outlier_m", "passes", "patience"):
+            if getattr(self, name) <= 0:
+                raise ValueError(f"policy nn: {name} must be positive, got {getattr(self, name)}")
+
+    def fit(
+        self,
+        dataset: Dataset,
+        *,
+        seed: int,
+        unfinished: Path | None = None,
+        progress: Progress = silent,
+    ) -> Network:
+        """Train on `dataset.training`, keep the weights best on `dataset.validation`."""
+        actions = Normalisation.of(dataset.training.actions)
+        endpoints = Normalisation.of(dataset.training.endpoints_m)
+        training = _rows(dataset.training, actions, endpoints)
+        validation = _rows(dataset.validation, actions, endpoints)
+        loss = _Loss(torch.from_numpy(endpoints.scale.astype(np.float32)), self.outlier_m)
+        with reproducible_torch(seed):
+            layers = make_layers(tuple(self.hidden))
+            adam = torch.optim.Adam(
+                layers.parameters(), lr=self.learning_rate, weight_decay=self.weight_decay
+            )
+            history = train(
+                _NetworkFit(layers, adam, training, validation, loss, self, seed),
+                passes=self.passes,
+                patience=self.patience,
+                unfinished=unfinished,
+                subject=subject_of(dataset, self, seed),
+                progress=progress,
+            )
+            uncertainty = _uncertainty(layers, training, validation, loss.scale_m)
+        return Network(
+            layers=layers,
+            hidden=tuple(self.hidden),
+            actions=actions,
+            endpoints=endpoints,
+            uncertainty=uncertainty,
+            dataset=dataset.name,
+            facts=dataset.facts,
+            seed=seed,
+            history=history,
+        )
+
+    def shortened(self, passes: int) -> "NetworkLearner":
+        """Return a learner of fewer passes, to try settings with."""
+        return replace(self, passes=min(passes, self.passes))
+
+    def load(self, folder: Path) -> Network:
+        """Read a network that `Network.save` wrote."""
+        return Network.load(folder)
+
+
+@dataclass(frozen=True)
+class _Loss:
+    """Weighted mean of Huber's function of each coordinate's error, in units of `outlier_m`.
+
+    Attributes
+    ----------
+    scale_m : tensor of shape (2,), metres in one unit of normalised output.
+    """
+
+    scale_m: torch.Tensor
+    outlier_m: float
+
+    def __call__(
+        self, predicted: torch.Tensor, wanted: torch.Tensor, weights: torch.Tensor
+    ) -> torch.Tensor:
+        """Compare normalised endpoints (n, 2) under weights (n,)."""
+        away = (predicted - wanted) * (self.scale_m / self.outlier_m)
+        costs = huber_loss(away, torch.zeros_like(away), reduction="none")
+        return (weights * costs.sum(dim=1)).mean()
+
+
+@dataclass(frozen=True)
+class _NetworkFit:
+    """The network in training."""
+
+    module: nn.Sequential
+    optimizer: torch.optim.Optimizer
+    training: Rows
+    validation: Rows
+    loss: _Loss
+    settings: NetworkLearner
+    seed: int
+
+    def one_pass(self, number: int) -> float:
+        """Pass over all training examples once; return the mean loss on the way."""
+        done = (number - 1) / self.settings.passes
+        for group in self.optimizer.param_groups:
+            group["lr"] = self.settings.learning_rate * (1 + math.cos(math.pi * done)) / 2
+        rng = np.random.default_rng(np.random.SeedSequence((self.seed, 2, number)))
+        order = torch.from_numpy(rng.permutation(len(self.training.weights)))
+        total = 0.0
+        for rows in order.split(self.settings.batch_size):
+            self.optimizer.zero_grad(set_to_none=True)
+            wanted, weights = self.training.endpoints[rows], self.training.weights[rows]
+            batch_loss = self.loss(self.module(self.training.actions[rows]), wanted, weights)
+            batch_loss.backward()
+            self.optimizer.step()
+            total += batch_loss.item() * len(rows)
+        return total / len(order)
+
+    def judge(self) -> tuple[float, float]:
+        """Return the loss on the held-out casts and the median miss there [m]."""
+        with torch.inference_mode():
+            predicted = _all(self.module, self.validation.actions)
+            wanted, weights = self.validation.endpoints, self.validation.weights
+            away_m = torch.linalg.norm((predicted - wanted) * self.loss.scale_m, dim=1)
+            value = self.loss(predicted, wanted, weights).item()
+        return value, float(np.median(away_m.numpy()))
+
+
+def _uncertainty(
+    layers: nn.Sequential, training: Rows, validation: Rows, scale_m: torch.Tensor
+) -> LastLayerSpread:
+    """Learn the shape of the spread from the training examples, its size from the held-out."""
+    with torch.inference_mode():
+        features = _all(layers[:-1], training.actions)
+        away_m = (layers[-1](features) - training.endpoints) * scale_m
+        sizes_m = torch.linalg.norm(away_m, dim=1).double()
+        scatter = fit_scatter(features.double(), sizes_m, training.weights.double()).single()
+        seen = with_one(features).double()
+        precision = (training.weights.double()[:, None] * seen).T @ seen
+        precision += _PRIOR_PRECISION * torch.eye(len(precision), dtype=torch.float64)
+        lower = torch.linalg.cholesky(precision)
+        unit = torch.eye(len(lower), dtype=torch.float64)
+        root = torch.linalg.solve_triangular(lower, unit, upper=False).float()
+        features = _all(layers[:-1], validation.actions)
+        relative = LastLayerSpread(root, scatter, torch.ones(2)).relative(features)
+        misses_m = (layers[-1](features) - validation.endpoints) * scale_m
+    size = held_out_scale(
+        *(t.numpy().astype(float) for t in (misses_m, relative, validation.weights))
+    )
+    return LastLayerSpread(root.clone(), scatter, torch.from_numpy(size))
+
+
+def _rows(examples: Examples, actions: Normalisation, endpoints: Normalisation) -> Rows:
+    """Return normalised examples whose weights have mean 1."""
+    even = examples.weighted(1 / examples.weights.mean())
+    return Rows.of(even, actions, endpoints, torch.float32)
+
+
+def _all(module: nn.Module, rows: torch.Tensor) -> torch.Tensor:
+    return torch.cat([module(part) for part in rows.split(_JUDGED_AT_ONCE)])

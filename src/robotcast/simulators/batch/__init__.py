@@ -1,0 +1,1 @@
+"""Many simulations at once: side by side in a batch, and in processes of their own."""

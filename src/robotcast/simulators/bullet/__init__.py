@@ -1,0 +1,1 @@
+"""The cable as capsules on a plane in PyBullet."""

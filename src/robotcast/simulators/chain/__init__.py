@@ -1,0 +1,1 @@
+"""The cable as a chain in the plane, stepped by MuJoCo."""
