@@ -1,1 +1,1 @@
-"""The cast: its action, the planned tool motion, grids of actions and their filters."""
+"""The cast: its action, the planned tool motion, grids of actions."""

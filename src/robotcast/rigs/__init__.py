@@ -1,1 +1,1 @@
-"""Rigs that execute casts: the virtual one, recorded sets."""
+"""Rigs that execute casts: the virtual one, a UR5, recorded sets; what an arm can do."""

@@ -1,4 +1,4 @@
-"""Simulators of a cast; all answer the same simulate call (`simulator`).
+"""Simulators of a cast, which all answer the same simulate call (`simulator`).
 
 `chain` holds those that MuJoCo steps, `bullet` PyBullet's, `batch` what runs many casts at once.
 """
