@@ -14,12 +14,14 @@ from unfinished import open_journal
 
 from robotcast.files import write_text
 from robotcast.measurements.errors import prediction_errors
+from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.noise_floor import noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
 from robotcast.reporting.revisions.page import Tuning, revisions_page
 from robotcast.tuning.asking import Problem
-from robotcast.tuning.certainty import certainty, certainty_casts
+from robotcast.tuning.certainty import Certainty, certainty, certainty_casts
+from robotcast.tuning.journal import Journal
 from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError, full_vectors
 from robotcast.tuning.revisions import (
     LEDGER,
@@ -29,19 +31,19 @@ from robotcast.tuning.revisions import (
     revision_of,
     split_identity,
 )
-from robotcast.tuning.search import Batch, search
+from robotcast.tuning.search import Batch, Found, search
 from robotcast.tuning.tuned import Tuned, write_predictions, write_trace, write_tuned
 
 
 def tune(config: DictConfig) -> None:
     measured = read_measurement_set(Path(config.paths.measurements))
-    sizes = config.scale.tune
-    tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
-    tuning = tuning.spread(sizes[config.simulator.name].casts)
+    tuning, test = _split(config, measured)
     effects = build_effects(config.effects)
     simulator = instantiate(config.simulator.model, cable=measured.cable, effects=list(effects))
-    folder = output_folder(config.paths.tuned)
-    floor_percent = noise_floor(measured).waypoint_percent
+    folder, floor_percent = (
+        output_folder(config.paths.tuned),
+        noise_floor(measured).waypoint_percent,
+    )
     page = _RevisionsPage(
         folder.parent,
         Tuning(
@@ -54,7 +56,6 @@ def tune(config: DictConfig) -> None:
             noise_floor_percent=floor_percent,
         ),
     )
-
     objective = WaypointError(simulator, tuning.trials, measured.cable.length_m)
     journal = open_journal(
         config, folder, simulator.parameters, tuning.cable, tuning.trials, objective
@@ -65,26 +66,12 @@ def tune(config: DictConfig) -> None:
         casts=len(tuning.trials),
         noise_percent=max(floor_percent or 0.0, LEAST_NOISE_PERCENT),
     )
-    budget = config.optimizer.budget_casts
-    with bar(f"tune {config.simulator.name} with {config.optimizer.name}") as progress:
-
-        def look(trace: Sequence[Batch]) -> None:
-            page.show(trace)
-            casts = sum(batch.casts for batch in trace)
-            progress(casts, budget, f"casts, best {trace[-1].best_percent:.2f} %")
-
-        found = search(instantiate(config.optimizer.search), problem, journal, budget, look)
-
-    groups = np.unique([t.action_id for t in tuning.trials], return_inverse=True)[1]
-    sure = None
-    if certainty_casts(problem) <= budget:  # a budget too small for it is for a first look
-        sure = certainty(objective, problem, found.vector, groups)
+    found = _found(config, problem, journal, page)
     vector = full_vectors(simulator.parameters, found.vector)
-    errors, predicted = {}, {}
-    for name, part in (("tune", tuning), ("test", test)):
-        waypoints_m = simulator.simulate(part.trials, vector).waypoints_m[0]
-        errors[name] = prediction_errors(waypoints_m, part.trials, measured.cable.length_m)
-        predicted[name] = (part.trials, waypoints_m)
+    predicted = {
+        name: (part.trials, simulator.simulate(part.trials, vector).waypoints_m[0])
+        for name, part in (("tune", tuning), ("test", test))
+    }
     tuned = Tuned(
         simulator=config.simulator.name,
         optimizer=config.optimizer.name,
@@ -96,8 +83,11 @@ def tune(config: DictConfig) -> None:
         period_s=measured.period_s,
         parameters=simulator.parameters,
         values=dict(zip((p.name for p in simulator.parameters), vector[0], strict=True)),
-        errors=errors,
-        certainty=sure,
+        errors={
+            name: prediction_errors(waypoints_m, trials, measured.cable.length_m)
+            for name, (trials, waypoints_m) in predicted.items()
+        },
+        certainty=_certainty(config, objective, problem, found, tuning),
         simulated_casts=found.casts,
         diverged_casts=sum(batch.diverged for batch in found.trace),
     )
@@ -109,6 +99,40 @@ def tune(config: DictConfig) -> None:
     page.show(found.trace, finished=True)
     journal.close()
     _say(tuned, folder)
+
+
+def _split(config: DictConfig, measured: MeasurementSet) -> tuple[MeasurementSet, MeasurementSet]:
+    """Return the casts to tune to and those to judge on, which share no action."""
+    sizes = config.scale.tune
+    tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
+    return tuning.spread(sizes[config.simulator.name].casts), test
+
+
+def _found(config: DictConfig, problem: Problem, journal: Journal, page: "_RevisionsPage") -> Found:
+    """Let the optimizer search; show how it goes on the terminal and on the page."""
+    budget = config.optimizer.budget_casts
+    with bar(f"tune {config.simulator.name} with {config.optimizer.name}") as progress:
+
+        def look(trace: Sequence[Batch]) -> None:
+            page.show(trace)
+            casts = sum(batch.casts for batch in trace)
+            progress(casts, budget, f"casts, best {trace[-1].best_percent:.2f} %")
+
+        return search(instantiate(config.optimizer.search), problem, journal, budget, look)
+
+
+def _certainty(
+    config: DictConfig,
+    objective: WaypointError,
+    problem: Problem,
+    found: Found,
+    tuning: MeasurementSet,
+) -> Certainty | None:
+    """Say how well the casts tell the parameters; a budget too small for it is for a look."""
+    if certainty_casts(problem) > config.optimizer.budget_casts:
+        return None
+    groups = np.unique([t.action_id for t in tuning.trials], return_inverse=True)[1]
+    return certainty(objective, problem, found.vector, groups)
 
 
 class _RevisionsPage:

@@ -41,82 +41,141 @@ def search(
     fixed : effects that act from the start.
     tell : called after each step with what is known and what comes next.
     """
-    found = Found()
-    tell(found, "fitting the model as it is")
-    base = fit_base(inquiry, fixed, effort.seed, effort.base)
-    found = replace(found, ladder=(_rung(inquiry, base, effort),))
-    while len(found.ladder) <= MOST_EFFECTS and not floor.reached(found.ladder[-1].errors.waypoint):
-        found, added = _round(inquiry, found, candidates, floor, effort, tell)
-        if not added:
-            break
-    return _without_needless(inquiry, found, len(fixed), floor, effort, tell)
+    run = _Run(inquiry, floor, effort, tell)
+    run.begin(fixed)
+    while len(run.found.ladder) <= MOST_EFFECTS and not run.at_the_floor and run.add(candidates):
+        pass
+    run.drop_needless(len(fixed))
+    return run.found
 
 
-def _rung(
-    inquiry: Inquiry, revision: Revision, effort: Effort, predicted: float | None = None
-) -> Rung:
-    return Rung(revision, held_out(inquiry, revision, effort.seed, effort.fold), predicted)
+class _Run:
+    """A search under way; `found` is what it knows so far."""
 
+    def __init__(
+        self, inquiry: Inquiry, floor: Floor, effort: Effort, tell: Callable[[Found, str], object]
+    ) -> None:
+        self._inquiry, self._floor, self._effort, self._tell = inquiry, floor, effort, tell
+        self.found = Found()
 
-def _round(
-    inquiry: Inquiry,
-    found: Found,
-    candidates: Sequence[str],
-    floor: Floor,
-    effort: Effort,
-    tell: Callable[[Found, str], object],
-) -> tuple[Found, bool]:
-    """Screen every candidate on top of the ladder and add the best, if one pays."""
-    top = found.ladder[-1]
-    names = [name for name in candidates if name not in top.revision.effects]
-    later = len(found.ladder) > 1
-    profile = Profile.of(inquiry, top.revision)
-    asked = (profile.early, profile.revision) if later else (inquiry, top.revision)
-    looked, screens = looks(*asked, names), {}
-    for name in names:
-        tell(found, f"looking at {name}")
-        screens[name] = next(looked)
-    found = replace(found, screens=(*found.screens, screens))
-    usable = sorted((one for one in screens.values() if one.status is None), key=_start_loss)
-    tell(found, "refitting the model around every effect")
-    if later:
-        begun = _generalising(profile, profile.contenders(usable[:CONTENDERS], LEADERS // 2), floor)
-    else:
-        begun = profile.contenders(usable, LEADERS)
-    tell(found, f"refitting with {', '.join(name for name, _ in begun)}")
+    @property
+    def top(self) -> Rung:
+        """The model that it stands at."""
+        return self.found.ladder[-1]
 
-    def whole(started: tuple[str, Fit]) -> _Refitted:
-        name, start = started
-        revision = _refit(inquiry, (*top.revision.effects, name), start.vector, effort.refit - 1)
-        screened = screen(inquiry, top.revision, name) if later else screens[name]
-        return _Refitted(screened, revision)
+    @property
+    def at_the_floor(self) -> bool:
+        """Whether nothing is left to explain."""
+        return self._floor.reached(self.top.errors.waypoint)
 
-    fitted = list(side_by_side(whole, begun))
-    if later:
-        fitted = [one for one in fitted if _seen_gain(inquiry, top, one, floor).may_pay]
-    tell(found, "refitting the best further")
-    fitted = _further(inquiry, fitted)
-    if later:
-        fitted = [one for one in fitted if _seen_gain(inquiry, top, one, floor).pays]
-    if not fitted:
-        return found, False
-    top = _rematch(inquiry, top, fitted[0].revision, effort)
-    found = replace(found, ladder=(*found.ladder[:-1], top))
-    rungs = []
-    for one in fitted[:FINALISTS]:
-        tell(found, f"judging {one.screened.effect} on trials held out")
-        rung = _rung(inquiry, one.revision, effort, one.screened.predicted)
-        rungs.append(replace(rung, gain=_gain(inquiry, top, rung, floor)))
-    refits = {rung.revision.effects[-1]: rung for rung in rungs}
-    found = replace(found, refits=found.refits | refits)
-    paying = [rung for rung in rungs if rung.gain and rung.gain.pays and _acts(inquiry, rung)]
-    if not paying:
-        return found, False
-    best = min(paying, key=lambda rung: floor.misses(rung.errors.waypoint).mean())
-    name = best.revision.effects[-1]
-    rivals = _rivals(inquiry, fitted, best.revision)
-    ladder, rivals_of = (*found.ladder, best), found.rivals | {name: rivals}
-    return replace(found, ladder=ladder, rivals=rivals_of), True
+    def begin(self, fixed: Sequence[str]) -> None:
+        """Fit the model as it is."""
+        self._next("fitting the model as it is")
+        base = fit_base(self._inquiry, fixed, self._effort.seed, self._effort.base)
+        self.found = replace(self.found, ladder=(self._rung(base),))
+
+    def add(self, candidates: Sequence[str]) -> bool:
+        """Screen every candidate on top of the ladder and add the best, if one pays."""
+        fitted = self._refitted([n for n in candidates if n not in self.top.revision.effects])
+        if not fitted:
+            return False
+        self._rematch(fitted[0].revision)
+        rungs = [self._judged(one) for one in fitted[:FINALISTS]]
+        refits = {rung.revision.effects[-1]: rung for rung in rungs}
+        self.found = replace(self.found, refits=self.found.refits | refits)
+        paying = [r for r in rungs if r.gain and r.gain.pays and _acts(self._inquiry, r)]
+        if not paying:
+            return False
+        best = min(paying, key=lambda rung: self._floor.misses(rung.errors.waypoint).mean())
+        rivals = {best.revision.effects[-1]: _rivals(self._inquiry, fitted, best.revision)}
+        ladder = (*self.found.ladder, best)
+        self.found = replace(self.found, ladder=ladder, rivals=self.found.rivals | rivals)
+        return True
+
+    def drop_needless(self, n_fixed: int) -> None:
+        """Drop an effect that the later ones have made needless."""
+        added = self.top.revision.effects[n_fixed:]
+        for name in added[:-1]:
+            self._next(f"checking whether {name} is still needed")
+            rung = self._rung(_dropped(self._inquiry, self.top.revision, name, self._effort))
+            if not self._gain(rung, self.top).pays:
+                first = self.found.ladder[0]
+                ladder = (first, replace(rung, gain=self._gain(first, rung)))
+                self.found = replace(self.found, ladder=ladder)
+                return
+
+    def _refitted(self, names: Sequence[str]) -> list["_Refitted"]:
+        """Return the refits that are still in the running, the best first.
+
+        Later effects go on only where they pay on the trials that they are fitted to: what does
+        not pay there does not pay on others.
+        """
+        inquiry, top, later = self._inquiry, self.top, len(self.found.ladder) > 1
+        profile = Profile.of(inquiry, top.revision)
+        screens = self._looked_at(names, profile if later else None)
+        usable = sorted((one for one in screens.values() if one.status is None), key=_start_loss)
+        self._next("refitting the model around every effect")
+        if later:
+            begun = profile.contenders(usable[:CONTENDERS], LEADERS // 2)
+            begun = _generalising(profile, begun, self._floor)
+        else:
+            begun = profile.contenders(usable, LEADERS)
+        self._next(f"refitting with {', '.join(name for name, _ in begun)}")
+
+        def whole(started: tuple[str, Fit]) -> _Refitted:
+            name, start = started
+            effects, iterations = (*top.revision.effects, name), self._effort.refit - 1
+            revision = _refit(inquiry, effects, start.vector, iterations)
+            screened = screen(inquiry, top.revision, name) if later else screens[name]
+            return _Refitted(screened, revision)
+
+        fitted = list(side_by_side(whole, begun))
+        if later:
+            fitted = [one for one in fitted if self._seen_gain(one).may_pay]
+        self._next("refitting the best further")
+        fitted = _further(inquiry, fitted)
+        return [one for one in fitted if self._seen_gain(one).pays] if later else fitted
+
+    def _looked_at(self, names: Sequence[str], profile: Profile | None) -> dict[str, Screened]:
+        """Screen effects on whole trials, or on the beginnings that a profile knows."""
+        asked = (profile.early, profile.revision) if profile else (self._inquiry, self.top.revision)
+        looked, screens = looks(*asked, names), {}
+        for name in names:
+            self._next(f"looking at {name}")
+            screens[name] = next(looked)
+        self.found = replace(self.found, screens=(*self.found.screens, screens))
+        return screens
+
+    def _rematch(self, rival: Revision) -> None:
+        """Give the model as it is the rival's parameters to start from.
+
+        A refit that lands in a better valley of the old parameters would else count for the effect.
+        """
+        top = self.top
+        start = rival.fit.vector[: len(top.revision.fit.vector)]
+        again = _refit(self._inquiry, top.revision.effects, start, self._effort.refit)
+        if again.fit.loss < top.revision.fit.loss:
+            rung = replace(self._rung(again, top.predicted), gain=top.gain)
+            self.found = replace(self.found, ladder=(*self.found.ladder[:-1], rung))
+
+    def _judged(self, one: "_Refitted") -> Rung:
+        self._next(f"judging {one.screened.effect} on trials held out")
+        rung = self._rung(one.revision, one.screened.predicted)
+        return replace(rung, gain=self._gain(self.top, rung))
+
+    def _rung(self, revision: Revision, predicted: float | None = None) -> Rung:
+        errors = held_out(self._inquiry, revision, self._effort.seed, self._effort.fold)
+        return Rung(revision, errors, predicted)
+
+    def _gain(self, before: Rung, after: Rung) -> Gain:
+        errors = before.errors.waypoint, after.errors.waypoint
+        return gain(*errors, self._inquiry.groups, self._floor)
+
+    def _seen_gain(self, one: "_Refitted") -> Gain:
+        return seen_gain(self._inquiry, self.top.revision.fit, one.revision.fit, self._floor)
+
+    def _next(self, step: str) -> None:
+        self._tell(self.found, step)
 
 
 def _start_loss(one: Screened) -> float:
@@ -157,10 +216,6 @@ def _further(inquiry: Inquiry, fitted: Sequence[_Refitted]) -> list[_Refitted]:
     return sorted(side_by_side(on, fitted), key=lambda one: one.loss)
 
 
-def _seen_gain(inquiry: Inquiry, top: Rung, one: _Refitted, floor: Floor) -> Gain:
-    return seen_gain(inquiry, top.revision.fit, one.revision.fit, floor)
-
-
 def _rivals(inquiry: Inquiry, fitted: Sequence[_Refitted], best: Revision) -> tuple[str, ...]:
     """Return the effects that explain the trials about as well as the best one.
 
@@ -182,23 +237,6 @@ def _refit(
     return Revision(effects, inquiry.fit(effects, start, iterations))
 
 
-def _rematch(inquiry: Inquiry, top: Rung, rival: Revision, effort: Effort) -> Rung:
-    """Give the model as it is the rival's parameters to start from.
-
-    A refit that lands in a better valley of the old parameters would else count for the effect.
-    """
-    effects = top.revision.effects
-    start = rival.fit.vector[: len(top.revision.fit.vector)]
-    again = _refit(inquiry, effects, start, effort.refit)
-    if again.fit.loss >= top.revision.fit.loss:
-        return top
-    return replace(_rung(inquiry, again, effort, top.predicted), gain=top.gain)
-
-
-def _gain(inquiry: Inquiry, before: Rung, after: Rung, floor: Floor) -> Gain:
-    return gain(before.errors.waypoint, after.errors.waypoint, inquiry.groups, floor)
-
-
 def _acts(inquiry: Inquiry, rung: Rung) -> bool:
     """Tell whether the trials tell the last effect of a rung apart from doing nothing.
 
@@ -208,29 +246,6 @@ def _acts(inquiry: Inquiry, rung: Rung) -> bool:
     effects, vectors = rung.revision.effects, rung.errors.vectors
     own = sizes_of_effect(inquiry, rung.revision, vectors, effects[-1], discrepancy=0.0)
     return any(size.apart_from_null for size in own)
-
-
-def _without_needless(
-    inquiry: Inquiry,
-    found: Found,
-    n_fixed: int,
-    floor: Floor,
-    effort: Effort,
-    tell: Callable[[Found, str], object],
-) -> Found:
-    """Drop an effect that the later ones have made needless."""
-    top = found.ladder[-1]
-    added = top.revision.effects[n_fixed:]
-    if len(added) < 2:
-        return found
-    for name in added[:-1]:
-        tell(found, f"checking whether {name} is still needed")
-        fewer = _dropped(inquiry, top.revision, name, effort)
-        rung = _rung(inquiry, fewer, effort)
-        if not _gain(inquiry, rung, top, floor).pays:
-            first = replace(rung, gain=_gain(inquiry, found.ladder[0], rung, floor))
-            return replace(found, ladder=(found.ladder[0], first))
-    return found
 
 
 def _dropped(inquiry: Inquiry, revision: Revision, name: str, effort: Effort) -> Revision:
