@@ -18,6 +18,7 @@ FLEXIBLE = 0.25  # of the excess over the noise floor that a field must take awa
 TRIED = 3  # fields fitted to the beginnings of some trials
 HOPE = 0.1  # of what is missed there that a field must take away to be fitted to all
 LEVEL = 1.1  # a field of another dependence that misses so little more is fitted to all as well
+SIMPLER = 0.05  # p-value at which one field alone does better than several named effects
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,16 @@ class Unexplained:
         return gain(rung.errors.waypoint, self.rung.errors.waypoint, inquiry.groups, floor)
 
 
+def replaces(saved: Gain, named: int) -> bool:
+    """Tell whether a field alone explains more than `named` effects, over which it saves this.
+
+    One cause is likelier than several that happen to coincide: against several effects it need
+    not be beyond all doubt, where it takes away far more.
+    """
+    simpler = named > 1 and saved.p_value < SIMPLER and saved.share > FLEXIBLE
+    return saved.pays or simpler
+
+
 def look_for_the_unknown(
     inquiry: Inquiry,
     found: Found,
@@ -67,9 +78,12 @@ def look_for_the_unknown(
         return found, None
     contest = _Contest(inquiry, fields, floor, effort, tell)
     on_top = Profile.of(inquiry, top.revision)
-    most_missed = (1 - HOPE) * contest.missed(on_top.own_errors())
-    alone = contest.alone(base, top, most_missed) if top is not base else None
-    if alone is not None and alone.over(inquiry, top, floor).pays:
+    missed = contest.missed(on_top.own_errors())
+    most_missed = (1 - HOPE) * missed
+    named = len(found.ladder) - 1
+    alone_may = LEVEL * missed if named > 1 else most_missed
+    alone = contest.alone(base, top, alone_may) if named else None
+    if alone is not None and replaces(alone.over(inquiry, top, floor), named):
         return replace(found, ladder=(base,), rivals={}), alone
     begun = contest.begin(on_top)
     left = contest.judged(top, begun, most_missed)
