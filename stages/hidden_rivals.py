@@ -1,9 +1,9 @@
 """Let other methods name what the sets of the hidden-effect benchmark hide.
 
-A random guess, the largest raw sensitivity and, on `hidden_effects.brute_force` cases, a refit
-of every effect read a set alone. Once they have spoken, the oracle opens its answer and fits the
-model with what is hidden; cases that hide nothing, or something that the library has no name for,
-have none. All start from one fit of the model as it is. What stands is not done again.
+A random guess, the largest raw sensitivity and, on `hidden_effects.brute_force` cases, refits of
+every effect in turn read a set alone. Once they have spoken, the oracle opens its answer and fits
+the model with what is hidden; cases that hide nothing, or something that the library has no name
+for, have none. All start from one fit of the model as it is. What stands is not done again.
 """
 
 import json
@@ -90,21 +90,30 @@ def _name_effects(question: Question, base: Rung, case: str, seed: int) -> dict[
 
 def _forced(question: Question, base: Rung, base_casts: int, progress: Progress) -> dict[str, Any]:
     inquiry, started = question.inquiry, time.monotonic()
-    before = inquiry.simulated
-    found = brute_force(
-        inquiry,
-        base,
-        question.candidates,
-        question.floor,
-        question.effort,
-        lambda name: progress(inquiry.simulated, 0, f"refitting with {name}"),
+    rounds = list(
+        brute_force(
+            inquiry,
+            base,
+            question.candidates,
+            question.floor,
+            question.effort,
+            lambda name: progress(inquiry.simulated, 0, f"refitting with {name}"),
+        )
     )
+    kept = rounds[-1].kept
     return {
-        "effect": found.effect,
-        "heldout_waypoint_error_percent": found.percent,
-        "p_value": found.p_value,
-        "tried": dict(found.tried),
-        "simulated_casts": base_casts + inquiry.simulated - before,
+        "effects": list(kept.revision.effects) or ["none"],
+        "heldout_waypoint_error_percent": float(kept.errors.waypoint.mean()),
+        "rounds": [
+            {
+                "best": one.best,
+                "p_value": one.p_value,
+                "tried": dict(one.tried),
+                "simulated_casts": one.simulated,
+            }
+            for one in rounds
+        ],
+        "simulated_casts": base_casts + sum(one.simulated for one in rounds),
         "seconds": round(time.monotonic() - started, 1),
     }
 

@@ -93,8 +93,9 @@ def ranked(effect: str, **intervals: tuple[float, float]) -> dict[str, Any]:
 def beside(brute: str | None = "board_tilt", named: str = "air_drag") -> dict[str, Any]:
     """What the rivals say of a case."""
     forced = {
-        "effect": brute,
+        "effects": [brute],
         "heldout_waypoint_error_percent": 1.1,
+        "rounds": [{"simulated_casts": 4500}, {"simulated_casts": 3000}],
         "simulated_casts": 8000,
     }
     return {
@@ -154,6 +155,7 @@ def test_the_criteria_count_what_they_say(bench):
         "intervals that cover the true size": (2, 3, 0),
         "intervals that cover the true size, of the oracle": (2, 3, 0),
         "simulated casts relative to brute force": (4000, 32000, 5),
+        "simulated casts relative to brute force that looks for one effect only": (4000, 20000, 5),
     }
 
 
@@ -271,5 +273,5 @@ def test_no_answers_and_broken_files_are_refused_by_name(bench, tmp_path):
         bench.outcomes()
     path.unlink()
     rivals_path("case-001", bench.folder).write_text(json.dumps({"brute_force": {}}))
-    with pytest.raises(ValueError, match=r"rivals/case-001.json: expected the key 'effect'"):
+    with pytest.raises(ValueError, match=r"rivals/case-001.json: expected the key 'effects'"):
         bench.outcomes()

@@ -109,11 +109,18 @@ class Oracle:
 
 @dataclass(frozen=True)
 class BruteForce:
-    """A refit with every effect in turn; the best one, or "none", with all the casts it cost."""
+    """Refits with every effect in turn, round by round, with all the casts they cost.
 
-    effect: str
+    Attributes
+    ----------
+    effects : those kept, or ("none",).
+    later_casts : simulated after the first round, to see whether another effect pays as well.
+    """
+
+    effects: tuple[str, ...]
     final_percent: float
     simulated_casts: int
+    later_casts: int
 
 
 @dataclass(frozen=True)
@@ -201,9 +208,10 @@ def _brute_force(said: Mapping[str, Any] | None) -> BruteForce | None:
     if said is None:
         return None
     return BruteForce(
-        effect=str(said["effect"]),
+        effects=tuple(said["effects"]),
         final_percent=float(said["heldout_waypoint_error_percent"]),
         simulated_casts=int(said["simulated_casts"]),
+        later_casts=sum(int(one["simulated_casts"]) for one in said["rounds"][1:]),
     )
 
 

@@ -166,7 +166,7 @@ def _case_row(o: Outcome) -> list[str]:
         _number(said.noise_floor_percent if said else None),
         o.random or MISSING,
         o.largest_sensitivity or MISSING,
-        brute.effect if brute else MISSING,
+        _names(brute.effects) if brute else MISSING,
         str(said.simulated_casts) if said else MISSING,
         str(brute.simulated_casts) if brute else MISSING,
         f"{said.seconds:.0f}" if said else MISSING,

@@ -7,7 +7,7 @@ import pytest
 
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.search.found import Rung
-from robotcast.hidden_effects.rivals.brute_force import Forced, brute_force
+from robotcast.hidden_effects.rivals.brute_force import Round, brute_force
 from robotcast.hidden_effects.rivals.oracle import told
 from robotcast.hidden_effects.rivals.refitting import judged_base, rematched
 from robotcast.hidden_effects.rivals.sensitivity import raw_sensitivities
@@ -17,8 +17,8 @@ from tests.hidden_effects.rivals.conftest import CANDIDATES, EFFORT, FLOOR
 LATE_S = 0.06
 
 
-def forced(inquiry: Inquiry, base: Rung) -> Forced:
-    return brute_force(inquiry, base, CANDIDATES, FLOOR, EFFORT, lambda name: None)
+def forced(inquiry: Inquiry, base: Rung) -> list[Round]:
+    return list(brute_force(inquiry, base, CANDIDATES, FLOOR, EFFORT, lambda name: None))
 
 
 def test_raw_sensitivity_names_what_moves_most_whatever_is_hidden(ask):
@@ -36,21 +36,29 @@ def test_brute_force_names_the_hidden_effect_and_pays_for_every_other(ask):
     inquiry = ask(late_clock=[LATE_S])
     base = judged_base(inquiry, EFFORT)
     before = inquiry.simulated
-    found = forced(inquiry, base)
-    assert found.effect == "late_clock"
-    assert set(found.tried) == set(CANDIDATES)
-    assert min(found.tried, key=lambda name: found.tried[name]) == "late_clock"
-    assert found.percent < 0.7 * base.errors.waypoint.mean()
-    assert inquiry.simulated - before > len(CANDIDATES) * before / 4
+    first, *later = forced(inquiry, base)
+    assert first.best == "late_clock" and first.paid
+    assert set(first.tried) == set(CANDIDATES)
+    assert min(first.tried, key=lambda name: first.tried[name]) == "late_clock"
+    assert first.kept.errors.waypoint.mean() < 0.7 * base.errors.waypoint.mean()
+    assert first.simulated > len(CANDIDATES) * before / 4
+    assert not any(one.paid for one in later)
+
+
+def test_brute_force_goes_on_until_both_of_two_effects_are_named(ask):
+    inquiry = ask(late_clock=[LATE_S], turn=[0.05])
+    rounds = forced(inquiry, judged_base(inquiry, EFFORT))
+    assert set(rounds[-1].kept.revision.effects) == {"late_clock", "turn"}
+    assert len(rounds[1].tried) == len(CANDIDATES) - 1
 
 
 def test_brute_force_names_nothing_where_nothing_pays(ask):
     inquiry = ask()
     base = judged_base(inquiry, EFFORT)
-    found = forced(inquiry, base)
-    assert found.effect == "none"
-    assert found.p_value > 1e-3
-    assert found.percent == pytest.approx(base.errors.waypoint.mean(), rel=0.01)
+    (only,) = forced(inquiry, base)
+    assert not only.paid and only.kept.revision.effects == ()
+    assert only.p_value > 1e-3
+    assert only.kept.errors.waypoint.mean() == pytest.approx(base.errors.waypoint.mean(), rel=0.01)
 
 
 def test_the_oracle_finds_the_size_of_what_it_is_told(ask):

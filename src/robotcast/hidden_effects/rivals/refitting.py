@@ -24,23 +24,23 @@ def judged_base(inquiry: Inquiry, effort: Effort) -> Rung:
 def judged_refit(
     inquiry: Inquiry, base: Rung, effects: Sequence[str], places: Sequence[Place], effort: Effort
 ) -> Rung:
-    """Fit the model with `effects` from several starts, by elimination, and judge it.
+    """Add `effects` to a model, fit it from several starts, by elimination, and judge it.
 
     First to the beginnings of trials, which are not chaotic, as the base model was fitted.
 
     Parameters
     ----------
-    places : where the effects start; the other parameters start where the base fit ended.
+    places : where the effects start; the other parameters start where the model's fit ended.
     """
-    effects = tuple(effects)
     rows = unit_rows(inquiry, base.revision.fit.vector, effects, places)
+    active = (*base.revision.effects, *effects)
     early = inquiry.beginnings(EARLY, SOME)
-    losses = trial_losses(early.residuals(effects)(rows, early.everything)).mean(axis=1)
+    losses = trial_losses(early.residuals(active)(rows, early.everything)).mean(axis=1)
     starts = rows[np.argsort(losses, kind="stable")[:BEGUN]]
-    begun = sorted((early.fit(effects, start, 3) for start in starts), key=_loss)
-    best = min((inquiry.fit(effects, fit.vector, 4) for fit in begun[:ENDED]), key=_loss)
-    fit = inquiry.fit(effects, best.vector, effort.base)
-    return _judged(inquiry, Revision(effects, fit), effort)
+    begun = sorted((early.fit(active, start, 3) for start in starts), key=_loss)
+    best = min((inquiry.fit(active, fit.vector, 4) for fit in begun[:ENDED]), key=_loss)
+    fit = inquiry.fit(active, best.vector, effort.base)
+    return _judged(inquiry, Revision(active, fit), effort)
 
 
 def settled(inquiry: Inquiry, rung: Rung, effort: Effort) -> Rung:
