@@ -186,6 +186,26 @@ def test_error_that_nothing_pays_for_asks_for_trials_that_would_show_what_came_n
     assert "with it the model predicts a path" in said["next_actions"][0]["why"]
 
 
+@pytest.mark.parametrize(("groups", "seed", "size"), [(9, 0, 0.02), (12, 3, 0.015)])
+def test_what_few_trials_neither_confirm_nor_tell_apart_is_said_and_can_be_told(
+    groups: int, seed: int, size: float
+) -> None:
+    effects = (TILT, SHIFT, TURN, SHEAR)
+    few = pushes(seed, groups=groups, heading=(-0.08, 0.08), turn=(size,))
+    wide = Further(Puck(*effects), pushes(5, groups=60, repeats=1))
+    said = diagnosed(few, *effects, further=lambda: wide)
+    assert said["verdict"] == ["none"] and set(said["nearest"]) == {"turn", "shear"}
+    assert said["confusion_set"] == [said["nearest"]]
+    assert "the camera is turned" in said["sentence"] and "do not confirm" in said["sentence"]
+    alike = {row["effect"]: row["confusable_with"] for row in said["ranking"]}
+    assert alike["turn"] == ["shear"] and alike["shear"] == ["turn"]
+    assert {"turn", "shear"} in [set(trial["separates"]) for trial in said["next_actions"]]
+    chosen = [{n: t[n] for n in ("speed", "heading")} for t in said["next_actions"]]
+    told = [dict(record.factors) for record in few]
+    again = diagnosed(pushed([*told, *chosen], seed + 1, turn=(size,)), *effects)
+    assert again["verdict"] == ["turn"] and not again["nearest"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("hidden", "seed"), [("turn", 0), ("shear", 2)])
 def test_the_suggested_trials_tell_a_confused_pair_apart(hidden: str, seed: int) -> None:

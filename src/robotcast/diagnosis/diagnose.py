@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 from robotcast.diagnosis.answer import limits, report
@@ -17,6 +18,7 @@ from robotcast.diagnosis.plain import plain
 from robotcast.diagnosis.revision import Revision, fit_base
 from robotcast.diagnosis.search.floor import Floor
 from robotcast.diagnosis.search.found import Effort, Found, Rung
+from robotcast.diagnosis.search.nearest import came_near
 from robotcast.diagnosis.search.rounds import search
 from robotcast.diagnosis.search.screen import Screened, looks
 from robotcast.diagnosis.search.stability import first_in_resamples
@@ -146,9 +148,13 @@ class _Run:
         """Look for the trials that would decide what is still open."""
         self._step(self._found, f"choosing the next {self._case.wording.trials}")
         named = report.verdict(self._found, self._fixed, self._left)
-        contests = open_contests(self.inquiry, self._found, top, named, self._left, self._floor)
-        if contests:
-            self._next = next_trials(self.inquiry, contests, further(), self._looked_further)
+        near, left = self._near, self._left
+        for contests in open_contests(
+            self.inquiry, self._found, top, named, left, near, self._floor
+        ):
+            if contests and not self._next:
+                looked = partial(self._looked_further, self._further_runs)
+                self._next = next_trials(self.inquiry, contests, further(), looked)
 
     def finish(self) -> dict[str, Any]:
         """Return everything, once nothing is left to do."""
@@ -162,6 +168,14 @@ class _Run:
         return len(self._case.fixed)
 
     @property
+    def _near(self) -> tuple[Rung, ...]:
+        """Effects that came near to being named, where nothing explains what is left."""
+        explained = self._left is not None and self._left.enough
+        if explained or len(self._found.ladder) > 1:
+            return ()
+        return came_near(self._found, self.inquiry.groups, self._floor)
+
+    @property
     def _runs(self) -> int:
         """How many trials were simulated so far."""
         return self.inquiry.simulated + self._further_runs
@@ -169,8 +183,8 @@ class _Run:
     def _simulated(self, done: int, total: int, note: str = "") -> None:
         self._show_bar()
 
-    def _looked_further(self, done: int, total: int, note: str = "") -> None:
-        self._further_runs = done
+    def _looked_further(self, before: int, done: int, total: int, note: str = "") -> None:
+        self._further_runs = before + done
         self._show_bar()
 
     def _show_bar(self) -> None:
@@ -209,7 +223,8 @@ class _Run:
         return {
             "verdict": named if base else [],
             "sentence": self._sentence(named) if base else "",
-            "confusion_set": report.confusion_set(found),
+            "confusion_set": report.confusion_set(found, self._near),
+            "nearest": report.added(self._near),
             "unexplained": report.unexplained(inquiry, self._left, case.draw),
             "notes": self._notes(base),
             "ladder": report.ladder(found),
@@ -217,6 +232,7 @@ class _Run:
                 *report.ranking(
                     inquiry,
                     found,
+                    self._near,
                     self._explained.slices(found),
                     self._stability(),
                 ),
@@ -238,7 +254,8 @@ class _Run:
         if limits.too_few(self.inquiry):
             return report.sentence_on_too_few(self.inquiry, self._case.wording)
         floor, words = self._floor, self._case.wording
-        return report.sentence(self.inquiry, self._found, named, self._left, floor, words)
+        found, left, near = self._found, self._left, self._near
+        return report.sentence(self.inquiry, found, named, left, near, floor, words)
 
     def _base_parameters(self, base: Revision | None) -> dict[str, Any]:
         if base is None:

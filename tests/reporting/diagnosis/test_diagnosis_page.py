@@ -11,6 +11,7 @@ from tests.reporting.diagnosis.diagnosis_states import (
     compared,
     confused,
     effect,
+    near,
     none,
     running,
     several,
@@ -71,6 +72,12 @@ def test_a_confused_pair_is_answered_with_casts_to_run() -> None:
     assert "hardly told from camera offset" in screen
     assert "board tilt and camera offset predict different paths" in screen
     assert "actions.csv" in screen and "−0.900" in screen
+
+
+def test_what_came_near_is_named_as_not_confirmed_with_casts_to_run() -> None:
+    screen = first_screen(diagnosis_page(near()))
+    assert "Not confirmed: board tilt or camera offset" in screen
+    assert "actions.csv" in screen and "effects=[" not in screen
 
 
 def test_an_unknown_force_is_drawn_and_a_draft_of_an_effect_given() -> None:

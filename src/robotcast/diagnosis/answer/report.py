@@ -30,10 +30,17 @@ def sentence(
     found: Found,
     named: Sequence[str],
     left: Unexplained | None,
+    near: Sequence[Rung],
     floor: Floor,
     wording: Wording = PLAIN,
 ) -> str:
-    """Say the verdict in a sentence, and in another that the error stays far above noise."""
+    """Say the verdict in a sentence, and in others how far the error stays above noise, and why.
+
+    Parameters
+    ----------
+    named : the verdict.
+    near : refits that came near to being named.
+    """
     base, top = found.ladder[0], found.ladder[-1]
     before, after = (float(rung.errors.waypoint.mean()) for rung in (base, top))
     unit, trials = inquiry.model.error_unit, wording.trials
@@ -41,10 +48,13 @@ def sentence(
     times = f"{after / floor.percent:.1f} times what repeats differ by" if floor.percent else ""
     if named == ["none"]:
         said = (
-            f"No effect of the library makes the model predict held-out {trials} better: "
-            f"the error stays at {before:.2f} {unit}."
+            f"No effect of the library is confirmed: the error on held-out {trials} stays"
+            if near
+            else f"No effect of the library makes the model predict held-out {trials} better: "
+            "the error stays"
         )
-        return f"{said}{_beside_repeats(f'That is {times}', 'something', above, far)}"
+        beside = _beside_repeats(f"That is {times}", "something", above, far)
+        return f"{said} at {before:.2f} {unit}.{beside}{_nearest(inquiry, near, wording)}"
     if named == ["unknown"]:
         said = "Something is missing that the library does not hold:"
         depends_on = inquiry.model.effects[left.field].depends_on if left else ""
@@ -52,7 +62,7 @@ def sentence(
             return f"{said} a force that depends on {depends_on} explains what the model misses."
         return (
             f"{said} the error on held-out {trials} stays at {after:.2f} {unit}, {times}. "
-            f"A force that depends on {depends_on} comes nearest."
+            f"A force that depends on {depends_on} comes nearest.{_nearest(inquiry, near, wording)}"
         )
     names = " and ".join(inquiry.model.effects[name].text for name in named)
     said = (
@@ -66,6 +76,17 @@ def _beside_repeats(that: str, what: str, above: bool, far: bool) -> str:
     if far:
         return f" {that}, so {what} is missing."
     return f" {that}." if above else ""
+
+
+def _nearest(inquiry: Inquiry, near: Sequence[Rung], wording: Wording) -> str:
+    if not near:
+        return ""
+    texts = " or ".join(inquiry.model.effects[name].text for name in added(near))
+    percent = f"{near[0].errors.waypoint.mean():.2f} {inquiry.model.error_unit}"
+    return (
+        f" It may be this: {texts}. With it the error is {percent}, but these {wording.trials} "
+        "do not confirm it."
+    )
 
 
 def sentence_on_too_few(inquiry: Inquiry, wording: Wording) -> str:
@@ -98,6 +119,11 @@ def unexplained(
     }
 
 
+def added(rungs: Sequence[Rung]) -> list[str]:
+    """Return the last effect of each rung."""
+    return [rung.revision.effects[-1] for rung in rungs]
+
+
 def ladder(found: Found) -> list[dict[str, Any]]:
     """Return the rungs of the error ladder."""
     return [_rung(rung) for rung in found.ladder]
@@ -117,6 +143,7 @@ def _rung(rung: Rung) -> dict[str, Any]:
 def ranking(
     inquiry: Inquiry,
     found: Found,
+    near: Sequence[Rung] = (),
     slices: Mapping[str, list[dict[str, Any]]] = {},
     first: Mapping[str, float] = {},
 ) -> list[dict[str, Any]]:
@@ -126,6 +153,7 @@ def ranking(
 
     Parameters
     ----------
+    near : refits that came near to being named.
     slices : refitted effect → the slices of the error before and after it.
     first : refitted effect → how often it comes first in resamples.
     """
@@ -133,7 +161,7 @@ def ranking(
         return []
     rows = []
     for name, one in found.screens[0].items():
-        row = _row(inquiry, found, name, one)
+        row = _row(inquiry, found, near, name, one)
         row |= {"slices": slices.get(name, []), "first_in_resamples": first.get(name)}
         rows.append((_order(found, one), row))
     return [row for _, row in sorted(rows, key=lambda pair: pair[0])]
@@ -162,7 +190,9 @@ def _order(found: Found, one: Screened) -> tuple:
     return (one.status is not None, rank, one.effect not in found.refits, one.loss)
 
 
-def _row(inquiry: Inquiry, found: Found, name: str, one: Screened) -> dict[str, Any]:
+def _row(
+    inquiry: Inquiry, found: Found, near: Sequence[Rung], name: str, one: Screened
+) -> dict[str, Any]:
     on_ladder = any(name in rung.revision.effects for rung in found.ladder)
     rung = found.refits.get(name)
     if on_ladder and name in found.ladder[-1].revision.effects:
@@ -174,6 +204,7 @@ def _row(inquiry: Inquiry, found: Found, name: str, one: Screened) -> dict[str, 
         shown = {size.parameter.name: size.as_dict() for size in own}
     confusable = list(found.rivals.get(name, ()))
     confusable += [e for e, rivals in found.rivals.items() if name in rivals]
+    confusable += [e for e in added(near) if e != name and name in added(near)]
     said = status not in UNTOUCHED
     return {
         "effect": name,
@@ -237,7 +268,13 @@ def _why(inquiry: Inquiry, one: NextTrial, wording: Wording) -> str:
     return f"{text}: a little of it moves this {wording.trial} by {apart}"
 
 
-def confusion_set(found: Found) -> list[list[str]]:
-    """Return the sets of effects that the trials cannot tell apart, the named one first."""
-    added = [name for rung in found.ladder[1:] for name in rung.revision.effects[-1:]]
-    return [[name, *found.rivals[name]] for name in added if found.rivals.get(name)]
+def confusion_set(found: Found, near: Sequence[Rung]) -> list[list[str]]:
+    """Return the sets of effects that the trials cannot tell apart, the best one first.
+
+    Parameters
+    ----------
+    near : refits that came near to being named.
+    """
+    on_ladder = [name for rung in found.ladder[1:] for name in rung.revision.effects[-1:]]
+    named = [[name, *found.rivals[name]] for name in on_ladder if found.rivals.get(name)]
+    return [*named, added(near)] if len(near) > 1 else named

@@ -1,4 +1,4 @@
-"""What further trials should decide: between rivals, else whether an effect is there at all."""
+"""What further trials should decide: which of two effects, or whether one is there at all."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from robotcast.diagnosis.further.next_trials import Contest
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision
 from robotcast.diagnosis.search.floor import Floor
-from robotcast.diagnosis.search.found import Found
+from robotcast.diagnosis.search.found import Found, Rung
 from robotcast.diagnosis.search.screen import Screened
 from robotcast.diagnosis.search.unexplained import Unexplained
 
@@ -23,42 +23,53 @@ def open_contests(
     top: Revision,
     named: Sequence[str],
     left: Unexplained | None,
+    near: Sequence[Rung],
     floor: Floor,
-) -> list[Contest]:
-    """Return what is still to be decided, the most important first.
+) -> list[list[Contest]]:
+    """Return what is still to be decided, each group only where no trial could decide the former.
 
-    Where error is left that nothing pays for, these are the effects that came nearest to it, and
-    everywhere those that the trials would hardly show.
+    Where nothing is named, these are the effects that came near to it. Where error is left that
+    nothing pays for, those that lowered it most, and everywhere those that the trials would
+    hardly show.
 
     Parameters
     ----------
     top : the model that the search ended with.
     named : effects that the verdict names.
+    near : refits on top of it that came near to being named.
     """
     rivals = [(name, rival) for name in named for rival in found.rivals.get(name, ())]
     if rivals:
-        return [_between(inquiry, found, *pair) for pair in rivals[:MOST_RIVALS]]
+        return [[_between(inquiry, found, *pair) for pair in rivals[:MOST_RIVALS]]]
+    first = [*_which_of(near), *(_added(rung.revision, top) for rung in near)] if near else []
     if left is not None:
         field = left.rung.revision
-        return [Contest(("unknown",), top, (field.effects, field.fit.vector))]
+        return [first, [Contest(("unknown",), top, (field.effects, field.fit.vector))]]
     screens = found.screens[0] if found.screens else {}  # later ones see fewer trials
     absent = [one for name, one in screens.items() if name not in top.effects]
     weak = [one for one in absent if one.power < ENOUGH_POWER and one.moved > 0]
     weak.sort(key=lambda one: (one.power, one.p_value))
-    near = (
-        _near(found, top) if found.ladder and floor.above(found.ladder[-1].errors.waypoint) else []
-    )
-    return [*near, *(_whether_there(inquiry, top, one) for one in weak[:MOST_WEAK])]
+    above = found.ladder and floor.above(found.ladder[-1].errors.waypoint)
+    tried = [rung.revision for rung in found.refits.values()] if above else []
+    refitted = [_added(one, top) for one in tried if one.effects[:-1] == top.effects]
+    hardly_seen = [_whether_there(inquiry, top, one) for one in weak[:MOST_WEAK]]
+    return [first, [*refitted, *hardly_seen]]
 
 
-def _near(found: Found, top: Revision) -> list[Contest]:
-    """Set the model as it is against the refits on top of it that did not pay."""
-    tried = [rung.revision for rung in found.refits.values()]
+def _which_of(near: Sequence[Rung]) -> list[Contest]:
+    """Set the refit that came nearest against the others that explain as much."""
+    first, *others = (rung.revision for rung in near)
     return [
-        Contest(one.effects[-1:], top, (one.effects, one.fit.vector), one)
-        for one in tried
-        if one.effects[:-1] == top.effects
+        Contest(
+            (first.effects[-1], other.effects[-1]), first, (other.effects, other.fit.vector), other
+        )
+        for other in others
     ]
+
+
+def _added(refitted: Revision, top: Revision) -> Contest:
+    """Set the model as it is against a refit with one effect more, which did not pay."""
+    return Contest(refitted.effects[-1:], top, (refitted.effects, refitted.fit.vector), refitted)
 
 
 def _between(inquiry: Inquiry, found: Found, name: str, rival: str) -> Contest:

@@ -51,6 +51,8 @@ def kicker(diagnosis: Diagnosis, state: State) -> str:
         return f"Missing effect found, hardly told from {alike}"
     if state == "found" and len(diagnosis.found) > 1:
         return f"{len(diagnosis.found)} missing effects found"
+    if state == "none" and diagnosis.nearest:
+        return f"Not confirmed: {' or '.join(effect_name(e) for e in diagnosis.nearest)}"
     if state == "unknown" and diagnosis.found:
         return "An effect found, and more that has no name here"
     return KICKERS[state].format(trials=diagnosis.words["trials"])

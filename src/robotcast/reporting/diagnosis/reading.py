@@ -98,6 +98,7 @@ class Diagnosis:
     ----------
     verdict : effect ids, or ("none",), or ("unknown",); empty while it is not known.
     output : the folder of the diagnosis, empty when not known.
+    nearest : effects that came near to the verdict, where it names none.
     model : every effect of the last model of the ladder, those fixed in advance included.
     words : what trials and their groups are called (`Wording.as_dict`).
     conclusive : False when the trials are too few to confirm anything.
@@ -113,6 +114,7 @@ class Diagnosis:
     sentence: str
     model: tuple[str, ...]
     confusion_sets: tuple[tuple[str, ...], ...]
+    nearest: tuple[str, ...]
     unexplained: Unexplained | None
     rig: str
     measurements: str
@@ -155,6 +157,7 @@ def read_diagnosis(plain: Mapping[str, Any]) -> Diagnosis:
         sentence=str(plain.get("sentence") or ""),
         model=_model(plain),
         confusion_sets=tuple(tuple(s) for s in plain.get("confusion_set") or ()),
+        nearest=tuple(plain.get("nearest") or ()),
         unexplained=_unexplained(plain.get("unexplained")),
         rig=str(plain.get("rig") or ""),
         measurements=str(plain.get("measurements") or ""),

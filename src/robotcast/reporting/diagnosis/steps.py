@@ -162,7 +162,20 @@ def _next(diagnosis: Diagnosis) -> str:
     return f"next {diagnosis.words['trials']}"
 
 
+def _confirm(diagnosis: Diagnosis) -> list[Step]:
+    """Say which trials would confirm what came near."""
+    nearest = " or ".join(effect_name(e) for e in diagnosis.nearest)
+    trials = diagnosis.words["trials"]
+    again = f"diagnose again with the new {trials} in the set."
+    if not diagnosis.next_trials:
+        return [Step(f"Measure more {trials}, with repeats: it may be {nearest}. Then {again}")]
+    text = f"Run these {trials}, on which {nearest} would show most. Then {again}"
+    return [Step(text, link=_all_of_them(diagnosis), trials=3)]
+
+
 def _carry_on(diagnosis: Diagnosis) -> list[Step]:
+    if diagnosis.nearest:
+        return _confirm(diagnosis)
     steps = [Step("Use the model as it is: no effect of the library would make it better.")]
     if diagnosis.next_trials:
         text = (
