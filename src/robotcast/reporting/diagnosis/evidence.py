@@ -8,7 +8,7 @@ from robotcast.reporting.diagnosis.reading import Diagnosis, Ranked
 from robotcast.reporting.names import effect_name
 from robotcast.reporting.numbers import error, odds, share
 
-State = Literal["running", "too few", "unknown", "none", "confused", "found"]
+State = Literal["running", "too few", "unknown", "none", "near", "confused", "found"]
 
 ENOUGH_POWER = 0.8
 
@@ -17,6 +17,7 @@ KICKERS: dict[State, str] = {
     "too few": "Too few data",
     "unknown": "Something is missing that has no name here",
     "none": "Nothing is missing that these {trials} could show",
+    "near": "Not confirmed",
     "confused": "Missing effect found, hardly told from another",
     "found": "Missing effect found",
 }
@@ -41,7 +42,7 @@ def state_of(diagnosis: Diagnosis) -> State:
         return "too few"
     if diagnosis.found:
         return "confused" if rivals(diagnosis) else "found"
-    return "none"
+    return "near" if diagnosis.nearest else "none"
 
 
 def kicker(diagnosis: Diagnosis, state: State) -> str:
@@ -51,7 +52,7 @@ def kicker(diagnosis: Diagnosis, state: State) -> str:
         return f"Missing effect found, hardly told from {alike}"
     if state == "found" and len(diagnosis.found) > 1:
         return f"{len(diagnosis.found)} missing effects found"
-    if state == "none" and diagnosis.nearest:
+    if state == "near":
         return f"Not confirmed: {' or '.join(effect_name(e) for e in diagnosis.nearest)}"
     if state == "unknown" and diagnosis.found:
         return "An effect found, and more that has no name here"

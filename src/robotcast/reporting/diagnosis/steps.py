@@ -36,6 +36,7 @@ def next_steps(diagnosis: Diagnosis, state: State) -> tuple[Step, ...]:
         "too few": _measure_more,
         "unknown": _write_an_effect,
         "none": _carry_on,
+        "near": _confirm,
         "confused": _tell_apart,
         "found": _add,
     }
@@ -174,8 +175,6 @@ def _confirm(diagnosis: Diagnosis) -> list[Step]:
 
 
 def _carry_on(diagnosis: Diagnosis) -> list[Step]:
-    if diagnosis.nearest:
-        return _confirm(diagnosis)
     steps = [Step("Use the model as it is: no effect of the library would make it better.")]
     if diagnosis.next_trials:
         text = (
