@@ -2,7 +2,7 @@
 
     .venv/bin/python benchmarks/confused_pairs.py [--pairs 10]
 
-Sets of 15 casts that are alike hide one effect each (conf/hidden_effects/pairs.yaml). One after
+Sets of 11 casts that are alike hide one effect each (conf/hidden_effects/pairs.yaml). One after
 another is diagnosed until so many confuse what they hide with something else and ask for further
 casts. The virtual rig executes these, and a second diagnosis has to choose between the hidden
 effect and its strongest rival. Sets that are named at once, or in which what is hidden does not
