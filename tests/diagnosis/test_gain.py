@@ -31,6 +31,12 @@ def test_a_sure_but_small_saving_is_not_worth_an_effect() -> None:
     assert not small.pays
 
 
+def test_what_promises_takes_much_away_but_need_not_be_beyond_doubt() -> None:
+    assert Gain(percent=0.4, share=0.9, p_value=0.02).promises
+    assert not Gain(percent=0.1, share=0.2, p_value=0.02).promises
+    assert not Gain(percent=0.4, share=0.9, p_value=0.1).promises
+
+
 def test_what_may_pay_is_wider_than_what_pays() -> None:
     undecided = Gain(percent=0.1, share=0.06, p_value=0.005)
     assert undecided.may_pay

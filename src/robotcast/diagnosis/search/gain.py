@@ -14,6 +14,8 @@ FAR = 4.0  # standard deviations, as the median of deviations tells them
 LEAST_EXCESS = 0.05  # of what a model misses: a floor is not known better than that
 UNDECIDED = 10.0  # times that: what a fit on its way may show
 WORTHWHILE = 0.10  # of the excess over the noise floor that an effect must take away
+LIKELY = 0.05  # p-value below which a gain is more likely than not to be more than luck
+MUCH = 0.25  # of the excess over the noise floor: so much is hardly taken away by accident
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,11 @@ class Gain:
     def may_pay(self) -> bool:
         """Tell whether it may yet pay, once the revision has been fitted to the end."""
         return self.p_value < UNDECIDED * SIGNIFICANT and self.share > WORTHWHILE / 2
+
+    @property
+    def promises(self) -> bool:
+        """Tell whether it takes much away and is likely to do so on further trials too."""
+        return self.p_value < LIKELY and self.share > MUCH
 
 
 def gain(before: np.ndarray, after: np.ndarray, groups: np.ndarray, floor: Floor) -> Gain:

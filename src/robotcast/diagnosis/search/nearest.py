@@ -9,7 +9,7 @@ from robotcast.diagnosis.search.rounds import EQUAL
 
 
 def came_near(found: Found, groups: np.ndarray, floor: Floor) -> tuple[Rung, ...]:
-    """Return the refits beside the last model that may pay yet, the best first.
+    """Return the refits beside the last model that promise to pay, the best first.
 
     Those that are clearly worse than the best one are left out: what is returned are the effects
     that the trials can neither confirm nor tell apart.
@@ -22,7 +22,7 @@ def came_near(found: Found, groups: np.ndarray, floor: Floor) -> tuple[Rung, ...
         return ()
     top = found.ladder[-1].revision.effects
     tried = [rung for rung in found.refits.values() if rung.revision.effects[:-1] == top]
-    hopeful = [rung for rung in tried if rung.gain and rung.gain.may_pay]
+    hopeful = [rung for rung in tried if rung.gain and rung.gain.promises]
     misses = [floor.misses(rung.errors.waypoint) for rung in hopeful]
     order = sorted(range(len(hopeful)), key=lambda k: float(misses[k].mean()))
     return tuple(

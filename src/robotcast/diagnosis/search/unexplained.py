@@ -9,16 +9,15 @@ from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision, held_out, refit
 from robotcast.diagnosis.search.floor import Floor
 from robotcast.diagnosis.search.found import Effort, Found, Rung
-from robotcast.diagnosis.search.gain import Gain, gain, seen_gain
+from robotcast.diagnosis.search.gain import MUCH, Gain, gain, seen_gain
+from robotcast.diagnosis.search.nearest import came_near
 from robotcast.diagnosis.search.profile import Profile
 from robotcast.diagnosis.search.screen import Screened, looks
 from robotcast.fitting.least_squares import Fit
 
-FLEXIBLE = 0.25  # of the excess over the noise floor that a field must take away
 TRIED = 3  # fields fitted to the beginnings of some trials
 HOPE = 0.1  # of what is missed there that a field must take away to be fitted to all
 LEVEL = 1.1  # a field of another dependence that misses so little more is fitted to all as well
-SIMPLER = 0.05  # p-value at which one field alone does better than several named effects
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class Unexplained:
     @property
     def enough(self) -> bool:
         """Tell whether the field takes away so much that what is missing must be like it."""
-        return self.gain.pays and self.gain.share > FLEXIBLE
+        return self.gain.pays and self.gain.share > MUCH
 
     def over(self, inquiry: Inquiry, rung: Rung, floor: Floor) -> Gain:
         """Return what the model with the field saves over another one."""
@@ -52,8 +51,7 @@ def replaces(saved: Gain, named: int) -> bool:
     One cause is likelier than several that happen to coincide: against several effects it need
     not be beyond all doubt, where it takes away far more.
     """
-    simpler = named > 1 and saved.p_value < SIMPLER and saved.share > FLEXIBLE
-    return saved.pays or simpler
+    return saved.pays or (named > 1 and saved.promises)
 
 
 def look_for_the_unknown(
@@ -91,9 +89,20 @@ def look_for_the_unknown(
         left = contest.nearest(top, begun)
     if left is None or not left.enough:
         return found, left if floor.far_above(top.errors.waypoint) else None
+    if not named and _named_as_well(inquiry, found, left, floor):
+        return found, None
     if alone is not None and not left.over(inquiry, alone.rung, floor).pays:
         return replace(found, ladder=(base,), rivals={}), alone
     return found, left
+
+
+def _named_as_well(inquiry: Inquiry, found: Found, left: Unexplained, floor: Floor) -> bool:
+    """Tell whether an effect that came near explains as much as a field, which is freer to fit."""
+    near = came_near(found, inquiry.groups, floor)
+    if not near:
+        return False
+    named, freer = (floor.misses(rung.errors.waypoint).mean() for rung in (near[0], left.rung))
+    return bool(named <= freer)
 
 
 @dataclass(frozen=True)
