@@ -14,7 +14,7 @@ FAR = 4.0  # standard deviations, as the median of deviations tells them
 LEAST_EXCESS = 0.05  # of what a model misses: a floor is not known better than that
 UNDECIDED = 10.0  # times that: what a fit on its way may show
 WORTHWHILE = 0.10  # of the excess over the noise floor that an effect must take away
-LIKELY = 0.05  # p-value below which a gain is more likely than not to be more than luck
+LIKELY = 0.05  # p-value below which a gain is hardly luck, though not beyond doubt
 MUCH = 0.25  # of the excess over the noise floor: so much is hardly taken away by accident
 
 

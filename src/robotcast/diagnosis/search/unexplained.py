@@ -78,7 +78,7 @@ def look_for_the_unknown(
     on_top = Profile.of(inquiry, top.revision)
     missed = contest.missed(on_top.own_errors())
     most_missed = (1 - HOPE) * missed
-    named = len(found.ladder) - 1
+    named = len(top.revision.effects) - len(base.revision.effects)
     alone_may = LEVEL * missed if named > 1 else most_missed
     alone = contest.alone(base, top, alone_may) if named else None
     if alone is not None and replaces(alone.over(inquiry, top, floor), named):
