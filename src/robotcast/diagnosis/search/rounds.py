@@ -22,6 +22,7 @@ IN_THE_RUNNING = 0.15  # of the best loss: refits that are no worse than that go
 FINALISTS = 2  # of these, judged on held-out trials
 MOST_EFFECTS = 3
 HOPE = 0.05  # of what is missed on beginnings that a later one must take away
+ITERATIONS = 3  # of a refit that starts from the best one's parameters
 EQUAL = 0.05  # p-value above which two revisions explain the trials equally well
 
 
@@ -133,7 +134,7 @@ class _Run:
         if later:
             fitted = [one for one in fitted if self._seen_gain(one).may_pay]
         self._next("refitting the best further")
-        fitted = _further(inquiry, fitted)
+        fitted = _from_the_best(inquiry, top.revision, _further(inquiry, fitted))
         return [one for one in fitted if self._seen_gain(one).pays] if later else fitted
 
     def _looked_at(self, names: Sequence[str], profile: Profile | None) -> dict[str, Screened]:
@@ -214,6 +215,26 @@ def _further(inquiry: Inquiry, fitted: Sequence[_Refitted]) -> list[_Refitted]:
         return replace(one, revision=refit(inquiry, one.revision, 2))
 
     return sorted(side_by_side(on, fitted), key=lambda one: one.loss)
+
+
+def _from_the_best(inquiry: Inquiry, top: Revision, fitted: Sequence[_Refitted]) -> list[_Refitted]:
+    """Fit every refit but the best again, from what the best one has beside its effect.
+
+    One that stays in a worse valley of the old parameters would else lose for that, not for its
+    effect. The best comes first.
+    """
+    if not fitted:
+        return []
+    n = len(top.fit.vector)
+    best = fitted[0].revision.fit.vector[:n]
+
+    def again(one: _Refitted) -> _Refitted:
+        start = np.concatenate([best, one.revision.fit.vector[n:]])
+        other = _refit(inquiry, one.revision.effects, start, ITERATIONS)
+        return replace(one, revision=other) if other.fit.loss < one.loss else one
+
+    others = side_by_side(again, fitted[1:])
+    return sorted([fitted[0], *others], key=lambda one: one.loss)
 
 
 def _rivals(inquiry: Inquiry, fitted: Sequence[_Refitted], best: Revision) -> tuple[str, ...]:
