@@ -134,7 +134,9 @@ class _Run:
         if later:
             fitted = [one for one in fitted if self._seen_gain(one).may_pay]
         self._next("refitting the best further")
-        fitted = _from_the_best(inquiry, top.revision, _further(inquiry, fitted))
+        fitted = _further(inquiry, fitted)
+        if fitted and self._seen_gain(fitted[0]).pays:
+            fitted = _from_the_best(inquiry, top.revision, fitted)
         return [one for one in fitted if self._seen_gain(one).pays] if later else fitted
 
     def _looked_at(self, names: Sequence[str], profile: Profile | None) -> dict[str, Screened]:
@@ -223,8 +225,6 @@ def _from_the_best(inquiry: Inquiry, top: Revision, fitted: Sequence[_Refitted])
     One that stays in a worse valley of the old parameters would else lose for that, not for its
     effect. The best comes first.
     """
-    if not fitted:
-        return []
     n = len(top.fit.vector)
     best = fitted[0].revision.fit.vector[:n]
 

@@ -17,7 +17,7 @@ from robotcast.fitting.least_squares import Fit
 
 TRIED = 3  # fields fitted to the beginnings of some trials
 HOPE = 0.1  # of what is missed there that a field must take away to be fitted to all
-LEVEL = 1.1  # a field of another dependence that misses so little more is fitted to all as well
+LEVEL = 1.1  # fields that miss so little more than the best one are fitted to all as well
 
 
 @dataclass(frozen=True)
@@ -114,6 +114,12 @@ class _Begun:
     missed: float
 
 
+def _level(begun: Sequence[_Begun]) -> list[_Begun]:
+    """Return the fields that miss about as little as the best one."""
+    least = min((one.missed for one in begun), default=0.0)
+    return [one for one in begun if one.missed <= LEVEL * least]
+
+
 @dataclass(frozen=True)
 class _Contest:
     """Fits fields on top of a model: first beside the beginnings of some trials, then all."""
@@ -163,8 +169,7 @@ class _Contest:
         if not begun or begun[0].missed > most_missed:
             return None
         best_of = {self._depends_on(one): one for one in reversed(begun)}  # of each dependence
-        level = [one for one in best_of.values() if one.missed < LEVEL * begun[0].missed]
-        one, revision = self._whole(below, level)[0]
+        one, revision = self._whole(below, _level(list(best_of.values())))[0]
         if not self._seen_gain(below, revision).may_pay:
             return None
         self.tell("refitting it further")
@@ -175,7 +180,7 @@ class _Contest:
 
     def nearest(self, below: Rung, begun: Sequence[_Begun]) -> Unexplained | None:
         """Fit the fields to whole trials; judge the best of them, however little it takes away."""
-        fits = self._whole(below, begun)
+        fits = self._whole(below, _level(begun))
         if not fits:
             return None
         one, revision = fits[0]
