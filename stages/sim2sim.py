@@ -4,7 +4,7 @@ python stages/sim2sim.py simulator=segmented optimizer=gn sim2sim.casts=20
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 from grids import build_limits, feasible_grid
@@ -15,7 +15,7 @@ from unfinished import open_journal
 
 from robotcast.casts.plan import PlannedCast, plan_actions
 from robotcast.measurements.measurement_set import Cable
-from robotcast.sim2sim.made_up import Filming, MadeUp, make_up
+from robotcast.sim2sim.made_up import Filming, MadeUp, make_up, stream
 from robotcast.sim2sim.outcome import Outcome, told_within_percent, write_outcomes
 from robotcast.simulators.simulator import Simulator
 from robotcast.tuning.asking import Problem, Question
@@ -27,6 +27,11 @@ from robotcast.tuning.search import Batch, Found, search
 
 def sim2sim(config: DictConfig) -> None:
     settings, cable = config.sim2sim, _cable(config)
+    if settings.casts > settings.most_casts:
+        raise ValueError(
+            f"sim2sim.casts={settings.casts}: only {settings.most_casts} are simulated for each "
+            "model; raise sim2sim.most_casts"
+        )
     simulator = _simulator(config, cable)
     cell = f"{config.simulator.name}-{config.optimizer.name}-{settings.casts}"
     path = output_folder(settings.folder) / f"{cell}.csv"
@@ -46,7 +51,7 @@ def sim2sim(config: DictConfig) -> None:
             journals.append(journal)
             problem = Problem(
                 objective.free,
-                np.random.default_rng([settings.seed, number, start]).random(len(objective.free)),
+                stream(settings.seed, number, "start", start).random(len(objective.free)),
                 len(model.tuning),
                 settings.shown_percent,
             )
@@ -73,32 +78,33 @@ def _simulator(config: DictConfig, cable: Cable) -> Simulator:
 
 
 def _models(config: DictConfig, simulator: Simulator) -> Iterator[MadeUp]:
-    """Draw the models, each with casts of its own; more casts to tune to hold the fewer."""
+    """Draw the models, each with casts of its own; however many are tuned to, they are the same."""
     settings = config.sim2sim
     with bar("feasible actions") as progress:
         feasible = feasible_grid(config, progress, grid="collected")
     for number in range(settings.models):
-        order = np.random.default_rng([settings.seed, number]).permutation(len(feasible))
-        drawn = order[: settings.test_casts + settings.casts]
+        order = stream(settings.seed, number, "casts").permutation(len(feasible))
+        drawn = order[: settings.test_casts + settings.most_casts]
         actions = feasible[np.roll(drawn, -settings.test_casts)]  # those to judge on come last
         casts: list[PlannedCast] = plan_actions(
             actions, r0_m=config.casts.r0_m, limits=build_limits(config)
         )
-        yield make_up(
+        model = make_up(
             simulator,
             casts,
-            settings.casts,
+            settings.most_casts,
             Filming(settings.period_s, settings.settle_s),
             margin=settings.margin,
-            seed=[settings.seed, number],
+            rng=stream(settings.seed, number, "model"),
         )
+        yield replace(model, tuning=model.tuning[: settings.casts])
 
 
 def _tuned(
     config: DictConfig, problem: Problem, journal: Journal, number: int, start: int
 ) -> Found:
     budget = config.optimizer.budget_casts
-    seed = config.optimizer.seed + 1000 * number + start
+    seed = config.optimizer.seed + 1000 * number + 10 * start  # searches may count on from it
     title = f"model {number + 1}, start {start + 1}, {config.optimizer.name}"
     with bar(title) as progress:
 

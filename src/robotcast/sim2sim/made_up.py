@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -42,6 +43,17 @@ class Filming:
     settle_s: float
 
 
+def stream(
+    seed: int, number: int, purpose: Literal["model", "casts", "start"], start: int = 0
+) -> np.random.Generator:
+    """Return random numbers of model `number` that no other purpose shares.
+
+    A search whose start came from the numbers that the model is made of would know the answer.
+    """
+    tag = {"model": 1, "casts": 2, "start": 3}[purpose]
+    return np.random.default_rng([seed, number, tag, start])
+
+
 def make_up(
     simulator: Simulator,
     casts: Sequence[PlannedCast],
@@ -49,7 +61,7 @@ def make_up(
     filming: Filming,
     *,
     margin: float,
-    seed: Sequence[int],
+    rng: np.random.Generator,
 ) -> MadeUp:
     """Draw the free parameters of a simulator and simulate its casts.
 
@@ -63,7 +75,6 @@ def make_up(
     ValueError
         When every draw diverges on some cast.
     """
-    rng = np.random.default_rng(seed)
     free = [p for p in simulator.parameters if not p.frozen]
     asked = [_filmed(cast, filming) for cast in casts]
     for _ in range(DRAWS):

@@ -55,10 +55,11 @@ def _row(
     for outcome in outcomes:
         tunings.setdefault(outcome.tuning, []).append(outcome)
     told = [o for o in outcomes if o.told_within_percent <= told_percent]
-    worst = [
-        max((o.error_percent for o in one if o.told_within_percent <= told_percent), default=np.nan)
+    shown = [
+        [o.error_percent for o in one if o.told_within_percent <= told_percent]
         for one in tunings.values()
     ]
+    worst = [max(errors) for errors in shown if errors]
     firsts = [one[0] for one in tunings.values()]
     near = sum(error <= NEAR_PERCENT for error in worst)
     return [
@@ -67,9 +68,9 @@ def _row(
         optimizer_name(optimizer),
         str(len(tunings)),
         f"{len(told)} of {len(outcomes)}",
-        _number(np.median(worst)),
-        _number(np.max(worst)),
-        f"{near} of {len(tunings)}",
+        _number(np.median(worst) if worst else np.nan),
+        _number(max(worst, default=np.nan)),
+        f"{near} of {len(worst)}",
         _number(np.median([o.test_percent for o in firsts])),
         thousands(np.median([o.simulated_casts for o in firsts])),
         _paper(simulator, optimizer, casts),
