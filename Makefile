@@ -44,6 +44,9 @@ sim2sim: $(INSTALLED)
 	$(BIN)/dvc repro benchmarks/sim2sim/dvc.yaml
 
 real-casts: $(INSTALLED)
+	@grep -q '^scale: paper' params.yaml || { \
+		echo 'real-casts goes on from a paper-scale run: set "scale: paper" in params.yaml,' \
+			'then make repro' >&2; exit 1; }
 	$(BIN)/dvc repro benchmarks/real_casts/dvc.yaml
 
 real-casts-few: $(INSTALLED)

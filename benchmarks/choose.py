@@ -46,9 +46,8 @@ def made_up_dataset(candidates: np.ndarray) -> Dataset:
     ends = made_up_endpoints(candidates[rows])
     examples = Examples(candidates[rows], ends, np.ones(EXAMPLES))
     held = EXAMPLES // 10
-    return Dataset(
-        "made up", examples.take(np.arange(held, EXAMPLES)), examples.take(np.arange(held))
-    )
+    held_out = examples.take(np.arange(held))
+    return Dataset("made up", examples.take(np.arange(held, EXAMPLES)), held_out, held_out)
 
 
 def median_s(work: Callable[[], object], rounds: int) -> float:

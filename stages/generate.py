@@ -1,9 +1,11 @@
 """Generate D_sim for one cable with its tuned simulator, whole or one shard of it.
 
-The tool moves as the arm followed its plans in the casts that the simulator was tuned to.
+The tool moves as the arm followed its plans in the casts that the simulator was tuned to, and the
+cable starts where their resets left it on average.
 """
 
 import hashlib
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -16,11 +18,11 @@ from omegaconf import DictConfig, OmegaConf
 from stage import bar, console, output_folder, stage
 
 from robotcast.casts.following import Following, exact_following, fit_following
-from robotcast.casts.limits import PlanLimits
 from robotcast.casts.plan import plan_action, plan_actions
+from robotcast.measurements.measurement_set import Trial
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
-from robotcast.simulators.generation import generate_casts
+from robotcast.simulators.generation import generate_casts, mean_reach
 from robotcast.simulators.shards import Shard, write_d_sim
 from robotcast.tuning.tuned import read_effects, read_values, vector_of
 
@@ -33,13 +35,15 @@ def generate(config: DictConfig) -> None:
     vector = vector_of(simulator.parameters, values)
     with bar("grid of actions") as progress:
         actions = feasible_grid(config, progress, grid="generated")
-    following = _following(config, build_limits(config))
+    trials = _tuning_trials(config)
+    following, reach_m = _following(config, trials), mean_reach(trials)
     facts = {
         "cable": cable.name,
         "simulator": config.simulator.name,
         "optimizer": config.optimizer.name,
         "effects": [effect.name for effect in effects],
         "arm": _facts_of(following),
+        "reach_m": None if reach_m is None else [round(v, 6) for v in reach_m.tolist()],
     }
     if shard is None:
         folder, title = output_folder(config.paths.simulated), config.cable.name
@@ -55,6 +59,7 @@ def generate(config: DictConfig) -> None:
             partial(plan_actions, r0_m=config.casts.r0_m, limits=build_limits(config)),
             settle_s=config.simulator.settle_s,
             follow=following.motion,
+            reach_m=reach_m,
             progress=progress,
         )
     write_d_sim(folder, generated, facts)
@@ -62,13 +67,18 @@ def generate(config: DictConfig) -> None:
     console.print(f"{folder}: {len(actions) - lost} casts, {lost} diverged and were left out")
 
 
-def _following(config: DictConfig, limits: PlanLimits) -> Following:
-    """Return how the arm followed its plans in the casts to tune to."""
+def _tuning_trials(config: DictConfig) -> Sequence[Trial]:
+    """Return the measured casts to tune to."""
     measured = read_measurement_set(Path(config.paths.measurements))
     sizes = config.scale.tune
-    tuning, _ = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
+    return split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)[0].trials
+
+
+def _following(config: DictConfig, trials: Sequence[Trial]) -> Following:
+    """Return how the arm followed its plans in measured casts."""
+    limits = build_limits(config)
     pairs = []
-    for trial in tuning.trials:
+    for trial in trials:
         with suppress(ValueError):  # an action that is none of this rig's
             planned = plan_action(trial.action, r0_m=config.casts.r0_m, limits=limits)
             pairs.append((planned.tool, trial.tool))

@@ -71,13 +71,14 @@ def _mixed(config: DictConfig, learner: Learner) -> Dataset:
     )
     if best.held_out_miss_m is None:
         return mixed
+    real_casts = len(real.training) + len(real.validation)
     console.print(
         f"mixture: {best.real_fraction:.0%} real, weight {best.real_weight:g}, the best of "
-        f"{len(tried)} on {len(real.validation)} held-out casts "
+        f"{len(tried)} on {real_casts} held-out casts "
         f"({1000 * best.held_out_miss_m:.0f} mm)"
     )
     trials = [{**vars(m), "held_out_miss_m": round(m.held_out_miss_m or 0.0, 6)} for m in tried]
-    held_out = {"held_out_real_casts": len(real.validation), "mixtures": trials}
+    held_out = {"held_out_real_casts": real_casts, "mixtures": trials}
     return replace(mixed, facts={**mixed.facts, **held_out})
 
 
@@ -88,13 +89,14 @@ def _values(given: object) -> list[float]:
 def _real(config: DictConfig) -> Dataset:
     measured = read_measurement_set(Path(config.paths.measurements))
     sizes = config.scale.tune
-    _, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
+    tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
     return real_dataset(
         measured,
         [t.trial for t in test.trials],
         validation_fraction=config.dataset.validation_fraction,
         seed=config.seed,
         casts=config.dataset.casts,
+        first=[t.trial for t in tuning.trials],
     )
 
 

@@ -7,10 +7,13 @@ from pathlib import Path
 from omegaconf import DictConfig, OmegaConf
 from stage import unfinished_file
 
+import robotcast
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable, Trial
 from robotcast.tuning.asking import Evaluate
 from robotcast.tuning.journal import Journal
+
+ROOMS = ("casts", "effects", "fitting", "measurements", "simulators", "tuning")
 
 
 def open_journal(
@@ -29,7 +32,10 @@ def open_journal(
 def _subject(
     config: DictConfig, parameters: Sequence[Parameter], cable: Cable, trials: Sequence[Trial]
 ) -> str:
-    """Return a fingerprint of everything that the objective and the search depend on."""
+    """Return a fingerprint of everything that the objective and the search depend on.
+
+    That holds the code as well: answers of another simulator must not be taken for this one's.
+    """
     text = OmegaConf.to_yaml(
         OmegaConf.create(
             {
@@ -42,6 +48,9 @@ def _subject(
         resolve=True,
     )
     digest = hashlib.sha256(f"{text}{parameters}{cable}".encode())
+    for room in ROOMS:
+        for path in sorted((Path(robotcast.__file__).parent / room).rglob("*.py")):
+            digest.update(path.read_bytes())
     for trial in trials:
         for array in (trial.tool.t_s, trial.tool.pose, trial.waypoints_s, trial.waypoints_m):
             digest.update(array.tobytes())

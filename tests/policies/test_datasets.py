@@ -6,6 +6,7 @@ import pytest
 
 from robotcast.policies.learning.datasets import (
     Dataset,
+    folds,
     mixed_dataset,
     read_simulated,
     real_dataset,
@@ -145,3 +146,32 @@ def test_duplicates_are_merged_into_their_weight(real) -> None:
     twice = real.training.joined(real.training.weighted(2.0)).merged()
     assert rows(twice) == rows(real.training)
     assert twice.weights.sum() == pytest.approx(3 * real.training.weights.sum())
+
+
+def test_casts_that_come_first_are_in_the_fewest(world) -> None:
+    measured = world.measured()
+    first = [t.trial for t in measured.trials[20:26]]
+    few = real_dataset(measured, [], validation_fraction=0.2, seed=0, casts=6, first=first)
+    asked = np.stack([measured.trials[number].action.as_array() for number in first])
+    assert rows(few.training) | rows(few.validation) == {row.tobytes() for row in asked}
+
+
+def test_folds_hold_out_every_real_cast_once_and_repeats_together(real) -> None:
+    casts = rows(real.training) | rows(real.validation)
+    parts = list(folds(real, 3, seed=0))
+    assert sum(len(out) for _, out in parts) == len(real.training) + len(real.validation)
+    assert set.union(*(rows(out) for _, out in parts)) == casts
+    for rest, out in parts:
+        assert not rows(out) & (rows(rest.training) | rows(rest.validation))
+        assert not rows(rest.training) & rows(rest.validation)
+
+
+def test_two_real_actions_have_no_folds(world) -> None:
+    two = real_dataset(world.measured(2, 0), [], validation_fraction=0.5, seed=0)
+    assert list(folds(two, 3, seed=0)) == []
+
+
+def test_the_spread_is_set_on_measured_casts_where_there_are_any(real, simulated) -> None:
+    mixed = mixed_dataset(real, simulated, real_fraction=0.35, real_weight=2.0, seed=0)
+    assert rows(mixed.calibration) == rows(real.validation)
+    assert rows(simulated.calibration) == rows(simulated.validation)

@@ -70,9 +70,9 @@ def test_the_exact_process_is_the_textbooks(exact, real) -> None:
 
 
 def test_an_example_of_weight_two_is_one_seen_twice(real) -> None:
-    twice = real.training.joined(real.training)
-    heavy = Dataset("heavy", real.training.weighted(2.0), real.validation)
-    repeated = Dataset("repeated", twice, real.validation)
+    twice, held = real.training.joined(real.training), real.validation
+    heavy = Dataset("heavy", real.training.weighted(2.0), held, held)
+    repeated = Dataset("repeated", twice, held, held)
     actions = real.validation.actions
     one, other = (SMALL.fit(d, seed=0).predict(actions) for d in (heavy, repeated))
     assert one == pytest.approx(other, abs=1e-4)

@@ -23,7 +23,8 @@ def simulated(world, tmp_path_factory, shift_m: np.ndarray) -> Dataset:
     def moved(examples: Examples) -> Examples:
         return Examples(examples.actions, examples.endpoints_m + shift_m, examples.weights)
 
-    return Dataset(dataset.name, moved(dataset.training), moved(dataset.validation), dataset.facts)
+    held_out = moved(dataset.validation)
+    return Dataset(dataset.name, moved(dataset.training), held_out, held_out, dataset.facts)
 
 
 def tried(real: Dataset, simulated: Dataset, weights: list[float]) -> tuple[Mixture, ...]:
@@ -47,6 +48,12 @@ def test_all_that_was_tried_is_told_best_first(world, real, tmp_path_factory) ->
 def test_one_pair_is_taken_without_a_trial(world, real, tmp_path_factory) -> None:
     (only,) = tried(real, simulated(world, tmp_path_factory, SHIFT_M), [2.0])
     assert only == Mixture(0.3, 2.0)
+
+
+def test_two_real_actions_leave_the_mixtures_untried(world, tmp_path_factory) -> None:
+    two = real_dataset(world.measured(2, 0), [], validation_fraction=0.5, seed=0)
+    found = tried(two, simulated(world, tmp_path_factory, SHIFT_M), [1.0, 2.0])
+    assert found == (Mixture(0.3, 1.0), Mixture(0.3, 2.0))
 
 
 def test_no_value_is_refused(world, real, tmp_path_factory) -> None:

@@ -106,7 +106,7 @@ def test_a_heavier_example_is_fitted_better(world) -> None:
     ends = np.array([[0.8, -0.3], [0.804, -0.3]])
     few = real_dataset(world.measured(12, 0), [], validation_fraction=0.3, seed=0)
     contradiction = type(few.training)(actions, ends, np.array([3.0, 1.0]))
-    dataset = Dataset("contradiction", contradiction, contradiction)
+    dataset = Dataset("contradiction", contradiction, contradiction, contradiction)
     network = NetworkLearner((16,), 64, 0.02, 0.0, 0.01, passes=300, patience=300).fit(
         dataset, seed=0
     )

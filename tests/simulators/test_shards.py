@@ -95,6 +95,7 @@ def test_a_sweep_over_shards_gives_the_bytes_of_one_run(tmp_path: Path) -> None:
         assert (tmp_path / "merged" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
     facts = yaml.safe_load((tmp_path / "merged" / "generation.yaml").read_text())
     assert facts["arm"]["lag_s"] == pytest.approx(LATE_S, abs=1e-3)
+    assert facts["reach_m"] == pytest.approx([0.63, 0.01])
 
 
 def measured_late() -> MeasurementSet:
@@ -104,7 +105,7 @@ def measured_late() -> MeasurementSet:
         planned = plan_cast(theta1, -0.4, 0.7, 0.5, 1.5, r0_m=0.6, limits=PlanLimits())
         t_s = np.arange(0.0, planned.end_s + 0.3, 0.008)
         made = ToolMotion(t_s, planned.tool.at(t_s - LATE_S))
-        waypoints = np.array([0.1]), np.array([[1.2, 0.0]])
+        waypoints = np.array([0.0, 0.1]), np.array([[1.23, 0.01], [1.2, 0.0]])
         trials.append(Trial(number, number, planned.action, made, *waypoints))
     return MeasurementSet(CABLE, 0.6, 0.1, None, tuple(trials))
 

@@ -1,6 +1,6 @@
 """D_sim: where a tuned simulator says that many casts come to rest (paper, "D_sim")."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from robotcast.casts.plan import PlannedCast
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.progress import Progress, silent
-from robotcast.simulators.simulator import SimulatedCast, Simulator
+from robotcast.simulators.simulator import Cast, SimulatedCast, Simulator
 
 ACTIONS_AT_ONCE = 4096  # planned and simulated together, which bounds the memory
 
@@ -41,6 +41,7 @@ def generate_casts(
     *,
     settle_s: float,
     follow: Callable[[ToolMotion], ToolMotion] = _exactly,
+    reach_m: np.ndarray | None = None,
     progress: Progress = silent,
 ) -> Generated:
     """Simulate the planned casts of `actions` (n, 6) under one parameter vector.
@@ -51,21 +52,33 @@ def generate_casts(
     settle_s : how long after the tool should stop the endpoint is read at the latest; a cable
         that rests earlier is not simulated further.
     follow : the motion that an arm is told → the one it makes (`Following.motion`).
+    reach_m : (2,), where the free end lies from the tool before the cast, `mean_reach` of casts
+        that were measured; None starts the cable along the tool's yaw.
     """
     endpoints_m = np.empty((len(actions), 2))
     diverged = np.empty(len(actions), dtype=bool)
     for first in range(0, len(actions), ACTIONS_AT_ONCE):
         part = slice(first, first + ACTIONS_AT_ONCE)
-        casts = [
-            SimulatedCast(follow(planned.tool), np.array([planned.end_s + settle_s]))
-            for planned in plan(actions[part])
-        ]
+        casts = []
+        for planned in plan(actions[part]):
+            tool, last_s = follow(planned.tool), np.array([planned.end_s + settle_s])
+            start_m = None if reach_m is None else tool.pose[0, :2] + reach_m
+            casts.append(SimulatedCast(tool, last_s, start_m))
         prediction = simulator.simulate(
             casts, vector, progress=_part_of(progress, first, len(actions))
         )
         endpoints_m[part] = prediction.waypoints_m[0, :, 0]
         diverged[part] = prediction.diverged[0]
     return Generated(actions, endpoints_m, diverged)
+
+
+def mean_reach(casts: Iterable[Cast]) -> np.ndarray | None:
+    """Return where the free end lies from the tool, (2,), on average, before measured casts.
+
+    Resets lay a cable a little to one side; None where no cast shows it.
+    """
+    seen = [cast.start_m - cast.tool.pose[0, :2] for cast in casts if cast.start_m is not None]
+    return np.mean(seen, axis=0) if seen else None
 
 
 def _part_of(progress: Progress, first: int, whole: int) -> Progress:

@@ -27,7 +27,7 @@ _MOVED = tuple(ACTION_COLUMNS.index(name) for name in ("theta1", "theta2", "r2",
 class Neighbourhood:
     """Where an action may move about its candidate.
 
-    v_max stays: D_sim knows two values of it, and nothing tells a model what lies between.
+    v_max stays: the grids know two values of it, and nothing tells a model what lies between.
 
     Attributes
     ----------

@@ -4,7 +4,7 @@ Every dataset keeps a validation part. Repeats of a real action never stand on b
 duplicates are drawn after the split, so validation never sees a cast that was trained on.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -65,12 +65,15 @@ class Dataset:
 
     Attributes
     ----------
+    calibration : held-out casts that tell how far casts end from the model: the measured ones of
+        the validation part, where it holds any, else all of it.
     facts : counts and settings that tell how the dataset was made, for policy.yaml.
     """
 
     name: str
     training: Examples
     validation: Examples
+    calibration: Examples
     facts: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -81,12 +84,15 @@ def real_dataset(
     validation_fraction: float,
     seed: int,
     casts: int | None = None,
+    first: Collection[int] = (),
 ) -> Dataset:
     """Make D_real: every tracked cast of `measurements` but the trials in `leave_out`.
 
     Parameters
     ----------
     casts : take so many of them, action by action; fewer are contained in more. None takes all.
+    first : trials that are taken before others, such as those that a simulator was tuned to: a
+        policy of so many casts has then seen no others.
     """
     trials = [
         t for t in measurements.trials if t.trial not in set(leave_out) and len(t.waypoints_m) > 0
@@ -94,7 +100,7 @@ def real_dataset(
     if not trials:
         raise ValueError("dataset real: no tracked cast is left once the test casts are taken out")
     if casts is not None:
-        trials = _first_casts(trials, casts, seed)
+        trials = _first_casts(trials, casts, first, seed)
     examples = Examples(
         np.stack([t.action.as_array() for t in trials]),
         np.stack([t.endpoint_m for t in trials]),
@@ -108,29 +114,34 @@ def real_dataset(
         "real_casts": len(trials),
         "left_out_casts": len(measurements.trials) - len(trials),
     }
-    return Dataset("real", training, validation, facts)
+    return Dataset("real", training, validation, validation, facts)
 
 
-def _first_casts(trials: Sequence[Trial], casts: int, seed: int) -> list[Trial]:
+def _first_casts(
+    trials: Sequence[Trial], casts: int, first: Collection[int], seed: int
+) -> list[Trial]:
     """Draw `casts` casts, action by action; refuse a number that there is not."""
     if not 0 < casts <= len(trials):
         raise ValueError(f"dataset real: asked for {casts} casts, {len(trials)} are to be had")
     rng = np.random.default_rng(np.random.SeedSequence((seed, 4)))
     order = rng.permutation(np.unique([t.action_id for t in trials])).tolist()
     place = {action_id: k for k, action_id in enumerate(order)}
-    drawn = sorted(trials, key=lambda t: (place[t.action_id], t.trial))[:casts]
+    early = {t.action_id for t in trials if t.trial in set(first)}
+    drawn = sorted(trials, key=lambda t: (t.action_id not in early, place[t.action_id], t.trial))
+    drawn = drawn[:casts]
     return sorted(drawn, key=lambda t: t.trial)
 
 
 def simulated_dataset(path: Path, *, validation_fraction: float, seed: int) -> Dataset:
     """Make D_sim from the casts.parquet that generate wrote."""
     examples = read_simulated(path)
-    facts = path.with_name("generation.yaml")
-    told = yaml.safe_load(facts.read_text(encoding="utf-8")) if facts.exists() else {}
+    made = path.with_name("generation.yaml")
+    told = yaml.safe_load(made.read_text(encoding="utf-8")) if made.exists() else {}
     cable = {"cable": told["cable"]} if "cable" in told else {}
     groups = np.arange(len(examples))
     training, validation = _split(examples, groups, validation_fraction, seed)
-    return Dataset("simulated", training, validation, {**cable, "simulated_casts": len(examples)})
+    facts = {**cable, "simulated_casts": len(examples)}
+    return Dataset("simulated", training, validation, validation, facts)
 
 
 def read_simulated(path: Path) -> Examples:
@@ -184,6 +195,7 @@ def mixed_dataset(
         "mixed",
         simulated.training.joined(upsampled),
         simulated.validation.joined(real.validation.weighted(share)),
+        real.calibration,
         {
             **simulated.facts,
             **real.facts,
@@ -192,6 +204,25 @@ def mixed_dataset(
             "real_weight": real_weight,
         },
     )
+
+
+def folds(real: Dataset, count: int, *, seed: int) -> Iterator[tuple[Dataset, Examples]]:
+    """Hold out every cast of D_real once, repeats of an action together.
+
+    Yields the rest, with a validation part as large, and the casts that it does not hold. There
+    are `count` folds, or as many as there are actions; none where fewer than three could not
+    leave two on the other side.
+    """
+    casts = real.training.joined(real.validation)
+    groups = np.unique(casts.actions, axis=0, return_inverse=True)[1].ravel()
+    n_groups = groups.max() + 1
+    rng = np.random.default_rng(np.random.SeedSequence((seed, 5)))
+    fold_of = rng.permutation(n_groups)[groups] % min(count, n_groups)
+    fraction = len(real.validation) / len(casts)
+    for fold in range(min(count, n_groups) if n_groups > 2 else 0):
+        rest, out = np.flatnonzero(fold_of != fold), np.flatnonzero(fold_of == fold)
+        training, validation = _split(casts.take(rest), groups[rest], fraction, seed)
+        yield Dataset(real.name, training, validation, validation, real.facts), casts.take(out)
 
 
 def _split(

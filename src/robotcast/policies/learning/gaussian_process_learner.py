@@ -17,11 +17,12 @@ from torch.nn.functional import softplus
 
 from robotcast.policies.learning.datasets import Dataset, Examples
 from robotcast.policies.learning.gaussian_process import GaussianProcess, Posterior
+from robotcast.policies.learning.judging import Held
 from robotcast.policies.learning.normalisation import Normalisation
 from robotcast.policies.learning.reproducible import in_parts, reproducible_torch
 from robotcast.policies.learning.rows import Rows
 from robotcast.policies.learning.spread import held_out_scale
-from robotcast.policies.learning.training import median_miss_m, subject_of, train
+from robotcast.policies.learning.training import subject_of, train
 from robotcast.progress import Progress, silent
 
 _JITTER = 1e-6
@@ -38,7 +39,7 @@ class GaussianProcessLearner:
     ----------
     exact_up_to : training actions up to which the process is exact.
     inducing : inducing points of a sparse process; they move while it is trained.
-    outlier_m : held-out misses beyond it count linearly when the best step is chosen.
+    outlier_m : held-out misses beyond it count less and less when the best step is chosen.
     passes : at most so many times four steps of Adam on the bound of all training examples.
     patience : passes without a better held-out loss before it stops.
     """
@@ -69,7 +70,7 @@ class GaussianProcessLearner:
         actions = Normalisation.of(dataset.training.actions)
         endpoints = Normalisation.of(dataset.training.endpoints_m)
         rows = Rows.of(examples, actions, endpoints, torch.float64)
-        held = _Held(dataset.validation, actions, endpoints, self.outlier_m)
+        held = Held(dataset.validation, actions, endpoints, self.outlier_m)
         points, exact = self._points(rows.actions, seed)
         with reproducible_torch(seed):
             process = _Process(points, moving=not exact)
@@ -90,7 +91,7 @@ class GaussianProcessLearner:
             exact,
             actions,
             endpoints,
-            held.scale_m(posterior),
+            _scale_m(posterior, dataset.calibration, actions, endpoints),
             dataset.name,
             dataset.facts,
             seed,
@@ -198,33 +199,14 @@ class _Process(nn.Module):
         return _Factors(points, whitened, inner, told)
 
 
-@dataclass(frozen=True)
-class _Held:
-    """Casts held out from training."""
-
-    examples: Examples
-    actions: Normalisation
-    endpoints: Normalisation
-    outlier_m: float
-
-    def judge(self, posterior: Posterior) -> tuple[float, float]:
-        """Return the weighted mean of Huber's function of the misses, and their median [m]."""
-        predicted = self.endpoints.undo(in_parts(posterior.mean, self._inputs()).numpy())
-        away = np.abs(predicted - self.examples.endpoints_m) / self.outlier_m
-        costs = np.where(away < 1, away**2 / 2, away - 0.5).sum(axis=1)
-        return float(np.average(costs, weights=self.examples.weights)), median_miss_m(
-            predicted, self.examples
-        )
-
-    def scale_m(self, posterior: Posterior) -> np.ndarray:
-        """Return how many metres of spread a deviation of 1 means, (2,)."""
-        predicted = self.endpoints.undo(in_parts(posterior.mean, self._inputs()).numpy())
-        deviation = in_parts(posterior.deviation, self._inputs()).numpy()
-        misses = self.examples.endpoints_m - predicted
-        return held_out_scale(misses, deviation, self.examples.weights)
-
-    def _inputs(self) -> torch.Tensor:
-        return torch.from_numpy(self.actions.apply(self.examples.actions))
+def _scale_m(
+    posterior: Posterior, casts: Examples, actions: Normalisation, endpoints: Normalisation
+) -> np.ndarray:
+    """Return how many metres of spread a deviation of 1 means, (2,)."""
+    inputs = torch.from_numpy(actions.apply(casts.actions))
+    misses_m = casts.endpoints_m - endpoints.undo(in_parts(posterior.mean, inputs).numpy())
+    deviation = in_parts(posterior.deviation, inputs).numpy()
+    return held_out_scale(misses_m, deviation, casts.weights)
 
 
 @dataclass(frozen=True)
@@ -234,7 +216,7 @@ class _ProcessFit:
     module: _Process
     optimizer: torch.optim.Optimizer
     rows: Rows
-    held: _Held
+    held: Held
 
     def one_pass(self, number: int) -> float:
         """Take some steps; return the negative bound before the last of them."""
@@ -249,4 +231,5 @@ class _ProcessFit:
 
     def judge(self) -> tuple[float, float]:
         """Return the loss on the held-out casts and the median miss there [m]."""
-        return self.held.judge(self.module.posterior(self.rows))
+        mean = self.module.posterior(self.rows).mean
+        return self.held.judge(lambda inputs: in_parts(mean, torch.from_numpy(inputs)).numpy())

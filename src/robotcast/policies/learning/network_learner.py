@@ -10,6 +10,7 @@ from torch import nn
 from torch.nn.functional import huber_loss
 
 from robotcast.policies.learning.datasets import Dataset, Examples
+from robotcast.policies.learning.judging import Held
 from robotcast.policies.learning.network import LastLayerSpread, Network, make_layers, with_one
 from robotcast.policies.learning.normalisation import Normalisation
 from robotcast.policies.learning.reproducible import reproducible_torch
@@ -32,6 +33,7 @@ class NetworkLearner:
     hidden : widths of the hidden layers.
     outlier_m : errors beyond it count linearly instead of squared; whip-like casts amplify small
         differences, and the few that no smooth function explains must not bend the others.
+        Misses of held-out casts beyond it count even less.
     passes : at most so many passes; the learning rate falls to zero along a cosine over them.
     patience : passes without a better validation loss before it stops.
     """
@@ -61,7 +63,8 @@ class NetworkLearner:
         actions = Normalisation.of(dataset.training.actions)
         endpoints = Normalisation.of(dataset.training.endpoints_m)
         training = _rows(dataset.training, actions, endpoints)
-        validation = _rows(dataset.validation, actions, endpoints)
+        held = Held(dataset.validation, actions, endpoints, self.outlier_m)
+        calibration = _rows(dataset.calibration, actions, endpoints)
         loss = _Loss(torch.from_numpy(endpoints.scale.astype(np.float32)), self.outlier_m)
         with reproducible_torch(seed):
             layers = make_layers(tuple(self.hidden))
@@ -69,14 +72,14 @@ class NetworkLearner:
                 layers.parameters(), lr=self.learning_rate, weight_decay=self.weight_decay
             )
             history = train(
-                _NetworkFit(layers, adam, training, validation, loss, self, seed),
+                _NetworkFit(layers, adam, training, held, loss, self, seed),
                 passes=self.passes,
                 patience=self.patience,
                 unfinished=unfinished,
                 subject=subject_of(dataset, self, seed),
                 progress=progress,
             )
-            uncertainty = _uncertainty(layers, training, validation, loss.scale_m)
+            uncertainty = _uncertainty(layers, training, calibration, loss.scale_m)
         return Network(
             layers=layers,
             hidden=tuple(self.hidden),
@@ -126,7 +129,7 @@ class _NetworkFit:
     module: nn.Sequential
     optimizer: torch.optim.Optimizer
     training: Rows
-    validation: Rows
+    held: Held
     loss: _Loss
     settings: NetworkLearner
     seed: int
@@ -151,15 +154,13 @@ class _NetworkFit:
     def judge(self) -> tuple[float, float]:
         """Return the loss on the held-out casts and the median miss there [m]."""
         with torch.inference_mode():
-            predicted = _all(self.module, self.validation.actions)
-            wanted, weights = self.validation.endpoints, self.validation.weights
-            away_m = torch.linalg.norm((predicted - wanted) * self.loss.scale_m, dim=1)
-            value = self.loss(predicted, wanted, weights).item()
-        return value, float(np.median(away_m.numpy()))
+            return self.held.judge(
+                lambda inputs: _all(self.module, torch.from_numpy(inputs).float()).numpy()
+            )
 
 
 def _uncertainty(
-    layers: nn.Sequential, training: Rows, validation: Rows, scale_m: torch.Tensor
+    layers: nn.Sequential, training: Rows, calibration: Rows, scale_m: torch.Tensor
 ) -> LastLayerSpread:
     """Learn the shape of the spread from the training examples, its size from the held-out."""
     with torch.inference_mode():
@@ -173,11 +174,11 @@ def _uncertainty(
         lower = torch.linalg.cholesky(precision)
         unit = torch.eye(len(lower), dtype=torch.float64)
         root = torch.linalg.solve_triangular(lower, unit, upper=False).float()
-        features = _all(layers[:-1], validation.actions)
+        features = _all(layers[:-1], calibration.actions)
         relative = LastLayerSpread(root, scatter, torch.ones(2)).relative(features)
-        misses_m = (layers[-1](features) - validation.endpoints) * scale_m
+        misses_m = (layers[-1](features) - calibration.endpoints) * scale_m
     size = held_out_scale(
-        *(t.numpy().astype(float) for t in (misses_m, relative, validation.weights))
+        *(t.numpy().astype(float) for t in (misses_m, relative, calibration.weights))
     )
     return LastLayerSpread(root.clone(), scatter, torch.from_numpy(size))
 

@@ -15,7 +15,7 @@ from safetensors.torch import save_file
 from torch import nn
 
 from robotcast.files import atomic_file
-from robotcast.policies.learning.datasets import Dataset, Examples
+from robotcast.policies.learning.datasets import Dataset
 from robotcast.progress import Progress, silent
 
 _KEPT_EVERY = 5  # passes between two states on disk
@@ -100,11 +100,6 @@ def subject_of(dataset: Dataset, settings: object, seed: int) -> str:
         for array in (part.actions, part.endpoints_m, part.weights):
             digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
-
-
-def median_miss_m(predicted_m: np.ndarray, examples: Examples) -> float:
-    """Return the median distance of predicted endpoints (n, 2) from those of examples [m]."""
-    return float(np.median(np.linalg.norm(predicted_m - examples.endpoints_m, axis=1)))
 
 
 def _best(history: Sequence[Epoch]) -> Epoch:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from robotcast.reporting.names import rig_names
+from robotcast.reporting.names import cable_name, policy_label, rig_names
 from robotcast.reporting.paper import CABLES, PAPER_RIG
 from robotcast.reporting.results import Evaluation, Results
 
@@ -35,9 +35,19 @@ def setting(evaluations: Sequence[Evaluation]) -> str:
         )
     targets = sorted({e.targets for e in evaluations})
     repeats = sorted({e.repeats for e in evaluations})
-    lost = sum(e.lost for e in evaluations)
-    lost_note = f", {lost} lost in tracking" if lost else ""
-    return f"{where}, {numbers(targets)} targets × {numbers(repeats)} casts each{lost_note}"
+    return (
+        f"{where}, {numbers(targets)} targets × {numbers(repeats)} casts each{_lost(evaluations)}"
+    )
+
+
+def _lost(evaluations: Sequence[Evaluation]) -> str:
+    """Say whose casts were lost: what remains of them counts."""
+    lost = [
+        f"{e.lost} of {cable_name(e.cable)}, {policy_label(e.policy, e.dataset)}"
+        for e in evaluations
+        if e.lost
+    ]
+    return f" (lost in tracking: {'; '.join(lost)})" if lost else ""
 
 
 def numbers(found: Sequence[int]) -> str:
