@@ -7,9 +7,9 @@ from pathlib import Path
 from omegaconf import DictConfig, OmegaConf
 from stage import unfinished_file
 
-import robotcast
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable, Trial
+from robotcast.source import source_digest
 from robotcast.tuning.asking import Evaluate
 from robotcast.tuning.journal import Journal
 
@@ -47,10 +47,7 @@ def _subject(
         ),
         resolve=True,
     )
-    digest = hashlib.sha256(f"{text}{parameters}{cable}".encode())
-    for room in ROOMS:
-        for path in sorted((Path(robotcast.__file__).parent / room).rglob("*.py")):
-            digest.update(path.read_bytes())
+    digest = hashlib.sha256(f"{text}{parameters}{cable}{source_digest(*ROOMS)}".encode())
     for trial in trials:
         for array in (trial.tool.t_s, trial.tool.pose, trial.waypoints_s, trial.waypoints_m):
             digest.update(array.tobytes())

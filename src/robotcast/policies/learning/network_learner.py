@@ -21,6 +21,7 @@ from robotcast.policies.learning.training import subject_of, train
 from robotcast.progress import Progress, silent
 
 _JUDGED_AT_ONCE = 8192
+_AVERAGED_PASSES = 5
 _PRIOR_PRECISION = 1.0  # of the last layer's weights: as much as one example with features of 1
 
 
@@ -67,12 +68,13 @@ class NetworkLearner:
         calibration = _rows(dataset.calibration, actions, endpoints)
         loss = _Loss(torch.from_numpy(endpoints.scale.astype(np.float32)), self.outlier_m)
         with reproducible_torch(seed):
-            layers = make_layers(tuple(self.hidden))
+            layers, moving = (make_layers(tuple(self.hidden)) for _ in range(2))
             adam = torch.optim.Adam(
-                layers.parameters(), lr=self.learning_rate, weight_decay=self.weight_decay
+                moving.parameters(), lr=self.learning_rate, weight_decay=self.weight_decay
             )
+            both = nn.ModuleDict({"moving": moving, "averaged": layers})
             history = train(
-                _NetworkFit(layers, adam, training, held, loss, self, seed),
+                _NetworkFit(both, adam, training, held, loss, self, seed),
                 passes=self.passes,
                 patience=self.patience,
                 unfinished=unfinished,
@@ -124,9 +126,13 @@ class _Loss:
 
 @dataclass(frozen=True)
 class _NetworkFit:
-    """The network in training."""
+    """The network in training, and its weights averaged over the last few passes.
 
-    module: nn.Sequential
+    The average is what is judged and kept (Polyak and Juditsky 1992): weights that still move
+    jump from pass to pass, and the one that hits a few held-out casts best is no better elsewhere.
+    """
+
+    module: nn.ModuleDict
     optimizer: torch.optim.Optimizer
     training: Rows
     held: Held
@@ -141,21 +147,34 @@ class _NetworkFit:
             group["lr"] = self.settings.learning_rate * (1 + math.cos(math.pi * done)) / 2
         rng = np.random.default_rng(np.random.SeedSequence((self.seed, 2, number)))
         order = torch.from_numpy(rng.permutation(len(self.training.weights)))
-        total = 0.0
-        for rows in order.split(self.settings.batch_size):
+        batches, total = order.split(self.settings.batch_size), 0.0
+        for step, rows in enumerate(batches, start=(number - 1) * len(batches) + 1):
             self.optimizer.zero_grad(set_to_none=True)
             wanted, weights = self.training.endpoints[rows], self.training.weights[rows]
-            batch_loss = self.loss(self.module(self.training.actions[rows]), wanted, weights)
+            predicted = self.module["moving"](self.training.actions[rows])
+            batch_loss = self.loss(predicted, wanted, weights)
             batch_loss.backward()
             self.optimizer.step()
+            self._average(1 / min(step, _AVERAGED_PASSES * len(batches)))
             total += batch_loss.item() * len(rows)
         return total / len(order)
+
+    def _average(self, share: float) -> None:
+        """Move the average by this share towards the weights as they are."""
+        pairs = zip(
+            self.module["averaged"].parameters(), self.module["moving"].parameters(), strict=True
+        )
+        with torch.no_grad():
+            for average, now in pairs:
+                average.lerp_(now, share)
 
     def judge(self) -> tuple[float, float]:
         """Return the loss on the held-out casts and the median miss there [m]."""
         with torch.inference_mode():
             return self.held.judge(
-                lambda inputs: _all(self.module, torch.from_numpy(inputs).float()).numpy()
+                lambda inputs: _all(
+                    self.module["averaged"], torch.from_numpy(inputs).float()
+                ).numpy()
             )
 
 

@@ -17,7 +17,9 @@ from torch import nn
 from robotcast.files import atomic_file
 from robotcast.policies.learning.datasets import Dataset
 from robotcast.progress import Progress, silent
+from robotcast.source import source_digest
 
+_ROOM = "policies/learning"
 _KEPT_EVERY = 5  # passes between two states on disk
 
 
@@ -95,7 +97,7 @@ def best_epoch(history: Sequence[Epoch]) -> Epoch:
 
 def subject_of(dataset: Dataset, settings: object, seed: int) -> str:
     """Return a fingerprint of everything that a training depends on."""
-    digest = hashlib.sha256(f"{dataset.name} {settings} {seed}".encode())
+    digest = hashlib.sha256(f"{dataset.name} {settings} {seed} {source_digest(_ROOM)}".encode())
     for part in (dataset.training, dataset.validation):
         for array in (part.actions, part.endpoints_m, part.weights):
             digest.update(np.ascontiguousarray(array).tobytes())
