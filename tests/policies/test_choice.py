@@ -15,21 +15,34 @@ def test_without_caution_the_candidate_predicted_nearest_to_the_target_is_chosen
         assert world.predict(choice.action.as_array()[None])[0] == pytest.approx(choice.predicted_m)
 
 
-def test_the_least_expected_miss_is_chosen(world) -> None:
-    class Wild:
-        """Sure of the first half of the candidates only."""
+class Uneven:
+    """Knows the world, and says of every action by itself how far casts scatter about it."""
 
-        def predict(self, actions):
-            return world.predict(actions)
+    def __init__(self, world, least_m: float, most_m: float) -> None:
+        self.predict, self._range, self.asked = world.predict, (least_m, most_m), 0
 
-        def spread(self, actions):
-            first = np.arange(len(actions)) < len(actions) // 2
-            return np.where(first, 0.01, 0.5)[:, None] * np.ones(2)
+    def spread(self, actions: np.ndarray) -> np.ndarray:
+        self.asked += len(actions)
+        part = np.sin(1e4 * actions.sum(axis=1)) ** 2
+        return np.interp(part, [0, 1], self._range)[:, None] * [1.0, 0.5]
 
-    candidates, target = world.actions(300), np.array([[0.8, -0.5]])
-    (choice,) = choose_actions(Wild(), candidates, target)
-    away = np.linalg.norm(world.predict(candidates[:150]) - target, axis=1)
-    assert choice.miss_m == pytest.approx(away.min())
+
+@pytest.mark.parametrize("most_m", [0.0, 0.05, 0.5, 5.0])
+def test_the_least_expected_miss_of_all_candidates_is_chosen(world, most_m: float) -> None:
+    model, candidates = Uneven(world, 0.0, most_m), world.actions(3000)
+    targets = np.array([[0.8, -0.5], [1.0, -0.3], [0.9, 0.4], [2.5, -0.2]])
+    choices = choose_actions(model, candidates, targets, caution=2.0)
+    scatter = 2.0 * np.square(model.spread(candidates)).sum(axis=1)
+    for (x, y), choice in zip(targets, choices, strict=True):
+        away = np.square(world.predict(candidates) - [x, -abs(y)]).sum(axis=1)
+        chosen = choice.action if y < 0 else choice.action.mirrored()
+        np.testing.assert_allclose(chosen.as_array(), candidates[(away + scatter).argmin()])
+
+
+def test_only_candidates_that_a_target_may_want_are_asked_for_their_spread(world) -> None:
+    model, candidates = Uneven(world, 0.01, 0.05), world.actions(3000)
+    choose_actions(model, candidates, np.array([[0.8, -0.5], [1.0, -0.3]]))
+    assert model.asked < 300
 
 
 def test_a_target_on_the_other_side_gets_the_mirror_cast(world) -> None:
@@ -68,7 +81,8 @@ def test_a_target_is_out_of_reach_only_when_no_candidate_is_predicted_near_it(wo
             return world.predict(actions)
 
         def spread(self, actions):
-            return np.where(np.arange(len(actions)) == 0, 0.0, 5.0)[:, None] * np.ones(2)
+            first = (actions == candidates[0]).all(axis=1)
+            return np.where(first, 0.0, 5.0)[:, None] * np.ones(2)
 
     candidates = world.actions(300)
     near, far = world.predict(candidates)[5], np.array([3.0, -0.5])

@@ -8,6 +8,7 @@ import numpy as np
 from robotcast.casts.action import Action
 from robotcast.policies.learning.forward_model import UncertainPredictor
 
+ASKED_FIRST = 64  # candidates nearest to a target whose spread is asked for at once
 OUT_OF_REACH_M = 0.03  # predicted miss from which on a target is said to be out of reach
 
 
@@ -80,17 +81,42 @@ def choose_actions(
     if not len(candidates):
         raise ValueError("there is no candidate action to choose from")
     predicted = model.predict(candidates)
-    scatter = caution * np.square(model.spread(candidates)).sum(axis=1) if caution else 0.0
     flips = mirror_flips(targets_m, rest_side(predicted))
+    away = np.square(predicted - (targets_m * flips)[:, None]).sum(axis=2)
+    scatter = _scatter(model, candidates, away, caution) if caution and len(away) else 0.0
     choices = []
-    for target, flip in zip(targets_m, flips, strict=True):
-        away = np.square(predicted - target * flip).sum(axis=1)
-        row = int((away + scatter).argmin())
+    for target, flip, missed in zip(targets_m, flips, away, strict=True):
+        row = int((missed + scatter).argmin())
         action = Action.from_array(candidates[row])
         chosen = action.mirrored() if flip[1] < 0 else action
-        nearest_m = predicted[away.argmin()] * flip
+        nearest_m = predicted[missed.argmin()] * flip
         choices.append(Choice(target, chosen, predicted[row] * flip, nearest_m=nearest_m))
     return choices
+
+
+def _scatter(
+    model: UncertainPredictor, candidates: np.ndarray, away: np.ndarray, caution: float
+) -> np.ndarray:
+    """Return `caution` times |σ|² of every candidate that a target may want, (n,), else infinity.
+
+    A candidate that is predicted to miss by more than another one does with its scatter is never
+    the best, so that most need not be asked for theirs.
+
+    Parameters
+    ----------
+    away : ndarray of shape (k, n), squares of the predicted misses of k targets.
+    """
+    scatter = np.full(len(candidates), np.inf)
+
+    def ask(rows: np.ndarray) -> None:
+        if len(rows):
+            scatter[rows] = caution * np.square(model.spread(candidates[rows])).sum(axis=1)
+
+    nearest = min(ASKED_FIRST, len(candidates))
+    ask(np.unique(away.argpartition(nearest - 1, axis=1)[:, :nearest]))
+    best = (away + scatter).min(axis=1, keepdims=True)
+    ask(np.flatnonzero((away < best).any(axis=0) & np.isinf(scatter)))
+    return scatter
 
 
 def with_spread(model: UncertainPredictor, choices: Sequence[Choice]) -> list[Choice]:
