@@ -69,7 +69,7 @@ def finished_batches(folder: Path) -> Standing:
     """Return the lines of the journal; the last may be torn, and does not count."""
     lines = [
         line
-        for journal in (folder / "unfinished").glob("*.jsonl")
+        for journal in (folder / "unfinished").glob("[!.]*.jsonl")
         for line in journal.read_bytes().split(b"\n")[:-1]
     ]
     return {str(k): hashlib.sha256(line).hexdigest() for k, line in enumerate(lines)}

@@ -1,5 +1,6 @@
 """Writing to disk so that a reader, or a rerun after a kill, never meets half a file."""
 
+import glob
 import os
 import shutil
 from collections.abc import Iterator
@@ -42,9 +43,13 @@ def atomic_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def discard_unfinished(folder: Path) -> int:
-    """Remove what killed writers left behind in `folder`; return how many entries went."""
-    leftovers = [p for p in folder.glob(".*.tmp*") if p.name.startswith(".")]
+def discard_unfinished(folder: Path, name: str | None = None) -> int:
+    """Remove what killed writers left behind in `folder`; return how many entries went.
+
+    With a `name`, only what writers of that entry left: others may be at work in the folder.
+    """
+    of = "*" if name is None else glob.escape(name)
+    leftovers = list(folder.glob(f".{of}.*.tmp*"))
     for leftover in leftovers:
         if leftover.is_dir():
             shutil.rmtree(leftover, ignore_errors=True)

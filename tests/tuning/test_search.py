@@ -131,6 +131,15 @@ def test_a_journal_of_another_subject_is_not_used(tmp_path: Path) -> None:
     assert other.asked == 10
 
 
+def test_a_journal_clears_what_its_own_killed_writer_left(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    own, other = (tmp_path / f".{name}.jsonl.1234.tmp.jsonl" for name in ("journal", "other"))
+    own.touch()
+    other.touch()
+    Journal(path, "bowl", Bowl()).close()
+    assert list(tmp_path.iterdir()) == [other]
+
+
 def test_a_journal_gives_answers_back_to_the_last_bit(tmp_path: Path) -> None:
     path, question = tmp_path / "journal.jsonl", Question(np.eye(3), (1, 4), 0.5, True)
     told = Journal(path, "bowl", Bowl())(question)

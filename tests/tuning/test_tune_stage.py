@@ -25,7 +25,7 @@ def start_tuning(folder: Path, optimizer: str) -> subprocess.Popen[bytes]:
 
 def journal_lines(folder: Path) -> int:
     """Count the lines of the journal: a head, then one for each batch evaluated so far."""
-    journals = list((folder / "unfinished").glob("*.jsonl"))
+    journals = list((folder / "unfinished").glob("[!.]*.jsonl"))
     return sum(len(journal.read_bytes().splitlines()) for journal in journals)
 
 
@@ -48,4 +48,4 @@ def test_a_tuning_killed_three_times_gives_the_bytes_of_an_unbroken_one(
     names = ("tuned.yaml", "trace.csv", "predictions.parquet", "revision.json")
     for name in (*(f"tuned/{name}" for name in names), "revisions.jsonl", "revisions.html"):
         assert (killed / name).read_bytes() == (unbroken / name).read_bytes(), name
-    assert not list((killed / "unfinished").glob("*.jsonl"))
+    assert not list((killed / "unfinished").iterdir())

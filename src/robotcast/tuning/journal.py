@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from robotcast.files import write_text
+from robotcast.files import discard_unfinished, write_text
 from robotcast.tuning.asking import Answer, Evaluate, Question
 
 
@@ -33,6 +33,7 @@ class Journal:
         self._evaluate = evaluate
         self._known = _read(path, subject)
         self._next = 0
+        discard_unfinished(path.parent, path.name)
         self._write()
 
     def __call__(self, question: Question) -> Answer:
