@@ -39,11 +39,13 @@ def test_a_tuning_killed_three_times_gives_the_bytes_of_an_unbroken_one(
     assert start_tuning(unbroken, optimizer).wait() == 0
     for batches in (1, 3, 6):
         process = start_tuning(killed, optimizer)
-        while process.poll() is None and journal_lines(killed) <= batches:
-            time.sleep(0.01)
-        assert process.poll() is None, "the tuning ended before it could be killed"
-        process.kill()
-        process.wait()
+        try:
+            while process.poll() is None and journal_lines(killed) <= batches:
+                time.sleep(0.01)
+            assert process.poll() is None, "the tuning ended before it could be killed"
+        finally:
+            process.kill()
+            process.wait()
     assert start_tuning(killed, optimizer).wait() == 0
     names = ("tuned.yaml", "trace.csv", "predictions.parquet", "revision.json")
     for name in (*(f"tuned/{name}" for name in names), "revisions.jsonl", "revisions.html"):

@@ -149,7 +149,7 @@ class Outcome:
 def read_outcomes(reports: Path) -> list[Outcome]:
     """Open every answer below `reports` and read all that was said of its case."""
     answers = answers_folder(reports)
-    sealed = sorted(answers.glob("*.sealed"))
+    sealed = sorted(answers.glob("[!.]*.sealed"))
     if not sealed:
         raise ValueError(f"{answers}: no sealed answers; stages/hidden_draw.py draws the cases")
     return [read_outcome(path.stem, reports) for path in sealed]

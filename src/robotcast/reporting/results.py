@@ -194,7 +194,7 @@ class Results:
 
 def read_results(data: Path) -> Results:
     """Read every result under `data`."""
-    names = sorted({p.name for room in _ROOMS for p in (data / room).glob("*") if p.is_dir()})
+    names = sorted({p.name for room in _ROOMS for p in (data / room).glob("[!.]*") if p.is_dir()})
     if not names:
         raise ValueError(f"{data} holds no results to report: run the other stages first")
     cables = {folder: _read_cable(data, folder) for folder in names}

@@ -71,7 +71,7 @@ def write_outcomes(path: Path, outcomes: Sequence[Outcome]) -> None:
 
 def read_outcomes(folder: Path) -> list[Outcome]:
     """Read the outcomes of all simulators, optimizers and numbers of casts in a folder."""
-    paths = sorted(folder.glob("*.csv"))
+    paths = sorted(folder.glob("[!.]*.csv"))
     if not paths:
         raise FileNotFoundError(f"{folder} holds no outcomes: run stages/sim2sim.py first")
     texts: dict[str, type[pl.DataType]] = dict.fromkeys(TEXTS, pl.String)

@@ -118,9 +118,13 @@ class Film:
         except BlockingIOError:
             return
         viewer.settimeout(1.0)
-        viewer.recv(4096)
         kind = b"Content-Type: multipart/x-mixed-replace; boundary=" + BOUNDARY
-        viewer.sendall(b"HTTP/1.0 200 OK\r\n" + kind + b"\r\n\r\n")
+        try:
+            viewer.recv(4096)
+            viewer.sendall(b"HTTP/1.0 200 OK\r\n" + kind + b"\r\n\r\n")
+        except OSError:
+            viewer.close()
+            return
         self._viewers.append(viewer)
 
     def _send(self, jpeg: bytes) -> None:

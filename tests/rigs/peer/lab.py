@@ -63,7 +63,7 @@ def ur5_rig(peer: Peer, filmed: VirtualRig, **changes: Any) -> Ur5Rig:
         limits=LIMITS,
         gripper=GRIPPER,
         reset=QUICK_RESET,
-        servo=ServoSettings(watchdog_hz=2.0),
+        servo=ServoSettings(watchdog_hz=0.2),
         watch=WatchSettings(stale_s=8.0),  # a busy machine shall not decide a test
         webcam=WebcamSettings(
             peer.camera,

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 DASHBOARD, SCRIPT, DATA = 29999, 30003, 30004
 PORTS = (DASHBOARD, 30001, 30002, SCRIPT, DATA)
+LOOK_S = 0.005  # how often it looks up while it waits for a target
 CONTROL_PROGRAM, PROGRAM_END = b"rtde_control", b"NODE_CONTROL_LOOP_ENDS"
 
 
@@ -73,7 +74,8 @@ class Server:
         step_s = self.controller.step_s / self.controller.settings.haste
         due = time.monotonic() + step_s
         while self._running:
-            for key, _ in self._selector.select(max(due - time.monotonic(), 0.0)):
+            wait_s = max(due - time.monotonic(), LOOK_S if self._patient() else 0.0)
+            for key, _ in self._selector.select(wait_s):
                 key.data(key.fileobj)
             if time.monotonic() >= due and not self._patient():
                 self._cycle()
