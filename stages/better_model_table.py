@@ -19,8 +19,9 @@ The virtual rig hides an effect here: its board is not level. The base model was
 casts without knowing; the diagnosed one with the effects that the diagnosis named: {effects}.
 Each generated its D_sim, and the policies learned from them were tested on the same targets, as
 often. Model: average waypoint error on the same held-out casts. Policies: median distance to the
-target with the 95 % interval of a bootstrap over targets, and quartiles. In % of cable length.
-Made by `make better-model`.
+target with the 95 % interval of a bootstrap over targets, quartiles, and scatter: the median
+distance of the repeats of a cast from their mean. In % of cable length. Made by
+`make better-model`.
 
 ![Both error ladders](ladders.svg)
 

@@ -17,7 +17,9 @@ TEXT = """# What real casts are worth
 Policies that learned from so many real casts, tested on the same targets of the virtual rig.
 D_sim is the same for all: its simulator was tuned to 20 casts. The paper learned π_RD from over
 500 casts and found π_SD, which had seen 20, as good. Median with the 95 % interval of a
-bootstrap over targets, and quartiles, in % of cable length. Made by `make real-casts`.
+bootstrap over targets, quartiles, and scatter: the median distance of the repeats of a cast from
+their mean, in % of cable length. Every point is one training and one draw of casts: its interval
+knows nothing of others. Made by `make real-casts`.
 
 ![Median error against the number of real casts](errors.svg)
 

@@ -20,8 +20,8 @@ def report(config: DictConfig) -> None:
         sizes=(
             (
                 "Collected",
-                f"{scale.collect.casts} actions and {scale.collect.repeats} repeats, filmed at "
-                f"{scale.camera.width} × {scale.camera.height} pixels",
+                f"at most {scale.collect.casts} actions and {scale.collect.repeats} repeats, "
+                f"filmed at {scale.camera.width} × {scale.camera.height} pixels",
             ),
             (
                 "Tuned",
@@ -36,7 +36,7 @@ def report(config: DictConfig) -> None:
         ),
     )
     folder = output_folder(config.paths.reports)
-    written = write_report(read_results(Path("data")), facts, folder)
+    written = write_report(read_results(Path(config.paths.results)), facts, folder)
     console.print(f"{folder}: {len(written)} files, open {written[-1]}")
 
 

@@ -1,6 +1,8 @@
 import polars as pl
 import pytest
 
+from robotcast.reporting.figures.board_errors import board_errors_figure
+from robotcast.reporting.figures.targets import targets_figure
 from robotcast.reporting.results import read_results
 
 
@@ -30,6 +32,26 @@ def test_a_lost_cast_counts_as_lost_and_not_as_an_error(tmp_path, data_folder) -
     evaluation = read_results(tmp_path).evaluations[0]
     assert evaluation.lost == 1
     assert len(evaluation.errors_percent) == 79
+
+
+def test_a_target_whose_casts_are_all_lost_is_still_known(tmp_path, data_folder) -> None:
+    source = data_folder / "evaluation" / "cable1" / "nn-mixed" / "evaluation.csv"
+    table = pl.read_csv(source)
+    hit = pl.col("target") == table["target"][0]
+    measured = [
+        pl.when(hit).then(None).otherwise(pl.col(name)).alias(name)
+        for name in ("x", "y", "error_m", "error_percent")
+    ]
+    folder = tmp_path / "evaluation" / "cable1" / "nn-mixed"
+    folder.mkdir(parents=True)
+    table.with_columns(measured).write_csv(folder / "evaluation.csv")
+    evaluation = read_results(tmp_path).evaluations[0]
+    assert evaluation.unseen_m == (tuple(table.select("target_x", "target_y").row(0)),)
+    assert evaluation.targets == 16
+    names = {text.get_text() for text in board_errors_figure([evaluation]).axes[0].texts}
+    assert "lost" in names
+    legend = targets_figure([evaluation], [None]).legends[0]
+    assert "all casts lost in tracking" in {text.get_text() for text in legend.get_texts()}
 
 
 def test_scatter_of_repeats_is_smaller_than_the_error(data_folder) -> None:

@@ -105,7 +105,7 @@ _COMMANDS = (
         "Train one policy on one cable; evaluate.py takes the same two settings.",
     ),
     (
-        "python stages/tune.py rig=recorded rig.path=DIR",
+        "python stages/tune.py paths.measurements=DIR paths.tuned=OUT",
         "Tune to casts you measured yourself: DIR holds a measurement set.",
     ),
     ("scale: paper", "Written in params.yaml, it runs the paper’s sizes."),

@@ -60,6 +60,7 @@ class Evaluation:
     ----------
     casts : one row a cast that was measured; `lost` : casts whose endpoint was not tracked.
     targets, repeats : how many targets were cast at, and how often each.
+    unseen_m : targets (x, y) [m] at which no endpoint was tracked.
     kind : "executed" on a rig, or "predicted" against recorded casts.
     """
 
@@ -72,6 +73,7 @@ class Evaluation:
     lost: int
     targets: int
     repeats: int
+    unseen_m: tuple[tuple[float, float], ...] = ()
 
     @property
     def errors_percent(self) -> np.ndarray:
@@ -263,6 +265,7 @@ def read_evaluation(path: Path) -> Evaluation:
         raise ValueError(f"{path} holds no casts: run the evaluate stage again")
     first = table.row(0, named=True)
     measured = table.drop_nulls("error_percent")
+    unseen = table.join(measured, on="target", how="anti").unique("target", maintain_order=True)
     return Evaluation(
         rig=first["rig"],
         cable=first["cable"],
@@ -273,6 +276,7 @@ def read_evaluation(path: Path) -> Evaluation:
         lost=len(table) - len(measured),
         targets=table["target"].n_unique(),
         repeats=table["repeat"].n_unique(),
+        unseen_m=tuple(unseen.select("target_x", "target_y").iter_rows()),
     )
 
 

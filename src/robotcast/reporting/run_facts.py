@@ -10,7 +10,7 @@ from robotcast.reporting.names import (
     simulator_name,
     thousands,
 )
-from robotcast.reporting.results import Results
+from robotcast.reporting.results import CableData, Results
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,9 @@ def run_rows(results: Results, facts: RunFacts) -> tuple[tuple[str, str], ...]:
         ("Seed", str(facts.seed)),
         *facts.sizes,
     ]
+    for cable in results.cables:
+        if cable.measured is not None:
+            rows.append((f"Measured, {cable_name(cable.name)}", _measured(cable)))
     for tuning in results.tunings:
         casts = tuning.facts.get("simulated_casts", 0)
         rows.append(
@@ -57,6 +60,16 @@ def run_rows(results: Results, facts: RunFacts) -> tuple[tuple[str, str], ...]:
             )
         )
     return tuple(rows)
+
+
+def _measured(cable: CableData) -> str:
+    """Return how much was cast and what of it is missing."""
+    trials = cable.measured.trials if cable.measured else ()
+    actions = len({trial.action_id for trial in trials})
+    lost = len(cable.tracking.get("lost", ()))
+    return f"{thousands(len(trials))} casts of {thousands(actions)} actions" + (
+        f"; {thousands(lost)} more lost in tracking" if lost else ""
+    )
 
 
 def _doubts(facts: dict) -> str:

@@ -11,7 +11,7 @@ from robotcast.reporting.figures.style import BLUE, GREY, VERMILION, math_text
 from robotcast.reporting.names import dataset_name, policy_name
 from robotcast.reporting.results import Evaluation
 
-HEAD = ("median", "from", "to", "q1", "q3", "casts")
+HEAD = ("median", "from", "to", "q1", "q3", "scatter", "casts")
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,16 @@ class Point:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Return `HEAD`: median, its 95 % interval, quartiles in % of cable length, and casts."""
+        """Return `HEAD`: median, its 95 % interval, quartiles and scatter of repeats, and casts.
+
+        All but the casts are in % of cable length.
+        """
         errors = self.evaluation.errors_percent
         low, high = self.evaluation.median_interval or (np.nan, np.nan)
         middle, q1, q3 = np.percentile(errors, [50, 25, 75])
-        return (*(float(v) for v in (middle, low, high, q1, q3)), len(errors))
+        scatter = self.evaluation.scatter_percent
+        apart = np.nan if scatter is None else scatter
+        return (*(float(v) for v in (middle, low, high, q1, q3, apart)), len(errors))
 
 
 def markdown(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:

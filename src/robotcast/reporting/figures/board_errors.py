@@ -36,6 +36,9 @@ def board_errors_figure(evaluations: Sequence[Evaluation], columns: int = 4) -> 
             panel.annotate(
                 f"{error:.0f}", (y, x), ha="center", va="center", fontsize=6.5
             ).set_color("white" if error > 15 else "black")
+        for x, y in evaluation.unseen_m:
+            panel.plot(y, x, "o", mfc="none", mec="#6b7280", mew=0.5, ms=np.sqrt(130), ls="none")
+            panel.annotate("lost", (y, x), ha="center", va="center", fontsize=5)
         panel.plot(0, 0, "k^", ms=6, clip_on=False)
         name = policy_name(evaluation.policy, evaluation.dataset)
         panel.set_title(

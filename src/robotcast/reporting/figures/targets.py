@@ -32,6 +32,8 @@ def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData
             _areas(panel, cable.simulated)
         for number, target, ends in endpoints_by_target(evaluation.casts):
             _target(panel, target, ends, CYCLE[number % len(CYCLE)])
+        for x, y in evaluation.unseen_m:
+            panel.plot(y, x, "*", color="#374151", ms=10, mfc="none", mew=0.8, zorder=4)
         panel.plot(0, 0, "k^", ms=7, clip_on=False, zorder=5)
         median = np.median(evaluation.errors_percent)
         name = policy_name(evaluation.policy, evaluation.dataset)
@@ -47,7 +49,8 @@ def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData
     repeated = any(
         len(ends) > 2 for e in evaluations for _, _, ends in endpoints_by_target(e.casts)
     )
-    figure.legend(handles=_handles(repeated), loc="outside lower center", ncols=3)
+    unseen = any(e.unseen_m for e in evaluations)
+    figure.legend(handles=_handles(repeated, unseen), loc="outside lower center", ncols=3)
     fit_height(figure, panel_in=max(3.2, 6.2 / columns - 0.5), around_in=1.7, rows=rows)
     return figure
 
@@ -119,7 +122,7 @@ def _target(panel: Axes, target: np.ndarray, ends: np.ndarray, color: str) -> No
     panel.plot(line[:, 1], line[:, 0], "--", color=color, lw=1.0, zorder=3)
 
 
-def _handles(ellipses: bool) -> list:
+def _handles(ellipses: bool, unseen: bool) -> list:
     """What the legend explains; without `ellipses` no target has repeats enough for one."""
     axes = Figure().subplots()
     drawn = [
@@ -130,4 +133,7 @@ def _handles(ellipses: bool) -> list:
         Polygon([(0, 0)], fc="#e5e7eb", ec="#9ca3af", label="reachable by the free end"),
         Polygon([(0, 0)], fc="#fde68a", ec=ORANGE, label="swept by the robot’s hand"),
     ]
+    if unseen:
+        lost = "*", {"color": "#374151", "ms": 10, "mfc": "none", "mew": 0.8}
+        drawn.append(axes.plot([], [], lost[0], **lost[1], label="all casts lost in tracking")[0])
     return drawn if ellipses else [*drawn[:2], *drawn[3:]]

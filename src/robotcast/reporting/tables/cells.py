@@ -14,6 +14,23 @@ def quartiles(evaluation: Evaluation | None) -> tuple[float | None, ...]:
     return tuple(np.percentile(evaluation.errors_percent, [50, 25, 75, 0, 100]).tolist())
 
 
+def median_and_repeats(evaluation: Evaluation | None) -> tuple[Cell, ...]:
+    """Return the median's 95 % interval, then what repeats of one cast differ by."""
+    if evaluation is None or len(evaluation.errors_percent) == 0:
+        return (Cell(None),) * 3
+    low, high = evaluation.median_interval or (None, None)
+    return Cell(low), Cell(high), Cell(evaluation.scatter_percent)
+
+
+def shares(evaluation: Evaluation | None) -> tuple[Cell, Cell]:
+    """Return repeatability's and the model's share of the mean square error, in %."""
+    parts = evaluation.parts if evaluation is not None else None
+    if parts is None:
+        return Cell(None), Cell(None)
+    share = 100 * parts.repeatability_share
+    return Cell(share), Cell(100 - share)
+
+
 def plain_cells(rows: Sequence[Sequence[float | None]], digits: int) -> list[tuple[Cell, ...]]:
     return [tuple(Cell(v, digits) for v in row) for row in rows]
 

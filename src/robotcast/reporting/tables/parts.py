@@ -6,6 +6,7 @@ from robotcast.reporting.names import cable_name, dataset_name, policy_name
 from robotcast.reporting.paper import POLICIES
 from robotcast.reporting.results import Evaluation, Results
 from robotcast.reporting.table import Cell, Group, Row, Table
+from robotcast.reporting.tables.cells import median_and_repeats, shares
 from robotcast.reporting.tables.setting import setting
 
 
@@ -14,33 +15,30 @@ def parts_table(results: Results) -> Table:
     shown = [e for e in _ordered(results) if len(e.errors_percent)]
     rows = []
     for evaluation in shown:
-        parts, interval = evaluation.parts, evaluation.median_interval
-        low, high = interval or (None, None)
-        numbers = (
-            float(np.median(evaluation.errors_percent)),
-            low,
-            high,
-            evaluation.scatter_percent,
-            parts.repeatability if parts else None,
-            parts.model if parts else None,
-            100 * parts.repeatability_share if parts else None,
-            evaluation.expected_percent,
-            _hundred(evaluation.within_expected),
+        parts = evaluation.parts
+        cells = (
+            Cell(float(np.median(evaluation.errors_percent))),
+            *median_and_repeats(evaluation),
+            Cell(parts.repeatability if parts else None),
+            Cell(parts.model if parts else None),
+            *shares(evaluation),
+            Cell(evaluation.expected_percent),
+            Cell(_hundred(evaluation.within_expected)),
         )
         labels = (
             cable_name(evaluation.cable),
             policy_name(evaluation.policy, evaluation.dataset),
             dataset_name(evaluation.dataset),
         )
-        rows.append(Row(labels, tuple(Cell(v) for v in numbers)))
+        rows.append(Row(labels, cells))
     return Table(
         name="parts",
         caption=(
             f"What the error of each policy is made of, {setting(shown)}. The 95 % interval of "
             "the median is a bootstrap over targets; the scatter is the median distance of "
             "repeats from their mean. Root mean squares: repeatability (aleatoric) is the scatter "
-            "of repeats, model (epistemic) the distance of their mean from the target; the share "
-            "is repeatability’s part of the mean square error. Expected is how far from its "
+            "of repeats, model (epistemic) the distance of their mean from the target; the shares "
+            "are their parts of the mean square error. Expected is how far from its "
             "prediction the model expects a cast to end (root mean square), covered the share of "
             "casts that ended where it expects 95 %. In % of cable length but the shares."
         ),
@@ -48,11 +46,12 @@ def parts_table(results: Results) -> Table:
         groups=(
             Group("Median", ("Median", "from", "to")),
             Group("Repeats", ("Scatter",)),
-            Group("Root mean square", ("Repeatability", "Model", "Share")),
+            Group("Root mean square", ("Repeatability", "Model")),
+            Group("Share", ("Aleatoric", "Epistemic")),
             Group("Model’s spread", ("Expected", "Covered")),
         ),
         rows=tuple(rows),
-        reference=3,
+        reference=4,
     )
 
 

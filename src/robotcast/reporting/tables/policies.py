@@ -4,8 +4,15 @@ from robotcast.reporting.names import cable_name, dataset_name, policy_name
 from robotcast.reporting.paper import PAPER_RIG, POLICIES, QUARTILES
 from robotcast.reporting.results import Results
 from robotcast.reporting.table import Group, Row, Table
-from robotcast.reporting.tables.cells import marked, quartiles
-from robotcast.reporting.tables.setting import PAPER_NOTE, cables_of, of_cable, rigs_of, setting
+from robotcast.reporting.tables.cells import marked, median_and_repeats, quartiles, shares
+from robotcast.reporting.tables.setting import (
+    BESIDE_NOTE,
+    PAPER_NOTE,
+    cables_of,
+    of_cable,
+    rigs_of,
+    setting,
+)
 
 
 def policies_table(results: Results) -> Table:
@@ -17,25 +24,32 @@ def policies_table(results: Results) -> Table:
         evaluations = of_cable(results, cable)
         pairs = list(POLICIES)
         pairs += sorted({(e.policy, e.dataset) for e in evaluations} - set(pairs))
-        own = marked([quartiles(results.evaluation(cable, *p)) for p in pairs], digits=1)
+        cast = [results.evaluation(cable, *p) for p in pairs]
+        own = marked([quartiles(e) for e in cast], digits=1)
+        beside = [(*median_and_repeats(e), *shares(e)) for e in cast]
         paper = [POLICIES.get(p) if cable == "cable1" else None for p in pairs]
         reference = marked([p or (None,) * 5 for p in paper], digits=0)
         rows += [
-            Row((cable_name(cable), policy_name(*pair), dataset_name(pair[1])), (*a, *b))
-            for pair, a, b in zip(pairs, own, reference, strict=True)
+            Row((cable_name(cable), policy_name(*pair), dataset_name(pair[1])), (*a, *b, *c))
+            for pair, a, b, c in zip(pairs, own, beside, reference, strict=True)
         ]
     shown = [e for c in blocks for e in of_cable(results, c)]
     return Table(
         name="policies",
         caption=(
             f"Final distance to the target for each policy, {setting(shown)}. "
-            f"All errors in % of cable length; best in bold. {PAPER_NOTE}"
+            f"All errors in % of cable length; best in bold. {BESIDE_NOTE} Aleatoric and "
+            "epistemic: what the scatter of repeats and what the model have of the mean square "
+            f"error. {PAPER_NOTE}"
         ),
         label_columns=("Cable", "Model", "Dataset"),
         groups=(
             Group(rigs_of(shown), QUARTILES),
+            Group("Median", ("from", "to")),
+            Group("Repeats", ("Scatter",)),
+            Group("Share", ("Aleatoric", "Epistemic")),
             Group(f"{PAPER_RIG}, Cable 1", QUARTILES),
         ),
         rows=tuple(rows),
-        reference=1,
+        reference=4,
     )

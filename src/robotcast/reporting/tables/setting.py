@@ -6,6 +6,10 @@ from robotcast.reporting.names import cable_name, policy_label, rig_names
 from robotcast.reporting.paper import CABLES, PAPER_RIG
 from robotcast.reporting.results import Evaluation, Results
 
+BESIDE_NOTE = (
+    "From and to: the 95 % interval of the median, a bootstrap over targets. Scatter: median "
+    "distance of the repeats of a cast from their mean, the rig’s own repeatability."
+)
 PAPER_NOTE = f"Columns “{PAPER_RIG}”: the paper’s values, a UR5 and real cables, for reference."
 
 
