@@ -6,16 +6,17 @@ INSTALLED := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
 .PHONY: help install repro hidden-effects hidden-effects-few sim2sim \
-	real-casts real-casts-few better-model better-model-few test quick format
+	tune-size tune-size-few real-casts real-casts-few better-model better-model-few test quick format
 
 help:
 	@echo "make repro    set up, then run the pipeline (what changed since the last run)"
 	@echo "make hidden-effects  draw, diagnose and score the hidden-effect benchmark (hours)"
 	@echo "make hidden-effects-few  the same on four small sets (minutes)"
 	@echo "make sim2sim  how near each optimizer comes to parameters that are known (hours)"
+	@echo "make tune-size  what more casts to tune to are worth (an hour, after a paper-scale run)"
 	@echo "make real-casts  what real casts are worth to a policy (hours, after a paper-scale run)"
 	@echo "make better-model  what a better model is worth to a policy (hours)"
-	@echo "make real-casts-few, make better-model-few  the same at demo scale (minutes)"
+	@echo "make tune-size-few, real-casts-few, better-model-few  the same at demo scale (minutes)"
 	@echo "make test     set up, then ruff, pyright and every test"
 	@echo "make quick    ruff, pyright and the fast tests"
 	@echo "make format   format the code"
@@ -43,10 +44,24 @@ hidden-effects-few: $(INSTALLED)
 sim2sim: $(INSTALLED)
 	$(BIN)/dvc repro benchmarks/sim2sim/dvc.yaml
 
+PAPER_SCALE = @grep -q '^scale: paper' params.yaml || { \
+	echo '$@ goes on from a paper-scale run: set "scale: paper" in params.yaml,' \
+		'then make repro' >&2; exit 1; }
+
+tune-size: $(INSTALLED)
+	$(PAPER_SCALE)
+	$(BIN)/dvc repro benchmarks/tune_size/dvc.yaml
+
+tune-size-few: $(INSTALLED)
+	for casts in 5 15; do \
+		$(BIN)/python stages/tune.py scale.tune.tune_casts=15 scale.tune.segmented.casts=$$casts \
+			optimizer.budget_casts=$$((280 * casts)) \
+			paths.tuned=data/tune_size_few/segmented-$$casts || exit 1; \
+	done
+	$(BIN)/python stages/tune_size_table.py studies=few
+
 real-casts: $(INSTALLED)
-	@grep -q '^scale: paper' params.yaml || { \
-		echo 'real-casts goes on from a paper-scale run: set "scale: paper" in params.yaml,' \
-			'then make repro' >&2; exit 1; }
+	$(PAPER_SCALE)
 	$(BIN)/dvc repro benchmarks/real_casts/dvc.yaml
 
 real-casts-few: $(INSTALLED)

@@ -1,4 +1,4 @@
-"""benchmarks/real_casts and better_model: every stage depends on the code it runs."""
+"""benchmarks/tune_size, real_casts and better_model: every stage depends on the code it runs."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ import yaml
 from tests.test_pipeline import covers, reached
 
 ROOT = Path(__file__).resolve().parents[2]
-STUDIES = ("real_casts", "better_model")
+STUDIES = ("tune_size", "real_casts", "better_model")
 STAGES = [
     (study, name, stage)
     for study in STUDIES
@@ -23,6 +23,7 @@ STAGES = [
 )
 def test_a_stage_depends_on_all_the_code_it_runs_and_on_no_other(study, name, stage) -> None:
     script = f"{study}_table" if name == "table" else name
+    stage = stage.get("do", stage)
     run = reached(stage, ROOT / "stages" / f"{script}.py")
     deps = stage["deps"]
     assert not sorted(file for file in run if not covers(deps, file))

@@ -202,7 +202,7 @@ def read_results(data: Path) -> Results:
     cables = {folder: _read_cable(data, folder) for folder in names}
     return Results(
         cables=tuple(cables.values()),
-        tunings=tuple(_read_tuning(p) for p in sorted(data.glob("tuned/*/*/tuned.yaml"))),
+        tunings=tuple(read_tuning(p) for p in sorted(data.glob("tuned/*/*/tuned.yaml"))),
         evaluations=tuple(
             read_evaluation(p) for p in sorted(data.glob("evaluation/*/*/evaluation.csv"))
         ),
@@ -245,7 +245,8 @@ def _read_cable(data: Path, name: str) -> CableData:
     )
 
 
-def _read_tuning(path: Path) -> Tuning:
+def read_tuning(path: Path) -> Tuning:
+    """Read the folder of one tuned.yaml."""
     facts = _read_yaml(path)
     trace, predictions = path.with_name("trace.csv"), path.with_name("predictions.parquet")
     return Tuning(
