@@ -4,7 +4,7 @@ from robotcast.reporting.names import cable_name, dataset_name, policy_name
 from robotcast.reporting.paper import PAPER_RIG, POLICIES, QUARTILES
 from robotcast.reporting.results import Results
 from robotcast.reporting.table import Group, Row, Table
-from robotcast.reporting.tables.cells import marked, median_and_repeats, quartiles, shares
+from robotcast.reporting.tables.cells import marked, median_and_repeats, quartiles
 from robotcast.reporting.tables.setting import (
     BESIDE_NOTE,
     PAPER_NOTE,
@@ -26,7 +26,7 @@ def policies_table(results: Results) -> Table:
         pairs += sorted({(e.policy, e.dataset) for e in evaluations} - set(pairs))
         cast = [results.evaluation(cable, *p) for p in pairs]
         own = marked([quartiles(e) for e in cast], digits=1)
-        beside = [(*median_and_repeats(e), *shares(e)) for e in cast]
+        beside = [median_and_repeats(e) for e in cast]
         paper = [POLICIES.get(p) if cable == "cable1" else None for p in pairs]
         reference = marked([p or (None,) * 5 for p in paper], digits=0)
         rows += [
@@ -38,18 +38,15 @@ def policies_table(results: Results) -> Table:
         name="policies",
         caption=(
             f"Final distance to the target for each policy, {setting(shown)}. "
-            f"All errors in % of cable length; best in bold. {BESIDE_NOTE} Aleatoric and "
-            "epistemic: what the scatter of repeats and what the model have of the mean square "
-            f"error. {PAPER_NOTE}"
+            f"All errors in % of cable length; best in bold. {BESIDE_NOTE} {PAPER_NOTE}"
         ),
         label_columns=("Cable", "Model", "Dataset"),
         groups=(
             Group(rigs_of(shown), QUARTILES),
             Group("Median", ("from", "to")),
             Group("Repeats", ("Scatter",)),
-            Group("Share", ("Aleatoric", "Epistemic")),
             Group(f"{PAPER_RIG}, Cable 1", QUARTILES),
         ),
         rows=tuple(rows),
-        reference=4,
+        reference=3,
     )
