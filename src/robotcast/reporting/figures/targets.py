@@ -15,6 +15,7 @@ from robotcast.reporting.results import CableData, Evaluation, endpoints_by_targ
 
 _BESIDE_M = 0.25  # what is shown beyond the axis of symmetry
 _MOST_COLUMNS = 4
+_UNSEEN = {"color": "#374151", "ms": 10, "mfc": "none", "mew": 0.8}
 _CHI2_95 = 5.991  # 95 % quantile of χ² with two degrees of freedom
 
 
@@ -33,7 +34,7 @@ def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData
         for number, target, ends in endpoints_by_target(evaluation.casts):
             _target(panel, target, ends, CYCLE[number % len(CYCLE)])
         for x, y in evaluation.unseen_m:
-            panel.plot(y, x, "*", color="#374151", ms=10, mfc="none", mew=0.8, zorder=4)
+            panel.plot(y, x, "*", **_UNSEEN, zorder=4)
         panel.plot(0, 0, "k^", ms=7, clip_on=False, zorder=5)
         median = np.median(evaluation.errors_percent)
         name = policy_name(evaluation.policy, evaluation.dataset)
@@ -134,6 +135,5 @@ def _handles(ellipses: bool, unseen: bool) -> list:
         Polygon([(0, 0)], fc="#fde68a", ec=ORANGE, label="swept by the robot’s hand"),
     ]
     if unseen:
-        lost = "*", {"color": "#374151", "ms": 10, "mfc": "none", "mew": 0.8}
-        drawn.append(axes.plot([], [], lost[0], **lost[1], label="all casts lost in tracking")[0])
+        drawn.append(axes.plot([], [], "*", **_UNSEEN, label="all casts lost in tracking")[0])
     return drawn if ellipses else [*drawn[:2], *drawn[3:]]

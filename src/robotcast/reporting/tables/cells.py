@@ -22,9 +22,9 @@ def median_and_repeats(evaluation: Evaluation | None) -> tuple[Cell, ...]:
     return Cell(low), Cell(high), Cell(evaluation.scatter_percent)
 
 
-def shares(evaluation: Evaluation | None) -> tuple[Cell, Cell]:
+def shares(evaluation: Evaluation) -> tuple[Cell, Cell]:
     """Return repeatability's and the model's share of the mean square error, in %."""
-    parts = evaluation.parts if evaluation is not None else None
+    parts = evaluation.parts
     if parts is None:
         return Cell(None), Cell(None)
     share = 100 * parts.repeatability_share
