@@ -19,8 +19,8 @@ from robotcast.simulators.bullet.springs import fastest_frequency, spring_torque
 from robotcast.simulators.bullet.tasks import Setup, Task
 from robotcast.simulators.bullet.worker import prepare
 from robotcast.simulators.simulator import SimulatedCast
+from tests.processes.test_workers import gone_within
 from tests.simulators.conftest import CABLE, configured, mirrored, nominal
-from tests.simulators.test_workers import gone_within
 
 ROOT = Path(__file__).resolve().parents[2]
 BENDING = 1e-4  # N m²

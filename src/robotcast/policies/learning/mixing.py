@@ -11,8 +11,9 @@ from itertools import product
 
 import numpy as np
 
-from robotcast.policies.learning.datasets import Dataset, folds, mixed_dataset
+from robotcast.policies.learning.datasets import Dataset, Examples, folds, mixed_dataset
 from robotcast.policies.learning.forward_model import Learner
+from robotcast.processes.elsewhere import answers, cores
 from robotcast.progress import Progress, silent
 
 _FOLDS = 3
@@ -62,17 +63,45 @@ def choose_mixture(
     held_out = list(folds(real, _FOLDS, seed=seed))
     if len(pairs) == 1 or not held_out:
         return tuple(Mixture(*pair) for pair in pairs)
-    trials = list(product(pairs, held_out))
+    brief = learner.shortened(passes)
+    trials = [
+        _Trial(brief, rest, simulated, out, *pair, seed)
+        for pair, (rest, out) in product(pairs, held_out)
+    ]
     logarithms: dict[tuple[float, float], list[np.ndarray]] = {pair: [] for pair in pairs}
-    for done, (pair, (rest, out)) in enumerate(trials):
-        fraction, weight = pair
-        progress(done, len(trials), f"trying {fraction:.0%} real × {weight:g}")
-        mixed = mixed_dataset(
-            rest, simulated, real_fraction=fraction, real_weight=weight, seed=seed
-        )
-        model = learner.shortened(passes).fit(mixed, seed=seed)
-        misses = np.linalg.norm(model.predict(out.actions) - out.endpoints_m, axis=1)
-        logarithms[pair].append(np.log(np.maximum(misses, _LEAST_MISS_M)))
-    progress(len(trials), len(trials))
+    progress(0, len(trials))
+    misses = answers(_log_misses, trials, cores(0))  # a network this small keeps one core busy
+    for done, (trial, found) in enumerate(zip(trials, misses, strict=True), 1):
+        logarithms[trial.real_fraction, trial.real_weight].append(found)
+        said = f"tried {trial.real_fraction:.0%} real × {trial.real_weight:g}"
+        progress(done, len(trials), said)
     tried = [Mixture(*p, float(np.exp(np.concatenate(logarithms[p]).mean()))) for p in pairs]
     return tuple(sorted(tried, key=lambda m: m.held_out_miss_m or 0.0))
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """One mixture to be learned without one fold of the real casts."""
+
+    learner: Learner
+    rest: Dataset
+    simulated: Dataset
+    held_out: Examples
+    real_fraction: float
+    real_weight: float
+    seed: int
+
+
+def _log_misses(trial: _Trial) -> np.ndarray:
+    """Return the logarithms of the misses on the casts held out."""
+    mixed = mixed_dataset(
+        trial.rest,
+        trial.simulated,
+        real_fraction=trial.real_fraction,
+        real_weight=trial.real_weight,
+        seed=trial.seed,
+    )
+    model = trial.learner.fit(mixed, seed=trial.seed)
+    out = trial.held_out
+    misses = np.linalg.norm(model.predict(out.actions) - out.endpoints_m, axis=1)
+    return np.log(np.maximum(misses, _LEAST_MISS_M))

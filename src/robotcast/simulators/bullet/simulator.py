@@ -34,8 +34,8 @@ import numpy as np
 from robotcast.effects.effect import Effect
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
+from robotcast.processes.workers import Workers
 from robotcast.progress import Progress, silent
-from robotcast.simulators.batch.workers import Workers
 from robotcast.simulators.bullet.settings import PARAMETERS, BulletSettings
 from robotcast.simulators.bullet.tasks import Setup, Task
 from robotcast.simulators.checks import all_parameters

@@ -5,10 +5,10 @@ from functools import partial
 
 import pybullet
 
-from robotcast.simulators.batch.planar import simulate_planar
 from robotcast.simulators.bullet.run import BulletRun
 from robotcast.simulators.bullet.settings import PARAMETERS
 from robotcast.simulators.bullet.tasks import Setup, Task
+from robotcast.simulators.planar import simulate_planar
 from robotcast.simulators.simulator import Prediction
 
 FINER = 2  # by how much the step of a run that diverged is cut

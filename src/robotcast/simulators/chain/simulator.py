@@ -10,10 +10,10 @@ from robotcast.effects.effect import Effect
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
 from robotcast.progress import Progress, silent
-from robotcast.simulators.batch.planar import simulate_planar
 from robotcast.simulators.chain.run import ChainRun, ChainSettings, implicitly_damped
 from robotcast.simulators.checks import all_parameters
 from robotcast.simulators.geometry import ChainGeometry
+from robotcast.simulators.planar import simulate_planar
 from robotcast.simulators.simulator import Cast, Prediction
 
 FINER = 2  # by how much the step of a run that diverged is cut

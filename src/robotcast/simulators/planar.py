@@ -9,8 +9,8 @@ import numpy as np
 
 from robotcast.effects.active import ActiveEffects
 from robotcast.effects.effect import Effect
+from robotcast.processes.elsewhere import answers, cores, shared
 from robotcast.progress import Progress, silent
-from robotcast.simulators.batch.elsewhere import answers, cores, shared
 from robotcast.simulators.cable_state import CableState
 from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast
 from robotcast.simulators.tool_path import ToolPaths

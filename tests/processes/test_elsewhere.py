@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from robotcast.simulators.batch import elsewhere
+from robotcast.processes import elsewhere
 
 
 def pid_and(number: int) -> tuple[int, int]:

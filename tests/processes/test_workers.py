@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from robotcast.simulators.batch.workers import Workers
+from robotcast.processes.workers import Workers
 
 ROOT = Path(__file__).resolve().parents[2]
-TOY = "tests.simulators.toy_worker:prepare"
+TOY = "tests.processes.toy_worker:prepare"
 
 
 def alive(pid: int) -> bool:
@@ -87,7 +87,7 @@ def test_nothing_is_left_behind_when_the_parent_is_killed(kind: str, tmp_path: P
     told = tmp_path / "pids"
     script = (
         "import pathlib, threading, time\n"
-        "from robotcast.simulators.batch.workers import Workers\n"
+        "from robotcast.processes.workers import Workers\n"
         f"workers = Workers({TOY!r}, 0, 2, 600.0)\n"
         "workers.answer([('add', 1)] * 2)\n"
         f"threading.Thread(target=workers.answer, args=([({kind!r}, 300)] * 2,)).start()\n"

@@ -13,9 +13,9 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any, TypeVar
 
-from robotcast.simulators.batch.workers import Workers
+from robotcast.processes.workers import Workers
 
-PATIENCE_S = 3600.0  # a batch takes seconds; one of a cable that nobody foresaw, perhaps minutes
+PATIENCE_S = 3600.0  # a batch of casts takes seconds, a network minutes
 
 Part = TypeVar("Part")
 Answer = TypeVar("Answer")
@@ -25,7 +25,7 @@ class _Own(threading.local):
     """The process that answers a thread of the pool."""
 
     def __init__(self) -> None:
-        self.workers = Workers("robotcast.simulators.batch.elsewhere:prepare", None, 1, PATIENCE_S)
+        self.workers = Workers("robotcast.processes.elsewhere:prepare", None, 1, PATIENCE_S)
 
 
 class _Calls:
@@ -51,7 +51,7 @@ _own, _calls = _Own(), _Calls()
 
 
 def cores(threads: int) -> int:
-    """Return how many cores a simulator takes that is told `threads`, 0 for all."""
+    """Return how many cores work takes that is told `threads`, 0 for all."""
     return threads or len(os.sched_getaffinity(0))
 
 

@@ -1,4 +1,4 @@
-"""Worker processes that stay, each with its own memory, for simulators that need one apiece.
+"""Worker processes that stay, each with its own memory, for work that needs one apiece.
 
 A worker is this interpreter running `worker_main`. It and its parent talk over a socket pair,
 since libraries write to standard output. A second pipe, the lifeline, carries nothing: when the
@@ -18,7 +18,7 @@ from typing import Any
 
 from robotcast.progress import Progress, silent
 
-MAIN = "robotcast.simulators.batch.worker_main"
+MAIN = "robotcast.processes.worker_main"
 
 
 @dataclass
@@ -88,7 +88,7 @@ class Workers:
             ready = wait(list(busy), max(0.0, self._patience_s - longest))
             if not ready:
                 raise RuntimeError(
-                    f"a simulator process has not answered for {self._patience_s:g} s and was "
+                    f"a worker process has not answered for {self._patience_s:g} s and was "
                     "ended; a larger patience_s gives it longer"
                 )
             for talk in ready:
@@ -134,14 +134,14 @@ def _hear(worker: _Worker) -> Any:
     except (EOFError, ConnectionError):
         raise _death(worker) from None
     if failure:
-        raise RuntimeError(f"a simulator process failed: {failure}")
+        raise RuntimeError(f"a worker process failed: {failure}")
     return answer
 
 
 def _death(worker: _Worker) -> RuntimeError:
     code = worker.process.wait()
     how = f"was killed by signal {-code}" if code < 0 else f"ended with exit status {code}"
-    return RuntimeError(f"a simulator process {how} before it answered")
+    return RuntimeError(f"a worker process {how} before it answered")
 
 
 def _end(workers: list[_Worker]) -> None:

@@ -1,1 +1,0 @@
-"""Many simulations at once: side by side in a batch, and in processes of their own."""
