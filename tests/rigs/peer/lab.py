@@ -20,7 +20,7 @@ from tests.rigs.small_rig import CABLE, R0_M, TRUTH, small_rig
 
 LIGHT = replace(TRUTH, segments=15, step_s=0.002)  # to simulate
 HOME_RAD = tuple(joints_pointing_down(np.array([R0_M, 0.0, 0.0])))
-WIDTH, HEIGHT = 640, 360
+WIDTH, HEIGHT = 800, 450
 QUICK_RESET = ResetSettings(
     lift_s=1.2, raise_s=0.6, hang_s=0.1, settle_s=0.1, pull_s=0.6, rest_s=0.1
 )
