@@ -1,5 +1,6 @@
 """The study as users run it, at a tiny size."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -12,13 +13,19 @@ ROOT = Path(__file__).resolve().parents[2]
 DE_CASTS = 122_000  # of differential evolution at paper scale
 
 
-def run(script: str, folder: Path, *overrides: str) -> None:
+def run(script: str, folder: Path, *overrides: str, **environment: str) -> None:
     command = [sys.executable, f"stages/{script}.py", "sim2sim=few", f"sim2sim.folder={folder}"]
     command += [
         f"sim2sim.reports={folder / 'reports'}",
         f"paths.unfinished={folder / 'unfinished'}",
     ]
-    done = subprocess.run([*command, *overrides], cwd=ROOT, capture_output=True, text=True)
+    done = subprocess.run(
+        [*command, *overrides],
+        cwd=ROOT,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
 
 
@@ -35,3 +42,20 @@ def test_gauss_newton_finds_what_twenty_casts_tell(tmp_path: Path) -> None:
     assert not list((tmp_path / "unfinished").glob("*"))
     run("sim2sim_table", tmp_path)
     assert "Segmented | 20 | Gauss–Newton | 1 |" in (tmp_path / "reports" / "README.md").read_text()
+
+
+@pytest.mark.slow
+def test_a_search_asks_the_same_whatever_the_threads_of_linear_algebra(tmp_path: Path) -> None:
+    written = []
+    for threads in ("1", "2"):
+        folder = tmp_path / threads
+        run(
+            "sim2sim",
+            folder,
+            "optimizer=gn",
+            "sim2sim.casts=10",
+            "sim2sim.most_casts=20",
+            OPENBLAS_NUM_THREADS=threads,
+        )
+        written.append((folder / "segmented-gn-10.csv").read_bytes())
+    assert written[0] == written[1]

@@ -3,24 +3,27 @@
 Steps and differences: Nocedal and Wright 2006, ch. 10; the start: Iglesias, Law and Stuart 2013.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from robotcast.fitting.ensemble import ensemble_start
 from robotcast.fitting.least_squares import (
+    ENOUGH,
     Fit,
     Prior,
     Residuals,
     difference_steps,
     fit_robustly,
-    median_miss,
 )
 from robotcast.fitting.starts import hypercube, spread
 from robotcast.tuning.asking import Evaluate, Problem, Question, Search
 from robotcast.tuning.called import Called
 
-FAR = 3.0  # times the noise: a fit that misses more may have ended in a wrong valley
+LEG = 2  # iterations of the last fit, after which it is looked at
+FAR = 1.15  # ½ ln(1 + 3²), the loss of casts missed by three noises: perhaps in a wrong valley
+HOPE = 0.1  # of its loss that a fit so far off must shed in a leg; in a wrong valley it creeps
 WIDE = 10.0  # ranges: an expectation so wide only keeps what the casts do not tell where it is
 ALL_OVER = 0.96  # of every range: where the starts may lie
 
@@ -31,7 +34,7 @@ class GaussNewton:
 
     An ensemble looks for a start on the beginnings of a few casts, a fit to those of some more
     follows and goes on with all casts, until a step hardly pays. A search that ends far above the
-    noise begins again with another ensemble.
+    noise, or creeps there, begins again with another ensemble.
 
     Attributes
     ----------
@@ -59,11 +62,12 @@ class GaussNewton:
     def _run(self, problem: Problem, evaluate: Evaluate) -> None:
         evaluate(Question(problem.start[None]))
         for attempt in range(self.attempts):
-            fit = self._fitted(problem, evaluate, self.seed + attempt)
-            if median_miss(fit.residual) < FAR:
+            last = attempt == self.attempts - 1
+            if self._fitted(problem, evaluate, self.seed + attempt, patient=last).loss < FAR:
                 return
 
-    def _fitted(self, problem: Problem, evaluate: Evaluate, seed: int) -> Fit:
+    def _fitted(self, problem: Problem, evaluate: Evaluate, seed: int, *, patient: bool) -> Fit:
+        """Return where a search ends; unless `patient`, one that creeps far away ends early."""
         noise = problem.noise_percent
         early = _Fits(problem, _residuals(evaluate, noise, self.share), self.some)
         whole = _Fits(problem, _residuals(evaluate, noise), problem.casts)
@@ -72,7 +76,14 @@ class GaussNewton:
         few = spread(early.trials, self.few)
         start = ensemble_start(early.residuals, members, few, self.updates, seed)
         begun = early(start, self.early_iterations)
-        return whole(begun.vector, self.iterations, like=begun)
+        fit, before = begun, math.inf
+        for done in range(0, self.iterations, LEG):
+            fit = whole(fit.vector, min(LEG, self.iterations - done), like=fit)
+            least = HOPE if fit.loss > FAR and not patient else ENOUGH
+            if fit.loss > before * (1 - least):
+                break
+            before = fit.loss
+        return fit
 
 
 class _Fits:
