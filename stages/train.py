@@ -17,23 +17,32 @@ from robotcast.policies.learning.datasets import (
 )
 from robotcast.policies.learning.forward_model import Learner
 from robotcast.policies.learning.mixing import choose_mixture
+from robotcast.policies.learning.residual import ResidualLearner
 
 
 def train(config: DictConfig) -> None:
     if config.policy.name == "cast_and_pull":
         raise ValueError("policy=cast_and_pull learns nothing: evaluate it with dataset=none")
     learner = instantiate(config.policy.learner)
-    dataset = _dataset(config, learner)
+    datasets = _datasets(config, learner)
     folder = output_folder(config.paths.policy)
     with bar(f"train {config.policy.name}-{config.dataset.name}") as progress:
         model = learner.fit(
-            dataset,
+            *datasets,
             seed=config.seed,
             unfinished=unfinished_file(config, folder, ".safetensors"),
             progress=progress,
         )
     model.save(folder)
-    console.print(f"{folder}: {len(dataset.training)} training examples")
+    console.print(f"{folder}: {sum(len(d.training) for d in datasets)} training examples")
+
+
+def _datasets(config: DictConfig, learner: Learner | ResidualLearner) -> tuple[Dataset, ...]:
+    if not isinstance(learner, ResidualLearner):
+        return (_dataset(config, learner),)
+    if config.dataset.name != "mixed":
+        raise ValueError("policy=residual learns from D_real and D_sim: it needs dataset=mixed")
+    return _real(config), _simulated(config)
 
 
 def _dataset(config: DictConfig, learner: Learner) -> Dataset:

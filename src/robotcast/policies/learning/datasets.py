@@ -179,11 +179,7 @@ def mixed_dataset(
         raise ValueError(f"dataset mixed: real_fraction must be in (0, 1), got {real_fraction}")
     if real_weight <= 0:
         raise ValueError(f"dataset mixed: real_weight must be positive, got {real_weight}")
-    if len(cables := {d.facts["cable"] for d in (simulated, real) if "cable" in d.facts}) > 1:
-        raise ValueError(
-            f"dataset mixed: casts of {' and '.join(sorted(cables))} do not mix; "
-            "take measured and simulated casts of one cable"
-        )
+    refuse_other_cables(real, simulated)
     n_real, n_simulated = len(real.training), len(simulated.training)
     wanted = max(n_real, round(n_simulated * real_fraction / (1 - real_fraction)))
     rng = np.random.default_rng(np.random.SeedSequence((seed, 1)))
@@ -204,6 +200,15 @@ def mixed_dataset(
             "real_weight": real_weight,
         },
     )
+
+
+def refuse_other_cables(*datasets: Dataset) -> None:
+    """Refuse to learn from casts of several cables together."""
+    if len(cables := {d.facts["cable"] for d in datasets if "cable" in d.facts}) > 1:
+        raise ValueError(
+            f"dataset mixed: casts of {' and '.join(sorted(cables))} do not mix; "
+            "take measured and simulated casts of one cable"
+        )
 
 
 def folds(real: Dataset, count: int, *, seed: int) -> Iterator[tuple[Dataset, Examples]]:
