@@ -1,7 +1,8 @@
-"""Batches run in processes, one a core, because what Python does between steps needs a core too.
+"""Work done in processes, one a core, because what Python does between steps needs a core too.
 
-On two threads the interpreter runs one batch at a time: small batches were no faster than on
-one. The processes start with the first work worth sending, stay, and end with this one.
+It is batches of casts and the training of small networks. On two threads the interpreter runs one
+of them at a time: small batches were no faster than on one. The processes start with the first
+work worth sending, stay, and end with this one.
 """
 
 import os

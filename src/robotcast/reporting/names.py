@@ -17,6 +17,7 @@ _POLICIES = {
     ("nn", "real"): "π_RD",
     ("nn", "simulated"): "π_SD",
     ("nn", "mixed"): "π_R2S2R",
+    ("residual", "mixed"): "Residual",
 }
 
 

@@ -1,7 +1,7 @@
 """A Gaussian process as forward model (paper, "Baseline Policies"), exact or sparse."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +18,8 @@ from robotcast.policies.learning.training import Epoch
 class Posterior:
     """What a Gaussian process with a Matérn 5/2 kernel believes, told by its inducing points.
 
-    Everything is in normalised units. x and y share the kernel. Learning needs double precision;
-    the mean of a fitted process does not.
+    Everything is in normalised units and double precision: where casts hardly scatter, the mean is
+    a small difference of large numbers. x and y share the kernel.
 
     Attributes
     ----------
@@ -37,10 +37,6 @@ class Posterior:
     mean_weights: torch.Tensor
     known: torch.Tensor
 
-    def single(self) -> "Posterior":
-        """Return the same in single precision: a third of the time, micrometres off."""
-        return Posterior(*(getattr(self, field.name).float() for field in fields(self)))
-
     def mean(self, rows: torch.Tensor) -> torch.Tensor:
         """Return normalised endpoints (n, 2) of normalised actions (n, 6)."""
         return self._kernel(rows) @ self.mean_weights
@@ -52,12 +48,19 @@ class Posterior:
         return torch.sqrt(left.clamp_min(0.0) + self.noise)
 
     def _kernel(self, rows: torch.Tensor) -> torch.Tensor:
-        # expanded by hand: twice as fast as the library's over the 67 500 candidates
-        one, other = rows / self.lengths, self.points / self.lengths
-        squares = one.square().sum(dim=1, keepdim=True) + other.square().sum(dim=1)
-        apart = (squares - 2 * one @ other.T).clamp_min(1e-30).mul(5.0)
-        root = apart.sqrt()
-        return self.variance * (1 + root + apart / 3) * torch.exp(-root)
+        return self.variance * matern(rows, self.points, self.lengths)
+
+
+def matern(rows: torch.Tensor, points: torch.Tensor, lengths: torch.Tensor) -> torch.Tensor:
+    """Return the Matérn 5/2 correlation (n, m) of rows (n, d) with points (m, d).
+
+    Expanded by hand: twice as fast as the library's over the 67 500 candidates.
+    """
+    one, other = rows / lengths, points / lengths
+    squares = one.square().sum(dim=1, keepdim=True) + other.square().sum(dim=1)
+    apart = (squares - 2 * one @ other.T).clamp_min(1e-30).mul(5.0)
+    root = apart.sqrt()
+    return (1 + root + apart / 3) * torch.exp(-root)
 
 
 @dataclass(frozen=True)
@@ -82,9 +85,7 @@ class GaussianProcess:
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
         """Predict endpoints (n, 2) [m] of actions (n, 6)."""
-        rows = self._inputs(actions).float()
-        found = in_parts(self.posterior.single().mean, rows).numpy()
-        return self.endpoints.undo(found.astype(float))
+        return self.endpoints.undo(in_parts(self.posterior.mean, self._inputs(actions)).numpy())
 
     def spread(self, actions: np.ndarray) -> np.ndarray:
         """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""

@@ -56,12 +56,17 @@ def write_model(
     write_text(folder / DESCRIPTION_FILE, yaml.safe_dump(description, sort_keys=False))
 
 
-def read_model(folder: Path) -> Stored:
-    """Read what `write_model` wrote; refuse weights that are not of the description."""
+def read_description(folder: Path) -> dict[str, Any]:
+    """Read policy.yaml, which is written last; say what to run where there is none."""
     description = folder / DESCRIPTION_FILE
     if not description.exists():
         raise FileNotFoundError(f"{description} is missing: run the train stage first")
-    told = yaml.safe_load(description.read_text(encoding="utf-8"))
+    return yaml.safe_load(description.read_text(encoding="utf-8"))
+
+
+def read_model(folder: Path) -> Stored:
+    """Read what `write_model` wrote; refuse weights that are not of the description."""
+    told = read_description(folder)
     weights = folder / WEIGHTS_FILE
     if hashlib.sha256(weights.read_bytes()).hexdigest() != told["weights_sha256"]:
         raise ValueError(f"{weights} does not belong to {DESCRIPTION_FILE} beside it: train again")
