@@ -21,7 +21,7 @@ from robotcast.policies.learning.forward_model import ForwardModel
 from robotcast.policies.learning.gaussian_process import GaussianProcess, Posterior, matern
 from robotcast.policies.learning.normalisation import Normalisation
 from robotcast.policies.learning.reproducible import reproducible_torch
-from robotcast.policies.learning.spread import held_out_scale
+from robotcast.policies.learning.spread import Spread, held_out_scale, slope_size
 from robotcast.policies.learning.training import Epoch
 
 _FREEDOM = 4.0  # degrees of freedom of Student's distribution, by which wild casts lose weight
@@ -83,7 +83,7 @@ def seen_by(base: ForwardModel, actions: np.ndarray) -> np.ndarray:
 def noise_terms(base: ForwardModel, actions: np.ndarray, unit: np.ndarray) -> np.ndarray:
     """Return |σ| and |S| of `CastNoise`, (n, 2) [m]."""
     spread_m = np.linalg.norm(base.spread(actions), axis=1)
-    slope_m = np.linalg.norm(base.slopes(actions) * unit, axis=(1, 2))
+    slope_m = slope_size(base.slopes(actions), unit)
     return np.stack([spread_m, slope_m], axis=1)
 
 
@@ -118,11 +118,11 @@ def learn_departures(base: ForwardModel, casts: Examples, *, seed: int) -> Depar
         exact=True,
         actions=inputs,
         endpoints=outputs,
-        scale_m=outputs.scale,
         dataset="departures",
         facts={"real_casts": len(casts)},
         seed=seed,
         history=(Epoch(1, loss, loss, median_m),),
+        size=Spread.plain(seen.shape[1]),
     )
     return Departures(
         process=process,

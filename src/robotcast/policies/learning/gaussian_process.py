@@ -10,6 +10,7 @@ import torch
 from robotcast.policies.learning.normalisation import Normalisation
 from robotcast.policies.learning.reproducible import in_parts
 from robotcast.policies.learning.slopes import row_slopes
+from robotcast.policies.learning.spread import Spread
 from robotcast.policies.learning.storage import read_model, write_model
 from robotcast.policies.learning.training import Epoch
 
@@ -70,18 +71,18 @@ class GaussianProcess:
     Attributes
     ----------
     exact : whether every training action is an inducing point, so that nothing is approximated.
-    scale_m : ndarray of shape (2,), metres in one normalised unit of spread, set on held-out casts.
+    size : of the spread, set on held-out casts.
     """
 
     posterior: Posterior
     exact: bool
     actions: Normalisation
     endpoints: Normalisation
-    scale_m: np.ndarray
     dataset: str
     facts: Mapping[str, object]
     seed: int
     history: tuple[Epoch, ...]
+    size: Spread
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
         """Predict endpoints (n, 2) [m] of actions (n, 6)."""
@@ -89,8 +90,11 @@ class GaussianProcess:
 
     def spread(self, actions: np.ndarray) -> np.ndarray:
         """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
-        deviation = in_parts(self.posterior.deviation, self._inputs(actions)).numpy()
-        return deviation[:, None] * self.scale_m
+        return self.size(self.doubt(actions), self.slopes(actions))
+
+    def doubt(self, actions: np.ndarray) -> np.ndarray:
+        """Return the normalised standard deviation of a cast of actions (n, 6), (n,)."""
+        return in_parts(self.posterior.deviation, self._inputs(actions)).numpy()
 
     def slopes(self, actions: np.ndarray) -> np.ndarray:
         """Return the endpoint's derivatives (n, 2, 6) by the numbers of actions (n, 6)."""
@@ -106,7 +110,7 @@ class GaussianProcess:
             "seed": self.seed,
             "inducing_points": len(self.posterior.points),
             "examples": dict(self.facts),
-            "spread_m": self.scale_m.tolist(),
+            "spread": self.size.as_dict(),
             "normalisation": {
                 "actions": self.actions.as_dict(),
                 "endpoints_m": self.endpoints.as_dict(),
@@ -124,11 +128,11 @@ class GaussianProcess:
             told["kind"].startswith("exact"),
             Normalisation.from_dict(told["normalisation"]["actions"]),
             Normalisation.from_dict(told["normalisation"]["endpoints_m"]),
-            np.array(told["spread_m"]),
             told["dataset"],
             told["examples"],
             told["seed"],
             stored.history,
+            Spread.from_dict(told["spread"]),
         )
 
     def _inputs(self, actions: np.ndarray) -> torch.Tensor:

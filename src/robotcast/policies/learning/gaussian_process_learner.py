@@ -15,13 +15,13 @@ from linear_operator.utils.cholesky import psd_safe_cholesky
 from torch import nn
 from torch.nn.functional import softplus
 
-from robotcast.policies.learning.datasets import Dataset, Examples
+from robotcast.policies.learning.datasets import Dataset
 from robotcast.policies.learning.gaussian_process import GaussianProcess, Posterior
 from robotcast.policies.learning.judging import Held
 from robotcast.policies.learning.normalisation import Normalisation
 from robotcast.policies.learning.reproducible import in_parts, reproducible_torch
 from robotcast.policies.learning.rows import Rows
-from robotcast.policies.learning.spread import held_out_scale
+from robotcast.policies.learning.spread import Spread, sized
 from robotcast.policies.learning.training import subject_of, train
 from robotcast.progress import Progress, silent
 
@@ -86,17 +86,18 @@ class GaussianProcessLearner:
                 progress=progress,
             )
             posterior = process.posterior(rows)
-        return GaussianProcess(
+        fitted = GaussianProcess(
             posterior,
             exact,
             actions,
             endpoints,
-            _scale_m(posterior, dataset.calibration, actions, endpoints),
             dataset.name,
             dataset.facts,
             seed,
             history,
+            Spread.plain(actions.mean.size),
         )
+        return replace(fitted, size=sized(fitted, dataset.calibration, actions.scale))
 
     def shortened(self, passes: int) -> "GaussianProcessLearner":
         """Return a learner of fewer passes, to try settings with.
@@ -197,16 +198,6 @@ class _Process(nn.Module):
         inner = psd_safe_cholesky(heavy @ whitened.T + torch.eye(len(own), dtype=own.dtype))
         told = torch.linalg.solve_triangular(inner, heavy @ rows.endpoints, upper=False)
         return _Factors(points, whitened, inner, told)
-
-
-def _scale_m(
-    posterior: Posterior, casts: Examples, actions: Normalisation, endpoints: Normalisation
-) -> np.ndarray:
-    """Return how many metres of spread a deviation of 1 means, (2,)."""
-    inputs = torch.from_numpy(actions.apply(casts.actions))
-    misses_m = casts.endpoints_m - endpoints.undo(in_parts(posterior.mean, inputs).numpy())
-    deviation = in_parts(posterior.deviation, inputs).numpy()
-    return held_out_scale(misses_m, deviation, casts.weights)
 
 
 @dataclass(frozen=True)

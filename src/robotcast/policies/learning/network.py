@@ -13,14 +13,15 @@ from robotcast.policies.learning.normalisation import Normalisation
 from robotcast.policies.learning.reproducible import in_parts
 from robotcast.policies.learning.scatter import Scatter
 from robotcast.policies.learning.slopes import row_slopes
+from robotcast.policies.learning.spread import Spread
 from robotcast.policies.learning.storage import read_model, write_model
 from robotcast.policies.learning.training import Epoch
 
-_SPREAD = "spread/"
+_DOUBT = "doubt/"
 
 
 @dataclass(frozen=True)
-class LastLayerSpread:
+class LastLayerDoubt:
     """How unsure the network is, from what its last hidden layer saw of the training examples.
 
     The last layer taken alone is Bayesian linear regression (MacKay 1992): the variance of a
@@ -30,14 +31,12 @@ class LastLayerSpread:
     ----------
     root : tensor of shape (h + 1, h + 1), R with A⁻¹ = Rᵀ R.
     scatter : of casts about the network.
-    scale_m : tensor of shape (2,), metres in a unit of scatter.
     """
 
     root: torch.Tensor
     scatter: Scatter
-    scale_m: torch.Tensor
 
-    def relative(self, features: torch.Tensor) -> torch.Tensor:
+    def __call__(self, features: torch.Tensor) -> torch.Tensor:
         """Return the scatter times √(1 + φᵀ A⁻¹ φ), (n,), of features (n, h)."""
         unlike = (with_one(features) @ self.root.T).square().sum(dim=1)
         return self.scatter(features) * torch.sqrt(1 + unlike)
@@ -45,13 +44,13 @@ class LastLayerSpread:
     def tensors(self) -> dict[str, torch.Tensor]:
         """Return what it is made of, by name, for a file."""
         scatter = {"scatter_weights": self.scatter.weights, "scatter_bounds": self.scatter.bounds}
-        return {"root": self.root, **scatter, "scale_m": self.scale_m}
+        return {"root": self.root, **scatter}
 
     @classmethod
-    def of(cls, tensors: Mapping[str, torch.Tensor]) -> "LastLayerSpread":
+    def of(cls, tensors: Mapping[str, torch.Tensor]) -> "LastLayerDoubt":
         """Make it of `tensors`."""
         scatter = Scatter(tensors["scatter_weights"], tensors["scatter_bounds"])
-        return cls(tensors["root"], scatter, tensors["scale_m"])
+        return cls(tensors["root"], scatter)
 
 
 @dataclass(frozen=True)
@@ -62,17 +61,19 @@ class Network:
     ----------
     actions, endpoints : normalisations, computed on the training examples.
     history : one entry an epoch; the weights are those of the best.
+    size : of the spread, set on held-out casts.
     """
 
     layers: nn.Sequential
     hidden: tuple[int, ...]
     actions: Normalisation
     endpoints: Normalisation
-    uncertainty: LastLayerSpread
+    last_layer: LastLayerDoubt
     dataset: str
     facts: Mapping[str, object]
     seed: int
     history: tuple[Epoch, ...]
+    size: Spread
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
         """Predict endpoints (n, 2) [m] of actions (n, 6)."""
@@ -82,12 +83,15 @@ class Network:
 
     def spread(self, actions: np.ndarray) -> np.ndarray:
         """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
+        return self.size(self.doubt(actions), self.slopes(actions))
 
-        def relative(rows: torch.Tensor) -> torch.Tensor:
-            return self.uncertainty.relative(self.layers[:-1](rows))
+    def doubt(self, actions: np.ndarray) -> np.ndarray:
+        """Return how unsure the network itself is of actions (n, 6), (n,), up to a factor."""
 
-        found = in_parts(relative, self._inputs(actions)).numpy().astype(float)
-        return found[:, None] * self.uncertainty.scale_m.numpy()
+        def of_rows(rows: torch.Tensor) -> torch.Tensor:
+            return self.last_layer(self.layers[:-1](rows))
+
+        return in_parts(of_rows, self._inputs(actions)).numpy().astype(float)
 
     def slopes(self, actions: np.ndarray) -> np.ndarray:
         """Return the endpoint's derivatives (n, 2, 6) by the numbers of actions (n, 6)."""
@@ -101,13 +105,14 @@ class Network:
 
     def save(self, folder: Path) -> None:
         """Write weights.safetensors, training.csv and, last, policy.yaml into `folder`."""
-        spread = {_SPREAD + name: v for name, v in self.uncertainty.tensors().items()}
-        tensors = {**self.layers.state_dict(), **spread}
+        doubt = {_DOUBT + name: v for name, v in self.last_layer.tensors().items()}
+        tensors = {**self.layers.state_dict(), **doubt}
         told = {
             "kind": "network",
             "dataset": self.dataset,
             "seed": self.seed,
             "hidden": list(self.hidden),
+            "spread": self.size.as_dict(),
             "examples": dict(self.facts),
             "normalisation": {
                 "actions": self.actions.as_dict(),
@@ -121,23 +126,24 @@ class Network:
         """Read a network that `save` wrote."""
         stored = read_model(folder)
         told, hidden = stored.told, tuple(stored.told["hidden"])
-        spread = {
-            n.removeprefix(_SPREAD): v for n, v in stored.tensors.items() if n.startswith(_SPREAD)
+        doubt = {
+            n.removeprefix(_DOUBT): v for n, v in stored.tensors.items() if n.startswith(_DOUBT)
         }
         layers = make_layers(hidden)
         layers.load_state_dict(
-            {n: v for n, v in stored.tensors.items() if not n.startswith(_SPREAD)}
+            {n: v for n, v in stored.tensors.items() if not n.startswith(_DOUBT)}
         )
         return cls(
             layers,
             hidden,
             Normalisation.from_dict(told["normalisation"]["actions"]),
             Normalisation.from_dict(told["normalisation"]["endpoints_m"]),
-            LastLayerSpread.of(spread),
+            LastLayerDoubt.of(doubt),
             told["dataset"],
             told["examples"],
             told["seed"],
             stored.history,
+            Spread.from_dict(told["spread"]),
         )
 
     def _inputs(self, actions: np.ndarray) -> torch.Tensor:

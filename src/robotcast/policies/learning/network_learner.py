@@ -11,12 +11,12 @@ from torch.nn.functional import huber_loss
 
 from robotcast.policies.learning.datasets import Dataset, Examples
 from robotcast.policies.learning.judging import Held
-from robotcast.policies.learning.network import LastLayerSpread, Network, make_layers, with_one
+from robotcast.policies.learning.network import LastLayerDoubt, Network, make_layers, with_one
 from robotcast.policies.learning.normalisation import Normalisation
 from robotcast.policies.learning.reproducible import reproducible_torch
 from robotcast.policies.learning.rows import Rows
 from robotcast.policies.learning.scatter import fit_scatter
-from robotcast.policies.learning.spread import held_out_scale
+from robotcast.policies.learning.spread import Spread, sized
 from robotcast.policies.learning.training import subject_of, train
 from robotcast.progress import Progress, silent
 
@@ -65,7 +65,6 @@ class NetworkLearner:
         endpoints = Normalisation.of(dataset.training.endpoints_m)
         training = _rows(dataset.training, actions, endpoints)
         held = Held(dataset.validation, actions, endpoints, self.outlier_m)
-        calibration = _rows(dataset.calibration, actions, endpoints)
         loss = _Loss(torch.from_numpy(endpoints.scale.astype(np.float32)), self.outlier_m)
         with reproducible_torch(seed):
             layers, moving = (make_layers(tuple(self.hidden)) for _ in range(2))
@@ -81,18 +80,20 @@ class NetworkLearner:
                 subject=subject_of(dataset, self, seed),
                 progress=progress,
             )
-            uncertainty = _uncertainty(layers, training, calibration, loss.scale_m)
-        return Network(
+            last_layer = _last_layer(layers, training, loss.scale_m)
+        network = Network(
             layers=layers,
             hidden=tuple(self.hidden),
             actions=actions,
             endpoints=endpoints,
-            uncertainty=uncertainty,
+            last_layer=last_layer,
             dataset=dataset.name,
             facts=dataset.facts,
             seed=seed,
             history=history,
+            size=Spread.plain(actions.mean.size),
         )
+        return replace(network, size=sized(network, dataset.calibration, actions.scale))
 
     def shortened(self, passes: int) -> "NetworkLearner":
         """Return a learner of fewer passes, to try settings with."""
@@ -178,10 +179,8 @@ class _NetworkFit:
             )
 
 
-def _uncertainty(
-    layers: nn.Sequential, training: Rows, calibration: Rows, scale_m: torch.Tensor
-) -> LastLayerSpread:
-    """Learn the shape of the spread from the training examples, its size from the held-out."""
+def _last_layer(layers: nn.Sequential, training: Rows, scale_m: torch.Tensor) -> LastLayerDoubt:
+    """Learn the doubt from the training examples."""
     with torch.inference_mode():
         features = _all(layers[:-1], training.actions)
         away_m = (layers[-1](features) - training.endpoints) * scale_m
@@ -193,13 +192,7 @@ def _uncertainty(
         lower = torch.linalg.cholesky(precision)
         unit = torch.eye(len(lower), dtype=torch.float64)
         root = torch.linalg.solve_triangular(lower, unit, upper=False).float()
-        features = _all(layers[:-1], calibration.actions)
-        relative = LastLayerSpread(root, scatter, torch.ones(2)).relative(features)
-        misses_m = (layers[-1](features) - calibration.endpoints) * scale_m
-    size = held_out_scale(
-        *(t.numpy().astype(float) for t in (misses_m, relative, calibration.weights))
-    )
-    return LastLayerSpread(root.clone(), scatter, torch.from_numpy(size))
+    return LastLayerDoubt(root.clone(), scatter)
 
 
 def _rows(examples: Examples, actions: Normalisation, endpoints: Normalisation) -> Rows:

@@ -56,9 +56,10 @@ class Residual:
 
     def spread(self, actions: np.ndarray) -> np.ndarray:
         """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
-        unsure_m = self.correction.process.spread(seen_by(self.base, actions))
-        noise_m = self.correction.noise(self.base, actions)[:, None]
-        return np.hypot(unsure_m, noise_m) * self.correction.scale
+        process = self.correction.process
+        unsure_m = process.doubt(seen_by(self.base, actions)) * process.endpoints.scale[0]
+        noise_m = self.correction.noise(self.base, actions)
+        return np.hypot(unsure_m, noise_m)[:, None] * self.correction.scale
 
     def slopes(self, actions: np.ndarray) -> np.ndarray:
         """Return the endpoint's derivatives (n, 2, 6) by the numbers of actions (n, 6)."""
