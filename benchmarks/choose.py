@@ -2,8 +2,9 @@
 
     .venv/bin/python benchmarks/choose.py [--rounds 7]
 
-Network and sparse Gaussian process are of the sizes in conf/policy, trained briefly on a smooth
-made-up world: how well they know it does not change how long they take. What the arm can do of
+Network and sparse Gaussian process are of the sizes in conf/policy, trained on a smooth made-up
+world; not to the end, so that they are less sure than those of a real run and more candidates come
+into question. What the arm can do of
 the candidates is found once for all policies (stages/candidates.py) and not timed. Refinement,
 which follows, is timed by itself. Exits with 1 when the median of a choice takes 0.2 s or longer.
 """
@@ -29,7 +30,7 @@ from robotcast.rigs.feasible import are_feasible, feasible_actions
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "stages"))
 grids = importlib.import_module("grids")
-LONGEST_S, TARGETS, EXAMPLES = 0.2, 16, 4000
+LONGEST_S, TARGETS, EXAMPLES, PASSES = 0.2, 16, 4000, 20
 
 
 def made_up_endpoints(actions: np.ndarray) -> np.ndarray:
@@ -77,7 +78,7 @@ def main() -> None:
     targets = made_up_endpoints(candidates[drawn])
     about, dataset, good = Neighbourhood.of(grid, r0_m, limits), made_up_dataset(candidates), True
     for name, policy in configs.items():
-        model = instantiate(policy.policy.learner).shortened(1).fit(dataset, seed=0)
+        model = instantiate(policy.policy.learner).shortened(PASSES).fit(dataset, seed=0)
         predicting_s = median_s(partial(model.predict, candidates), rounds)
         choose = partial(choose_actions, model, candidates, targets)
         choosing_s = median_s(choose, rounds)

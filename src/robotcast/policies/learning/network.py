@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,7 +13,6 @@ from torch import nn
 from robotcast.policies.learning.normalisation import Normalisation
 from robotcast.policies.learning.reproducible import in_parts
 from robotcast.policies.learning.scatter import Scatter
-from robotcast.policies.learning.slopes import row_slopes
 from robotcast.policies.learning.spread import Spread
 from robotcast.policies.learning.storage import read_model, write_model
 from robotcast.policies.learning.training import Epoch
@@ -95,13 +95,10 @@ class Network:
 
     def slopes(self, actions: np.ndarray) -> np.ndarray:
         """Return the endpoint's derivatives (n, 2, 6) by the numbers of actions (n, 6)."""
-        mean, scale = (torch.from_numpy(v) for v in (self.actions.mean, self.actions.scale))
-        unit_m = torch.from_numpy(self.endpoints.scale)
-
-        def endpoints(rows: torch.Tensor) -> torch.Tensor:
-            return self.layers(((rows - mean) / scale).float()).double() * unit_m
-
-        return row_slopes(endpoints, actions)
+        slopes = (
+            in_parts(partial(_slopes, self.layers), self._inputs(actions)).numpy().astype(float)
+        )
+        return slopes * self.endpoints.scale[:, None] / self.actions.scale
 
     def save(self, folder: Path) -> None:
         """Write weights.safetensors, training.csv and, last, policy.yaml into `folder`."""
@@ -157,6 +154,23 @@ def make_layers(hidden: tuple[int, ...]) -> nn.Sequential:
     for width_in, width_out in pairwise(widths):
         modules += [nn.Linear(width_in, width_out), nn.ReLU()]
     return nn.Sequential(*modules, nn.Linear(widths[-1], 2))
+
+
+def _slopes(layers: nn.Sequential, rows: torch.Tensor) -> torch.Tensor:
+    """Return the derivatives (n, 2, 6) of the outputs by rows (n, 6), backwards through the layers.
+
+    By hand: automatic differentiation of so small a network takes half as long again.
+    """
+    linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
+    active = []
+    for layer in linear[:-1]:
+        rows = layer(rows)
+        active.append(rows > 0)
+        rows = rows.relu()
+    back = linear[-1].weight.expand(len(rows), 2, -1)
+    for layer, on in zip(linear[-2::-1], active[::-1], strict=True):
+        back = (back * on[:, None]) @ layer.weight
+    return back
 
 
 def with_one(features: torch.Tensor) -> torch.Tensor:

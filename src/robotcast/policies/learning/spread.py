@@ -2,35 +2,40 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, Protocol
 
 import numpy as np
 
 from robotcast.policies.learning.datasets import Examples
 
+_TINY = 1e-12
 _WITHIN = 0.6827  # part of a normal distribution within one standard deviation
-_PARTS = np.linspace(0.0, 1.0, 21)[1:-1]  # of the slope, that are tried
+_DOUBT_POWERS = np.linspace(0.0, 1.0, 5)  # that are tried
+_SLOPE_POWERS = np.linspace(0.0, 1.25, 6)
+_USUAL, _APART = 0.5, 0.5  # mean and deviation of both, before a cast is seen
 
 
 @dataclass(frozen=True)
 class Spread:
-    """Standard deviations √((of_doubt d)² + (of_slope |S|)²) of an endpoint, times `scale`.
+    """Standard deviations scale · d^p |S|^q of an endpoint, for a doubt d and a slope S.
 
     A model doubts where its examples scattered or were few. And wherever the endpoint moves far
-    with the action, chance in the arm, the cable and the board moves it far too: how far a cast
-    ends from its prediction follows the slope more than a network's doubt, above all where the
-    network learned from few casts, which it hardly misses.
+    with the action, a model that is a little wrong, and chance in the arm, the cable and the
+    board, move it far too: how far a cast ends from its prediction follows the slope more than
+    the doubt, above all of a network that learned from few casts, which it hardly misses.
 
     Attributes
     ----------
     unit : ndarray of shape (d,), of the numbers of an action, that S = ∂endpoint/∂action takes.
-    of_doubt, of_slope : weights of both.
+    powers : p and q.
+    least : least doubt and least slope [m] of the casts it was set on: calmer is not believed.
     scale : ndarray of shape (2,), for x and y.
     """
 
     unit: np.ndarray
-    of_doubt: float
-    of_slope: float
+    powers: tuple[float, float]
+    least: tuple[float, float]
     scale: np.ndarray
 
     def __call__(self, doubt: np.ndarray, slopes: np.ndarray) -> np.ndarray:
@@ -41,27 +46,31 @@ class Spread:
         doubt : ndarray of shape (n,), the model's, up to a factor.
         slopes : ndarray of shape (n, 2, d).
         """
-        slope_m = slope_size(slopes, self.unit)
-        return np.hypot(self.of_doubt * doubt, self.of_slope * slope_m)[:, None] * self.scale
+        return self._relative(doubt, slope_size(slopes, self.unit))[:, None] * self.scale
+
+    def _relative(self, doubt: np.ndarray, slope_m: np.ndarray) -> np.ndarray:
+        (p, q), (least, least_m) = self.powers, self.least
+        return np.maximum(doubt, least) ** p * np.maximum(slope_m, least_m) ** q
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain numbers for a YAML file."""
-        return {**vars(self), "unit": self.unit.tolist(), "scale": self.scale.tolist()}
+        return {
+            "unit": self.unit.tolist(),
+            "powers": list(self.powers),
+            "least": list(self.least),
+            "scale": self.scale.tolist(),
+        }
 
     @classmethod
     def from_dict(cls, numbers: Mapping[str, Any]) -> "Spread":
         """Read back `as_dict`."""
-        return cls(
-            np.array(numbers["unit"]),
-            numbers["of_doubt"],
-            numbers["of_slope"],
-            np.array(numbers["scale"]),
-        )
+        powers, least = tuple(numbers["powers"]), tuple(numbers["least"])
+        return cls(np.array(numbers["unit"]), powers, least, np.array(numbers["scale"]))
 
     @classmethod
     def plain(cls, numbers: int) -> "Spread":
         """Return the spread that is the doubt itself, of actions of so many numbers."""
-        return cls(np.ones(numbers), 1.0, 0.0, np.ones(2))
+        return cls(np.ones(numbers), (1.0, 0.0), (0.0, 1.0), np.ones(2))
 
     @classmethod
     def of(
@@ -74,31 +83,31 @@ class Spread:
     ) -> "Spread":
         """Set a spread on held-out casts.
 
-        The part that the slope has in the variance makes the misses most likely, were their
-        sizes distributed as Laplace's and all parts as likely before as in the middle of a
-        parabola, so that few casts do not rule one of both out.
+        The powers make the misses most likely, were their sizes distributed as Laplace's, and
+        few casts move them little from a half each.
 
         Parameters
         ----------
         misses_m : ndarray of shape (n, 2), measured minus predicted endpoints.
         weights : ndarray of shape (n,).
         """
-        weights = weights / weights.sum()
+        part = weights / weights.sum()
         slope_m, sizes_m = slope_size(slopes, unit), np.linalg.norm(misses_m, axis=1)
-        units = [max(float(np.sqrt(weights @ v**2)), 1e-12) for v in (doubt, slope_m)]
-        squares = np.stack([doubt / units[0], slope_m / units[1]]) ** 2
+        least = max(float(doubt.min()), _TINY), max(float(slope_m.min()), _TINY)
 
-        def loss(part: float) -> float:
-            relative = np.sqrt(np.maximum((1 - part, part) @ squares, 1e-12))
-            level = max(float(weights @ (sizes_m / relative)), 1e-12)
-            misfit = 2 * (weights @ np.log(relative) + np.log(level))
-            return float(len(weights) * misfit - np.log(part * (1 - part)))
+        def of_powers(powers: tuple[float, float]) -> np.ndarray:
+            return cls(unit, powers, least, np.ones(2))._relative(doubt, slope_m)
 
-        part = min(_PARTS, key=loss)
-        of_doubt, of_slope = np.sqrt([1 - part, part]) / units
-        relative = np.hypot(of_doubt * doubt, of_slope * slope_m)
-        scale = held_out_scale(misses_m, relative, weights)
-        return cls(unit, float(of_doubt), float(of_slope), scale)
+        def loss(powers: tuple[float, float]) -> float:
+            relative = of_powers(powers)
+            level = max(float(part @ (sizes_m / relative)), _TINY)
+            misfit = 2 * float(part @ np.log(relative) + np.log(level))
+            unusual = sum((power - _USUAL) ** 2 for power in powers) / (2 * _APART**2)
+            return len(part) * misfit + unusual
+
+        p, q = min(product(_DOUBT_POWERS.tolist(), _SLOPE_POWERS.tolist()), key=loss)
+        scale = held_out_scale(misses_m, of_powers((p, q)), weights)
+        return cls(unit, (p, q), least, scale)
 
 
 class Doubting(Protocol):
