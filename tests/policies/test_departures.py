@@ -52,7 +52,7 @@ def learned() -> Departures:
 def test_smooth_departures_are_learned(learned: Departures) -> None:
     casts, calm_m = cast(300, 1)
     seen = seen_by(BASE, casts.actions)
-    miss_m = np.linalg.norm(seen[:, 6:] + learned.process.predict(seen) - calm_m, axis=1)
+    miss_m = np.linalg.norm(seen[:, 6:8] + learned.process.predict(seen) - calm_m, axis=1)
     assert np.median(miss_m) < 0.1 * BENDS_M * np.sqrt(2 / 9)
 
 
@@ -75,7 +75,7 @@ def test_repeats_of_an_action_say_nothing_of_how_sure_it_is() -> None:
 def test_what_is_left_out_is_as_far_as_new_casts_are(learned: Departures) -> None:
     casts, _ = cast(400, 5)
     seen = seen_by(BASE, casts.actions)
-    away_m = casts.endpoints_m - seen[:, 6:] - learned.process.predict(seen)
+    away_m = casts.endpoints_m - seen[:, 6:8] - learned.process.predict(seen)
     new_m = float(np.median(np.linalg.norm(away_m, axis=1)))
     assert learned.left_out_median_m == pytest.approx(new_m, rel=0.25)
 

@@ -90,7 +90,7 @@ def test_slopes_are_those_of_the_prediction(model: Residual, real: Dataset) -> N
         there[:, k] += step
         back[:, k] -= step
         slope = (model.predict(there) - model.predict(back)) / (2 * step)
-        np.testing.assert_allclose(found[:, :, k], slope, atol=1e-5)
+        np.testing.assert_allclose(found[:, :, k], slope, atol=5e-4)
 
 
 def test_a_saved_model_reads_back(model: Residual, real: Dataset, tmp_path: Path) -> None:

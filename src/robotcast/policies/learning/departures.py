@@ -1,7 +1,10 @@
 """How measured casts depart from a forward model, learned from few of them.
 
-A Gaussian process of the action and of where the model lets the cast end; exact, with its
-numbers at the maximum of the marginal likelihood (Rasmussen and Williams 2006, chapters 2 and 5).
+A Gaussian process of the action, of where the model lets the cast end and of how that end moves
+with the action: casts alike in all of these went alike, and the simulator was wrong about them in
+the same way. It is exact, with its numbers at the maximum of the marginal likelihood (Rasmussen
+and Williams 2006, chapters 2 and 5).
+
 Casts are not equally sure: whip-like ones end anywhere. The process is told so by the model it
 corrects, which knows where its own examples scattered and how far the endpoint moves with every
 number of the action, and with it whatever chance does to the arm. What the casts themselves say
@@ -62,7 +65,7 @@ class Departures:
 
     Attributes
     ----------
-    process : of the departures [m], (n, 2), of `seen_by` a model and its actions.
+    process : of the departures [m], (n, 2), of what is `seen_by` a model.
     noise : of casts about it.
     scale : ndarray of shape (2,), standard deviations of x and y in units of what process and
         noise expect together.
@@ -76,8 +79,9 @@ class Departures:
 
 
 def seen_by(base: ForwardModel, actions: np.ndarray) -> np.ndarray:
-    """Return the inputs of the process, (n, 8): an action and where the model lets it end."""
-    return np.concatenate([actions, base.predict(actions)], axis=1)
+    """Return the inputs of the process, (n, 20): actions, the model's endpoints and its slopes."""
+    slopes = base.slopes(actions).reshape(len(actions), -1)
+    return np.concatenate([actions, base.predict(actions), slopes], axis=1)
 
 
 def noise_terms(base: ForwardModel, actions: np.ndarray, unit: np.ndarray) -> np.ndarray:

@@ -29,6 +29,7 @@ from robotcast.policies.learning.training import Epoch, best_epoch
 from robotcast.progress import Progress, silent
 
 _BASE, _CORRECTION = "base", "correction"
+_STEP = 0.02  # of the spread of an action's numbers, to see how the endpoint moves
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Residual:
     def predict(self, actions: np.ndarray) -> np.ndarray:
         """Predict endpoints (n, 2) [m] of actions (n, 6)."""
         seen = seen_by(self.base, actions)
-        return seen[:, 6:] + self.correction.process.predict(seen)
+        return seen[:, 6:8] + self.correction.process.predict(seen)
 
     def spread(self, actions: np.ndarray) -> np.ndarray:
         """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
@@ -62,10 +63,15 @@ class Residual:
         return np.hypot(unsure_m, noise_m)[:, None] * self.correction.scale
 
     def slopes(self, actions: np.ndarray) -> np.ndarray:
-        """Return the endpoint's derivatives (n, 2, 6) by the numbers of actions (n, 6)."""
-        base = self.base.slopes(actions)
-        more = self.correction.process.slopes(seen_by(self.base, actions))
-        return base + more[:, :, :6] + more[:, :, 6:] @ base
+        """Return the endpoint's derivatives (n, 2, 6) by the numbers of actions (n, 6).
+
+        By central differences: the correction hears of the base's slopes, and those of networks
+        move in steps.
+        """
+        steps = _STEP * self.correction.noise.unit
+        there, back = (actions[:, None] + sign * np.diag(steps) for sign in (1, -1))
+        change = self.predict(there.reshape(-1, 6)) - self.predict(back.reshape(-1, 6))
+        return change.reshape(len(actions), 6, 2).transpose(0, 2, 1) / (2 * steps)
 
     def save(self, folder: Path) -> None:
         """Write base and correction into folders of their own and, last, policy.yaml."""
