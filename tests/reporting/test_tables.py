@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -68,6 +70,15 @@ def test_the_lowest_of_each_column_is_bold(results) -> None:
     best = min((c for c in medians if c.value is not None), key=lambda c: c.value or 0)
     assert [c for c in medians if c.best] == [best]
     assert [r.cells[-1].best for r in table.rows] == [False, False, True, False, False]
+
+
+def test_other_cables_show_only_the_policies_that_were_run(results) -> None:
+    mixed = next(e for e in results.evaluations if e.cable == "cable2")
+    both = replace(results, evaluations=(*results.evaluations, replace(mixed, policy="residual")))
+    assert [r.labels for r in policies_table(both).rows if r.labels[0] == "Cable 2"] == [
+        ("Cable 2", "π_R2S2R", "D_real ∪ D_sim"),
+        ("Cable 2", "Residual", "D_real ∪ D_sim"),
+    ]
 
 
 def test_cables_has_one_row_a_cable(results) -> None:

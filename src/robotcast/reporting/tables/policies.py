@@ -16,14 +16,18 @@ from robotcast.reporting.tables.setting import (
 
 
 def policies_table(results: Results) -> Table:
-    """Errors of every policy on one cable; further cables where more than one policy was run."""
+    """Errors of every policy on one cable; further cables where more than one policy was run.
+
+    Cable 1 has a row for every policy of the paper, whether it was run or not.
+    """
     blocks = [c for c in cables_of(results) if len(of_cable(results, c)) > 1]
     blocks = blocks or [e.cable for e in results.evaluations[:1]] or ["cable1"]
     rows: list[Row] = []
     for cable in blocks:
         evaluations = of_cable(results, cable)
-        pairs = list(POLICIES)
-        pairs += sorted({(e.policy, e.dataset) for e in evaluations} - set(pairs))
+        evaluated = {(e.policy, e.dataset) for e in evaluations}
+        pairs = [p for p in POLICIES if cable == "cable1" or p in evaluated]
+        pairs += sorted(evaluated - set(pairs))
         cast = [results.evaluation(cable, *p) for p in pairs]
         own = marked([quartiles(e) for e in cast], digits=1)
         beside = [median_and_repeats(e) for e in cast]
