@@ -1,7 +1,7 @@
 """The numbers of every cable at a glance."""
 
-from robotcast.reporting.best import best_tuning, test_error
-from robotcast.reporting.names import cable_name, thousands
+from robotcast.reporting.best import best_policy, best_tuning, test_error
+from robotcast.reporting.names import cable_name, policy_label, thousands
 from robotcast.reporting.page import Glance
 from robotcast.reporting.results import CableData, Results
 
@@ -20,6 +20,7 @@ def glance_of(results: Results) -> Glance:
             "D_sim casts",
             "Diverged",
             "π_R2S2R median",
+            "Best policy median",
             "Its repeats scatter",
         ),
         rows=rows,
@@ -35,7 +36,7 @@ def _row(results: Results, cable: CableData) -> tuple[str, ...]:
     measured, floor = cable.measured, cable.floor
     best = best_tuning(results, cable.name)
     mixed = results.evaluation(cable.name, "nn", "mixed")
-    has_errors = mixed is not None and len(mixed.errors_percent) > 0
+    policy = best_policy(results, cable.name)
     return (
         cable_name(cable.name),
         f"{measured.cable.length_m:.2f} m" if measured else "–",
@@ -45,8 +46,11 @@ def _row(results: Results, cable: CableData) -> tuple[str, ...]:
         _pair(test_error(best), best.error("test", "final_percent")) if best else "–",
         thousands(len(cable.simulated)) if cable.simulated else "–",
         str(cable.generation.get("diverged", "–")),
-        _percent(float(mixed.casts["error_percent"].median())) if has_errors else "–",  # type: ignore
-        _percent(mixed.scatter_percent) if mixed else "–",
+        _percent(mixed.median_percent) if mixed else "–",
+        f"{policy_label(policy.policy, policy.dataset)} {_percent(policy.median_percent)}"
+        if policy
+        else "–",
+        _percent(policy.scatter_percent) if policy else "–",
     )
 
 

@@ -81,6 +81,11 @@ class Evaluation:
         return self.casts["error_percent"].to_numpy()
 
     @property
+    def median_percent(self) -> float | None:
+        """Median error in % of cable length; None without casts."""
+        return float(np.median(self.errors_percent)) if len(self.casts) else None
+
+    @property
     def scatter_percent(self) -> float | None:
         """Median distance of the repeats from their own mean, in % of cable length."""
         away = [

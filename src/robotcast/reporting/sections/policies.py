@@ -8,6 +8,11 @@ from robotcast.reporting.results import Results
 from robotcast.reporting.sections.endpoints import in_order, targets_of
 from robotcast.reporting.tables.policies import policies_table
 
+_RESIDUAL = (
+    "Residual learned from simulated casts first, and then from measured ones how they depart from "
+    "what it had learned. "
+)
+
 
 def policies_section(results: Results) -> Section:
     """Set policies beside each other, and what each learned from."""
@@ -32,7 +37,9 @@ def policies_section(results: Results) -> Section:
         "A policy looks up, among the feasible candidate actions, the one that it expects to miss "
         "the target least, and moves on from it along the model’s gradient. "
         "π_RD learned from measured casts, π_SD from simulated ones, "
-        "π_R2S2R from both. All are tested on the same targets."
+        "π_R2S2R from both. "
+        f"{_RESIDUAL if any(e.policy == 'residual' for e in ordered) else ''}"
+        "All are tested on the same targets."
     )
     title = "Which data make the better policy?"
     return Section(title, text, policies_table(results), tuple(figures))
