@@ -31,7 +31,14 @@ def run(script: str, folder: Path, *overrides: str, **environment: str) -> None:
 
 @pytest.mark.slow
 def test_gauss_newton_finds_what_twenty_casts_tell(tmp_path: Path) -> None:
-    run("sim2sim", tmp_path, "optimizer=gn", "sim2sim.casts=20", "sim2sim.most_casts=20")
+    run(
+        "sim2sim",
+        tmp_path,
+        "scale=paper",
+        "optimizer=gn",
+        "sim2sim.casts=20",
+        "sim2sim.most_casts=20",
+    )
     outcomes = read_outcomes(tmp_path)
     told = [o for o in outcomes if o.told_within_percent <= 20]
     assert len(told) >= 3
