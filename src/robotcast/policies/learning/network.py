@@ -157,10 +157,7 @@ def make_layers(hidden: tuple[int, ...]) -> nn.Sequential:
 
 
 def _slopes(layers: nn.Sequential, rows: torch.Tensor) -> torch.Tensor:
-    """Return the derivatives (n, 2, 6) of the outputs by rows (n, 6), backwards through the layers.
-
-    By hand: automatic differentiation of so small a network takes half as long again.
-    """
+    """Return the derivatives (n, 2, 6) of the outputs by rows (n, 6), layer by layer backwards."""
     linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
     active = []
     for layer in linear[:-1]:
