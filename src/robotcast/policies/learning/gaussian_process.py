@@ -105,9 +105,8 @@ class GaussianProcess:
 
     def slopes(self, actions: np.ndarray) -> np.ndarray:
         """Return the endpoint's derivatives (n, 2, 6) by the numbers of actions (n, 6)."""
-        mean, scale = (torch.from_numpy(v) for v in (self.actions.mean, self.actions.scale))
-        unit_m = torch.from_numpy(self.endpoints.scale)
-        return row_slopes(lambda rows: self.posterior.mean((rows - mean) / scale) * unit_m, actions)
+        slopes = row_slopes(self.posterior.mean, self._inputs(actions)).numpy()
+        return slopes * self.endpoints.scale[:, None] / self.actions.scale
 
     def save(self, folder: Path) -> None:
         """Write weights.safetensors, training.csv and, last, policy.yaml into `folder`."""

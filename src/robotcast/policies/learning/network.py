@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from torch import nn
 from robotcast.policies.learning.normalisation import Normalisation
 from robotcast.policies.learning.reproducible import in_parts
 from robotcast.policies.learning.scatter import Scatter
+from robotcast.policies.learning.slopes import row_slopes
 from robotcast.policies.learning.spread import Spread
 from robotcast.policies.learning.storage import read_model, write_model
 from robotcast.policies.learning.training import Epoch
@@ -95,9 +95,7 @@ class Network:
 
     def slopes(self, actions: np.ndarray) -> np.ndarray:
         """Return the endpoint's derivatives (n, 2, 6) by the numbers of actions (n, 6)."""
-        slopes = (
-            in_parts(partial(_slopes, self.layers), self._inputs(actions)).numpy().astype(float)
-        )
+        slopes = row_slopes(self.layers, self._inputs(actions)).numpy().astype(float)
         return slopes * self.endpoints.scale[:, None] / self.actions.scale
 
     def save(self, folder: Path) -> None:
@@ -154,20 +152,6 @@ def make_layers(hidden: tuple[int, ...]) -> nn.Sequential:
     for width_in, width_out in pairwise(widths):
         modules += [nn.Linear(width_in, width_out), nn.ReLU()]
     return nn.Sequential(*modules, nn.Linear(widths[-1], 2))
-
-
-def _slopes(layers: nn.Sequential, rows: torch.Tensor) -> torch.Tensor:
-    """Return the derivatives (n, 2, 6) of the outputs by rows (n, 6), layer by layer backwards."""
-    linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
-    active = []
-    for layer in linear[:-1]:
-        rows = layer(rows)
-        active.append(rows > 0)
-        rows = rows.relu()
-    back = linear[-1].weight.expand(len(rows), 2, -1)
-    for layer, on in zip(linear[-2::-1], active[::-1], strict=True):
-        back = (back * on[:, None]) @ layer.weight
-    return back
 
 
 def with_one(features: torch.Tensor) -> torch.Tensor:
