@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from robotcast.fitting.least_squares import Fit, fit_robustly, trial_losses, trial_weights
+from robotcast.fitting.least_squares import (
+    Fit,
+    Prior,
+    Stepping,
+    fit_robustly,
+    trial_losses,
+    trial_weights,
+)
 
 TIMES_S = np.linspace(0.0, 2.0, 21)
 STARTS_M = np.linspace(0.5, 2.0, 12)
@@ -93,3 +100,19 @@ def test_no_iteration_only_looks_at_the_start(measured: np.ndarray) -> None:
     assert np.abs(looked.vector - [0.8, 0.2]).max() <= 0.02  # the best of the points it took
     assert looked.jacobian.shape == (len(STARTS_M), len(TIMES_S), 2)
     assert looked.loss > fit(residuals(measured), iterations=1).loss
+
+
+def test_more_steps_for_each_jacobian_follow_a_curved_valley() -> None:
+    def valley(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        """Return Rosenbrock's misses, without noise, for every trial the same."""
+        x, y = 4.0 * vectors.T - 2.0
+        misses = np.stack([1.0 - x, 10.0 * (y - x**2)], axis=-1)
+        return np.repeat(misses[:, None], len(trials), axis=1)
+
+    def found(most: int) -> Fit:
+        stepping = Stepping(least_unit=0.01, nearer=0.25, most=most)
+        prior = Prior(np.array([0.2, 0.5]), np.full(2, 10.0))
+        return fit(valley, prior.mean, iterations=8, prior=prior, stepping=stepping)
+
+    np.testing.assert_allclose(found(6).vector, 0.75, atol=1e-6)
+    assert found(1).loss > 0.01

@@ -11,6 +11,7 @@ the noise.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -19,8 +20,8 @@ from robotcast.fitting.parameter import Parameter
 DAMPINGS = (1e-5, 1e-2, 0.3, 8.0)  # tried side by side, in units of the curvature
 DIFFERENCE = 0.02  # of a parameter's range; of an effect's strength, from its probes
 REACH = 0.15  # of a parameter's range: no difference is taken over more
-NEARER = 2.0  # times the median miss: below the noise, differences are no longer than that
 LEAST = 1e-3  # of the noise, that a difference moves the residuals by
+PAYS = 0.02  # of the loss, that a step must shed for another one by the same Jacobian
 ENOUGH = 1e-3  # two steps that lower the loss by less than this share end the fit
 
 Residuals = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -52,6 +53,25 @@ class Fit:
     def weights(self) -> np.ndarray:
         """How much each trial counts, (n_trials,)."""
         return trial_weights(self.residual)
+
+
+@dataclass(frozen=True)
+class Stepping:
+    """How a fit goes; by default as suits trials with noise.
+
+    Trials without it, made up by the model itself, lead along narrow curved valleys. Shorter
+    differences and several steps for each Jacobian follow those.
+
+    Attributes
+    ----------
+    least_unit : noises, see `miss_unit`.
+    nearer : times the median miss: below the noise, differences are no longer than that.
+    most : steps for one Jacobian, which each step after the first corrects (Broyden 1965).
+    """
+
+    least_unit: float = 1.0
+    nearer: float = 2.0
+    most: int = 1
 
 
 @dataclass(frozen=True)
@@ -101,6 +121,7 @@ def fit_robustly(
     like: Fit | None = None,
     free: np.ndarray | None = None,
     prior: Prior | None = None,
+    stepping: Stepping = Stepping(),
 ) -> Fit:
     """Minimise the loss from `start` (n,), inside [0, 1].
 
@@ -114,23 +135,40 @@ def fit_robustly(
     like : a fit of other trials that ended there; its curvature tells how far to take differences.
     free : bool (n,), which parameters may change; all by default.
     prior : about `start`, as wide as the ranges, by default.
+    stepping : how it goes; by default as suits trials with noise.
     """
     free = np.ones(len(start), bool) if free is None else free
     prior = prior or Prior(start, np.ones(len(start)))
-    best = known or _differentiated(residuals, like, start, steps, trials, free, prior)
+    looked = partial(
+        _differentiated,
+        residuals,
+        steps=steps,
+        trials=trials,
+        free=free,
+        prior=prior,
+        stepping=stepping,
+    )
+    best = known or looked(like, start)
     small = 0
     for iteration in range(iterations):
         if iteration:
-            best = _differentiated(residuals, best, start, steps, trials, free, prior)
-        scale = _scale(best.residual)
-        before = _whole_loss(best.residual[None], best.vector[None], prior, scale)[0]
-        tried = _proposals(best, prior, free, scale)
-        values = residuals(tried, trials)
-        losses = _whole_loss(values, tried, prior, scale)
-        chosen = int(np.argmin(losses))
-        if losses[chosen] < before:
-            best = _moved(best, tried[chosen], values[chosen])
-        small = small + 1 if losses[chosen] > before * (1 - ENOUGH) else 0
+            best = looked(best, start)
+        unit = miss_unit(best.residual, stepping.least_unit)
+        first = before = _whole_loss(best.residual[None], best.vector[None], prior, unit)[0]
+        behind = best
+        for step in range(stepping.most):
+            if step:
+                behind, best = best, _corrected(behind, best)
+            tried = _proposals(best, prior, free, unit)
+            values = residuals(tried, trials)
+            losses = _whole_loss(values, tried, prior, unit)
+            chosen = int(np.argmin(losses))
+            if losses[chosen] < before:
+                best = _moved(best, tried[chosen], values[chosen])
+            if losses[chosen] > before * (1 - PAYS):
+                break
+            before = losses[chosen]
+        small = small + 1 if before > first * (1 - ENOUGH) else 0
         if small == 2:
             break
     return best
@@ -138,6 +176,13 @@ def fit_robustly(
 
 def _moved(fit: Fit, vector: np.ndarray, residual: np.ndarray) -> Fit:
     return replace(fit, vector=vector, residual=residual, loss=float(trial_losses(residual).mean()))
+
+
+def _corrected(behind: Fit, fit: Fit) -> Fit:
+    """Return a fit whose Jacobian agrees with the step that led to it (Broyden 1965)."""
+    step = fit.vector - behind.vector
+    missing = fit.residual - behind.residual - behind.jacobian @ step
+    return replace(fit, jacobian=behind.jacobian + missing[..., None] * step / (step @ step))
 
 
 def _differentiated(
@@ -148,26 +193,31 @@ def _differentiated(
     trials: np.ndarray,
     free: np.ndarray,
     prior: Prior,
+    stepping: Stepping,
 ) -> Fit:
     """Return a fit with a fresh Jacobian, at the best of the points that it took."""
     axes = np.diag(steps)[free]
-    rows = np.vstack([start, start + axes, start - axes]) if last is None else _downhill(last, free)
+    rows = (
+        np.vstack([start, start + axes, start - axes])
+        if last is None
+        else _downhill(last, free, stepping.nearer)
+    )
     rows = np.clip(rows, 0.0, 1.0)
     values = residuals(rows, trials)
-    losses = _whole_loss(values, rows, prior, _scale(values[0]))
+    losses = _whole_loss(values, rows, prior, miss_unit(values[0], stepping.least_unit))
     chosen = int(np.argmin(losses))
     loss = float(trial_losses(values[chosen]).mean())
     found = slopes(rows, values) * steadiness(values)[:, None, None]
     return Fit(rows[chosen], loss, values[chosen], found)
 
 
-def _downhill(last: Fit, free: np.ndarray) -> np.ndarray:
+def _downhill(last: Fit, free: np.ndarray, nearer: float) -> np.ndarray:
     """Return a fit's vector, and others (1 + n_free, n) one axis of the curvature away from it.
 
     On the side where the loss falls, so that the fit may go on from there; on the other side
     where that lies out of the range.
     """
-    axes = noise_axes(last, free)
+    axes = noise_axes(last, free, nearer)
     weighted = last.jacobian * last.weights[:, None, None]
     rises = axes @ np.einsum("idn,id->n", weighted, last.residual) > 0
     axes[rises] *= -1
@@ -201,7 +251,7 @@ def steadiness(values: np.ndarray) -> np.ndarray:
     return np.minimum(np.sqrt((1 + mean_square[0]) / (1 + mean_square.mean(axis=0))), 1.0)
 
 
-def noise_axes(fit: Fit, free: np.ndarray) -> np.ndarray:
+def noise_axes(fit: Fit, free: np.ndarray, nearer: float = Stepping.nearer) -> np.ndarray:
     """Return the curvature's axes (n_free, n), each moving the residuals by about the noise.
 
     Where a fit misses much less than the noise, as it may a made-up truth, they are shorter.
@@ -209,20 +259,22 @@ def noise_axes(fit: Fit, free: np.ndarray) -> np.ndarray:
     weights = fit.weights
     curvature = _curvature(fit, weights)[np.ix_(free, free)]
     values, vectors = np.linalg.eigh(curvature)
-    moved = np.clip(NEARER * median_miss(fit.residual), LEAST, 1.0)
+    moved = np.clip(nearer * median_miss(fit.residual), LEAST, 1.0)
     lengths = moved * np.sqrt(weights.sum() / np.maximum(values, 1e-9))
     axes = np.zeros((len(values), len(fit.vector)))
     axes[:, free] = (vectors * np.minimum(lengths, REACH)).T
     return axes
 
 
-def _scale(residual: np.ndarray) -> float:
+def miss_unit(residual: np.ndarray, least: float = 1.0) -> float:
     """Return the unit in which a step judges misses: the noise, or the median miss far away.
 
     Judged by the noise alone, all trials would be outliers far from the answer, and none would
-    pull (graduated non-convexity, Blake and Zisserman 1987).
+    pull (graduated non-convexity, Blake and Zisserman 1987). Trials without noise, made up by the
+    model itself, may be judged by less than one noise: else the last of them to tip over outweighs
+    all that come nearer.
     """
-    return max(1.0, median_miss(residual))
+    return max(least, median_miss(residual))
 
 
 def median_miss(residual: np.ndarray) -> float:
@@ -235,16 +287,14 @@ def _curvature(fit: Fit, weights: np.ndarray) -> np.ndarray:
     return np.einsum("idn,idm->nm", weighted, fit.jacobian)
 
 
-def _whole_loss(
-    residual: np.ndarray, vectors: np.ndarray, prior: Prior, scale: float
-) -> np.ndarray:
+def _whole_loss(residual: np.ndarray, vectors: np.ndarray, prior: Prior, unit: float) -> np.ndarray:
     away = (((vectors - prior.mean) / prior.sd) ** 2).sum(axis=-1)
-    return trial_losses(residual, scale).sum(axis=-1) + 0.5 * away
+    return trial_losses(residual, unit).sum(axis=-1) + 0.5 * away
 
 
-def _proposals(fit: Fit, prior: Prior, free: np.ndarray, scale: float) -> np.ndarray:
+def _proposals(fit: Fit, prior: Prior, free: np.ndarray, unit: float) -> np.ndarray:
     """Return one step for every damping, (n_dampings, n), clipped to the range."""
-    weights = trial_weights(fit.residual, scale)
+    weights = trial_weights(fit.residual, unit)
     weighted = fit.jacobian * weights[:, None, None]
     slope = np.einsum("idn,id->n", weighted, fit.residual)
     slope += (fit.vector - prior.mean) / prior.sd**2

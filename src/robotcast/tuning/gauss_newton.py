@@ -3,7 +3,6 @@
 Steps and differences: Nocedal and Wright 2006, ch. 10; the start: Iglesias, Law and Stuart 2013.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,18 +13,26 @@ from robotcast.fitting.least_squares import (
     Fit,
     Prior,
     Residuals,
+    Stepping,
     difference_steps,
     fit_robustly,
+    miss_unit,
+    trial_losses,
 )
 from robotcast.fitting.starts import hypercube, spread
 from robotcast.tuning.asking import Evaluate, Problem, Question, Search
 from robotcast.tuning.called import Called
 
-LEG = 2  # iterations of the last fit, after which it is looked at
 FAR = 1.15  # ½ ln(1 + 3²), the loss of casts missed by three noises: perhaps in a wrong valley
-HOPE = 0.1  # of its loss that a fit so far off must shed in a leg; in a wrong valley it creeps
+HOPE = 0.1  # of its loss that a fit so far off must shed; in a wrong valley it creeps
+LOST = 3.0  # times the loss of the beginnings, on whole casts, in a wrong valley
+CLEAR = 1e-5  # loss of casts missed by 0.004 noises: nothing is left to tell parameters by
 WIDE = 10.0  # ranges: an expectation so wide only keeps what the casts do not tell where it is
 ALL_OVER = 0.96  # of every range: where the starts may lie
+# Casts that the model itself makes up have no noise; their misses lead along narrow curved valleys.
+LEAST_UNIT = 0.01  # noises by which casts are judged there, at least
+NEARER = (1.0, 0.25, 4.0)  # median misses; each Jacobian looks by the next of these lengths
+MOST = 6  # steps for one Jacobian
 
 
 @dataclass(frozen=True)
@@ -33,8 +40,9 @@ class GaussNewton:
     """Fits every waypoint at once; a Jacobian or all tried steps are one question each.
 
     An ensemble looks for a start on the beginnings of a few casts, a fit to those of some more
-    follows and goes on with all casts, until a step hardly pays. A search that ends far above the
-    noise, or creeps there, begins again with another ensemble.
+    follows and goes on with all casts, until a step hardly pays or the misses are far below the
+    noise. A search begins again with another ensemble where the beginnings stay far above the
+    noise, or whole casts do; the last one goes on from the best beginnings at any rate.
 
     Attributes
     ----------
@@ -61,29 +69,50 @@ class GaussNewton:
 
     def _run(self, problem: Problem, evaluate: Evaluate) -> None:
         evaluate(Question(problem.start[None]))
+        whole = _Fits(problem, _residuals(evaluate, problem.noise_percent), problem.casts)
+        far: list[Fit] = []
         for attempt in range(self.attempts):
             last = attempt == self.attempts - 1
-            if self._fitted(problem, evaluate, self.seed + attempt, patient=last).loss < FAR:
+            begun = self._begun(problem, evaluate, self.seed + attempt)
+            if begun.loss > FAR:
+                far.append(begun)
+                if not last:
+                    continue
+                begun = min(far, key=lambda fit: fit.loss)
+            if self._finished(whole, begun, patient=last).loss < FAR:
                 return
 
-    def _fitted(self, problem: Problem, evaluate: Evaluate, seed: int, *, patient: bool) -> Fit:
-        """Return where a search ends; unless `patient`, one that creeps far away ends early."""
-        noise = problem.noise_percent
-        early = _Fits(problem, _residuals(evaluate, noise, self.share), self.some)
-        whole = _Fits(problem, _residuals(evaluate, noise), problem.casts)
+    def _begun(self, problem: Problem, evaluate: Evaluate, seed: int) -> Fit:
+        """Return a fit to the beginnings of some casts, from where an ensemble centres."""
+        residuals = _residuals(evaluate, problem.noise_percent, self.share)
+        fits = _Fits(problem, residuals, self.some)
         members = hypercube(np.full(len(problem.start), 0.5), ALL_OVER, self.members, seed)
         members[0] = problem.start
-        few = spread(early.trials, self.few)
-        start = ensemble_start(early.residuals, members, few, self.updates, seed)
-        begun = early(start, self.early_iterations)
-        fit, before = begun, math.inf
-        for done in range(0, self.iterations, LEG):
-            fit = whole(fit.vector, min(LEG, self.iterations - done), like=fit)
-            least = HOPE if fit.loss > FAR and not patient else ENOUGH
-            if fit.loss > before * (1 - least):
+        few = spread(fits.trials, self.few)
+        return fits(
+            ensemble_start(residuals, members, few, self.updates, seed), self.early_iterations
+        )
+
+    def _finished(self, whole: "_Fits", begun: Fit, *, patient: bool) -> Fit:
+        """Return where a fit to whole casts ends; unless `patient`, one without hope ends early."""
+        fit, idle = begun, 0
+        for turn in range(self.iterations):
+            before, fit = fit, whole(fit.vector, 1, like=fit, nearer=NEARER[turn % len(NEARER)])
+            far = fit.loss > FAR and not patient
+            if fit.loss < CLEAR or (not turn and far and fit.loss > LOST * begun.loss):
                 break
-            before = fit.loss
+            if turn:
+                idle = 0 if _sheds(before, fit, HOPE if far else ENOUGH) else idle + 1
+            if idle == len(NEARER):
+                break
         return fit
+
+
+def _sheds(before: Fit, after: Fit, share: float) -> bool:
+    """Whether a fit of the same casts lost more than such a share of its loss."""
+    unit = miss_unit(before.residual, LEAST_UNIT)
+    losses = [trial_losses(fit.residual, unit).mean() for fit in (before, after)]
+    return losses[1] < losses[0] * (1 - share)
 
 
 class _Fits:
@@ -95,7 +124,9 @@ class _Fits:
         self._steps = difference_steps(problem.parameters)
         self._prior = Prior(problem.start, np.full(len(problem.start), WIDE))
 
-    def __call__(self, start: np.ndarray, iterations: int, *, like: Fit | None = None) -> Fit:
+    def __call__(
+        self, start: np.ndarray, iterations: int, *, like: Fit | None = None, nearer: float = 1.0
+    ) -> Fit:
         return fit_robustly(
             self.residuals,
             start,
@@ -104,6 +135,7 @@ class _Fits:
             iterations=iterations,
             like=like,
             prior=self._prior,
+            stepping=Stepping(LEAST_UNIT, nearer, MOST),
         )
 
 
