@@ -103,7 +103,8 @@ def _models(config: DictConfig, simulator: Simulator) -> Iterator[MadeUp]:
 def _tuned(
     config: DictConfig, problem: Problem, journal: Journal, number: int, start: int
 ) -> Found:
-    budget = config.optimizer.budget_casts
+    settings = config.sim2sim
+    budget = settings.budget_per_cast[config.optimizer.name] * settings.casts
     seed = config.optimizer.seed + 1000 * number + 10 * start  # searches may count on from it
     title = f"model {number + 1}, start {start + 1}, {config.optimizer.name}"
     with bar(title) as progress:

@@ -30,10 +30,9 @@ def run(script: str, folder: Path, *overrides: str, **environment: str) -> None:
 
 
 def test_gauss_newton_has_a_twentieth_of_the_casts_of_differential_evolution() -> None:
-    sizes = yaml.safe_load((ROOT / "conf/scale/paper.yaml").read_text(encoding="utf-8"))["tune"]
-    for simulator in ("segmented", "hybrid"):
-        budgets = sizes[simulator]["budget_casts"]
-        assert budgets["gn"] <= budgets["de"] / 20
+    study = yaml.safe_load((ROOT / "conf/sim2sim/full.yaml").read_text(encoding="utf-8"))
+    budgets = study["budget_per_cast"]
+    assert budgets["gn"] <= budgets["de"] / 20
 
 
 @pytest.mark.slow
