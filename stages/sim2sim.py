@@ -104,7 +104,8 @@ def _tuned(
     config: DictConfig, problem: Problem, journal: Journal, number: int, start: int
 ) -> Found:
     settings = config.sim2sim
-    budget = settings.budget_per_cast[config.optimizer.name] * settings.casts
+    per_cast = settings.budget_per_cast[config.simulator.name][config.optimizer.name]
+    budget = per_cast * settings.casts
     seed = config.optimizer.seed + 1000 * number + 10 * start  # searches may count on from it
     title = f"model {number + 1}, start {start + 1}, {config.optimizer.name}"
     with bar(title) as progress:
