@@ -80,14 +80,28 @@ def test_the_caption_says_who_was_given_how_much(results: Results) -> None:
 def test_every_optimizer_has_a_trace(results: Results) -> None:
     (legend,) = trace_figure(results.tunings, {"cable1": 0.8}).legends
     assert {text.get_text() for text in legend.get_texts()} == {
-        *(f"Segmented {name}" for name in NAMES.values()),
+        *(f"Segmented, {name}" for name in NAMES.values()),
         "noise floor",
     }
 
 
+def test_a_simulator_with_an_effect_stands_beside_the_one_without(results: Results) -> None:
+    base = next(t for t in results.tunings if (t.cable, t.optimizer) == ("cable1", "de"))
+    better = {"test": {**base.facts["errors"]["test"], "waypoint_percent": 0.1}}
+    facts = {**base.facts, "effects": ["board_tilt"], "errors": {**base.facts["errors"], **better}}
+    both = replace(results, tunings=(*results.tunings, replace(base, facts=facts)))
+    (legend,) = trace_figure(both.tunings, {}).legends
+    drawn = {text.get_text() for text in legend.get_texts()}
+    assert {"Segmented, DE", "Segmented, DE + board tilt"} < drawn
+    page = make_page(both, RunFacts("demo", 0, ()))
+    figures = {figure.name for section in page.sections for figure in section.figures}
+    assert "overlay_cable1_segmented-de-board_tilt" in figures
+    assert any(text.startswith("Segmented, DE + board tilt: ") for _, text in page.run)
+
+
 def test_the_run_says_what_to_doubt(results: Results) -> None:
     said = [text for _, text in make_page(results, RunFacts("demo", 0, ())).run]
-    (newton,) = (text for text in said if "by Gauss–Newton" in text)
+    (newton,) = (text for text in said if "Segmented, Gauss–Newton:" in text)
     assert "12 diverged" in newton
     assert "at a bound: planar_friction" in newton
     assert "hardly told by the casts: a" in newton

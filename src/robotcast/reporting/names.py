@@ -1,5 +1,7 @@
 """What things are called in front of people."""
 
+from collections.abc import Iterable
+
 _SIMULATORS = {"bullet": "PyBullet", "hybrid": "Hybrid", "segmented": "Segmented"}
 _OPTIMIZERS = {
     "de": "DE",
@@ -35,6 +37,12 @@ def simulator_name(simulator: str) -> str:
 def optimizer_name(optimizer: str) -> str:
     """de → DE."""
     return _OPTIMIZERS.get(optimizer, optimizer)
+
+
+def method_name(simulator: str, optimizer: str, effects: Iterable[str] = ()) -> str:
+    """Return what was tuned by what: Segmented, DE + board tilt."""
+    added = "".join(f" + {effect_name(effect)}" for effect in effects)
+    return f"{simulator_name(simulator)}, {optimizer_name(optimizer)}{added}"
 
 
 def dataset_name(dataset: str) -> str:

@@ -17,6 +17,7 @@ from robotcast.measurements.noise_floor import NoiseFloor, noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.evaluating.error_parts import ErrorParts, error_parts, median_interval
 from robotcast.policies.learning.datasets import Examples, read_simulated
+from robotcast.reporting.names import method_name
 from robotcast.tuning.revisions import Revision, comparable_revisions
 
 
@@ -36,6 +37,21 @@ class Tuning:
     facts: dict
     trace: pl.DataFrame | None
     predictions: pl.DataFrame | None
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """The effects that act in it, sorted."""
+        return tuple(sorted(self.facts.get("effects", ())))
+
+    @property
+    def method(self) -> str:
+        """What was tuned by what, with which effects, by name."""
+        return method_name(self.simulator, self.optimizer, self.effects)
+
+    @property
+    def slug(self) -> str:
+        """The same for the name of a file."""
+        return "-".join((self.simulator, self.optimizer, *self.effects))
 
     def error(self, split: str, metric: str) -> float | None:
         """Return an error in % of cable length, None when that split was not judged."""

@@ -4,10 +4,8 @@ from dataclasses import dataclass
 
 from robotcast.reporting.names import (
     cable_name,
-    optimizer_name,
     policy_label,
     rig_names,
-    simulator_name,
     thousands,
 )
 from robotcast.reporting.results import CableData, Results
@@ -43,9 +41,8 @@ def run_rows(results: Results, facts: RunFacts) -> tuple[tuple[str, str], ...]:
         rows.append(
             (
                 f"Tuned, {cable_name(tuning.cable)}",
-                f"{simulator_name(tuning.simulator)} by {optimizer_name(tuning.optimizer)}, "
-                f"{thousands(casts)} simulated casts, seed {tuning.facts.get('seed', '–')}"
-                f"{_doubts(tuning.facts)}",
+                f"{tuning.method}: {thousands(casts)} simulated casts, "
+                f"seed {tuning.facts.get('seed', '–')}{_doubts(tuning.facts)}",
             )
         )
     for (cable, folder), policy in results.policies.items():

@@ -5,7 +5,7 @@ import polars as pl
 from matplotlib.figure import Figure
 
 from robotcast.reporting.figures.style import BLACK, GREY, VERMILION, board_axes, fit_height
-from robotcast.reporting.names import cable_name, optimizer_name, rig_name, simulator_name
+from robotcast.reporting.names import cable_name, rig_name
 from robotcast.reporting.results import Tuning
 
 _QUANTILES = {"best": 0.0, "quarter": 0.25, "median": 0.5, "three quarters": 0.75, "worst": 1.0}
@@ -50,11 +50,8 @@ def overlay_figure(tuning: Tuning, paths: pl.DataFrame, length_m: float) -> Figu
         figure.axes[0].plot([], [], "^", color=GREY, ms=7, label="robot base"),
     ]
     figure.legend(handles=[h[0] for h in handles], loc="outside lower center", ncols=4)
-    tuned = f"{simulator_name(tuning.simulator)}, {optimizer_name(tuning.optimizer)}"
-    figure.suptitle(
-        f"{cable_name(tuning.cable)} · {tuned} · average waypoint error in % of cable length",
-        fontsize=10,
-    )
+    told = "average waypoint error in % of cable length"
+    figure.suptitle(f"{cable_name(tuning.cable)} · {tuning.method} · {told}", fontsize=10)
     fit_height(figure, panel_in=1.8, around_in=1.6)
     return figure
 

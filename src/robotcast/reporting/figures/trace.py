@@ -8,9 +8,7 @@ from matplotlib.figure import Figure
 from robotcast.reporting.figures.style import CYCLE, GREY
 from robotcast.reporting.names import (
     cable_name,
-    optimizer_name,
     rig_names,
-    simulator_name,
     thousands,
 )
 from robotcast.reporting.results import Tuning
@@ -19,20 +17,20 @@ _DOTTED = (0, (1, 2))
 
 
 def trace_figure(tunings: Sequence[Tuning], floors: dict[str, float | None]) -> Figure:
-    """Draw one panel a cable and one line a tuning, whose colour tells simulator and optimizer.
+    """Draw one panel a cable and one line a tuning, whose colour tells how it was tuned.
 
     Parameters
     ----------
     floors : cable → noise floor of the average waypoint error in % of cable length.
     """
     cables = sorted({t.cable for t in tunings})
-    methods = sorted({(t.simulator, t.optimizer) for t in tunings})
+    methods = sorted({t.method for t in tunings})
     figure = Figure(figsize=(7.2, 3.8))
     panels = figure.subplots(1, len(cables), sharex=True, sharey=True, squeeze=False)[0]
     for axes, cable in zip(panels, cables, strict=True):
         axes.set_title(cable_name(cable))
         for tuning in (t for t in tunings if t.cable == cable):
-            number = methods.index((tuning.simulator, tuning.optimizer))
+            number = methods.index(tuning.method)
             _draw(axes, tuning, CYCLE[number % len(CYCLE)])
         floor = floors.get(cable)
         if floor is not None:
@@ -65,5 +63,5 @@ def _draw(axes: Axes, tuning: Tuning, color: str) -> None:
         lw=1.6,
         marker="." if len(tuning.trace) == 1 else "",
         drawstyle="steps-post",
-        label=f"{simulator_name(tuning.simulator)} {optimizer_name(tuning.optimizer)}",
+        label=tuning.method,
     )

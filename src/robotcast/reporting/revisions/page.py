@@ -7,18 +7,11 @@ from typing import Any
 from markupsafe import Markup
 
 from robotcast.reporting.html import environment, style, template
-from robotcast.reporting.names import (
-    cable_name,
-    optimizer_name,
-    rig_name,
-    simulator_name,
-    thousands,
-)
+from robotcast.reporting.names import cable_name, method_name, rig_name, thousands
 from robotcast.reporting.numbers import error, quantity
 from robotcast.reporting.revisions.rungs import (
     Comparable,
     comparable,
-    method_name,
     revision_name,
 )
 from robotcast.reporting.revisions.search_figure import search_figure
@@ -55,7 +48,7 @@ def revisions_page(revisions: Sequence[Revision], tuning: Tuning) -> str:
     here = next((g for g in groups if g.split == tuning.split), None)
     made = environment()
     made.filters.update(error=error, quantity=quantity, thousands=thousands)
-    made.filters.update(revision_name=revision_name, method_name=method_name)
+    made.filters.update(revision_name=revision_name, tuned_by=_tuned_by)
     return made.from_string(template(_ROOM, "page.html")).render(
         css=style(template(_ROOM, "revisions.css")),
         tuning=tuning,
@@ -69,12 +62,16 @@ def revisions_page(revisions: Sequence[Revision], tuning: Tuning) -> str:
     )
 
 
+def _tuned_by(revision: Revision) -> str:
+    return method_name(revision.simulator, revision.optimizer)
+
+
 def _source(tuning: Tuning) -> str:
     return f"Model revisions · {cable_name(tuning.cable)} · measured on the {rig_name(tuning.rig)}"
 
 
 def _kicker(tuning: Tuning) -> str:
-    method = f"{simulator_name(tuning.simulator)} by {optimizer_name(tuning.optimizer)}"
+    method = method_name(tuning.simulator, tuning.optimizer)
     now = "Tuned" if tuning.finished else "Tuning now"
     return f"{now}: {revision_name(tuning.effects)}, {method}"
 

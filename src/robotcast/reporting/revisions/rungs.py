@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from robotcast.reporting.ladder import Rung, ladder
-from robotcast.reporting.names import effect_name, optimizer_name, simulator_name
+from robotcast.reporting.names import effect_name, method_name
 from robotcast.reporting.numbers import error
 from robotcast.tuning.revisions import Revision
 
@@ -32,13 +32,12 @@ class Comparable:
     @property
     def methods(self) -> tuple[tuple[str, str], ...]:
         """The pairs of simulator and optimizer, in order."""
-        return tuple(dict.fromkeys((r.simulator, r.optimizer) for r in self.revisions))
+        return tuple(dict.fromkeys(map(_pair, self.revisions)))
 
     def base_of(self, revision: Revision) -> Revision | None:
         """Return the model without effects that another revision of its method adds to."""
-        method = (revision.simulator, revision.optimizer)
         found = (r for r in self.revisions if not r.effects)
-        return next((r for r in found if (r.simulator, r.optimizer) == method), None)
+        return next((r for r in found if _pair(r) == _pair(revision)), None)
 
     @property
     def budgets_differ(self) -> bool:
@@ -60,7 +59,7 @@ class Comparable:
             realised=revision.heldout_waypoint_error_percent,
             standard_error=revision.standard_error_percent,
             predicted=revision.predicted_waypoint_error_percent,
-            detail=method_name(revision) if len(self.methods) > 1 else final,
+            detail=method_name(*_pair(revision)) if len(self.methods) > 1 else final,
             kind="model" if revision.effects else "base",
             compared_to=above.heldout_waypoint_error_percent if above else None,
         )
@@ -80,6 +79,5 @@ def revision_name(effects: Sequence[str]) -> str:
     return " ".join(f"+ {effect_name(e)}" for e in effects) or "base model"
 
 
-def method_name(revision: Revision) -> str:
-    """Return how a revision was simulated and tuned."""
-    return f"{simulator_name(revision.simulator)}, {optimizer_name(revision.optimizer)}"
+def _pair(revision: Revision) -> tuple[str, str]:
+    return revision.simulator, revision.optimizer

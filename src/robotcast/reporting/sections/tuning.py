@@ -4,7 +4,7 @@ from robotcast.reporting.best import best_tuning
 from robotcast.reporting.figures.overlay import overlay_figure
 from robotcast.reporting.figures.style import svg
 from robotcast.reporting.figures.trace import trace_figure
-from robotcast.reporting.names import cable_name, optimizer_name, rig_name, simulator_name
+from robotcast.reporting.names import cable_name, rig_name
 from robotcast.reporting.page import PageFigure, Section
 from robotcast.reporting.results import Results
 from robotcast.reporting.tables.tuning import tuning_table
@@ -19,11 +19,10 @@ def tuning_section(results: Results) -> Section:
         paths = tuning.test_paths if tuning else None
         if tuning is None or paths is None or tuning.cable not in lengths:
             continue
-        method = f"{simulator_name(tuning.simulator)}, {optimizer_name(tuning.optimizer)}"
         figures.append(
             PageFigure(
-                f"overlay_{tuning.cable}_{tuning.simulator}-{tuning.optimizer}",
-                f"{cable_name(tuning.cable)}, {method}: measured and simulated paths",
+                f"overlay_{tuning.cable}_{tuning.slug}",
+                f"{cable_name(tuning.cable)}, {tuning.method}: measured and simulated paths",
                 "The tuned simulator that does best on this cable. Five held-out casts from the "
                 "best to the worst by average waypoint error, seen from above; grey lines join "
                 "waypoints of the same time, 100 ms apart. "

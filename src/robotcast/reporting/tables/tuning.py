@@ -5,10 +5,8 @@ from dataclasses import dataclass, replace
 
 from robotcast.reporting.names import (
     cable_name,
-    effect_name,
-    optimizer_name,
+    method_name,
     rig_names,
-    simulator_name,
     thousands,
 )
 from robotcast.reporting.paper import CABLES, PAPER_RIG, TUNING
@@ -73,8 +71,7 @@ class _Method:
 
     @property
     def label(self) -> str:
-        added = "".join(f" + {effect_name(effect)}" for effect in self.effects)
-        return f"{simulator_name(self.simulator)}, {optimizer_name(self.optimizer)}{added}"
+        return method_name(self.simulator, self.optimizer, self.effects)
 
 
 def _methods(results: Results) -> list[_Method]:
@@ -83,9 +80,9 @@ def _methods(results: Results) -> list[_Method]:
     simulators = [*TUNING, *sorted({s for s, _ in pairs} - set(TUNING))]
     optimizers = ["de", *sorted({o for _, o in pairs} - {"de"})]
     base = [_Method(s, o) for s in simulators for o in optimizers]
-    found = {_Method(t.simulator, t.optimizer, _effects(t)) for t in results.tunings}
+    found = {_method(t) for t in results.tunings}
     for cable in results.cables:
-        found |= {_Method(r.simulator, r.optimizer, r.effects) for r in cable.revisions}
+        found |= {_method(r) for r in cable.revisions}
     richer = sorted(
         (m for m in found if m.effects), key=lambda m: (m.simulator, m.optimizer, m.effects)
     )
@@ -108,22 +105,18 @@ def _tuned(results: Results, cable: str, method: _Method) -> tuple[float | None,
     What lies tuned now is asked first, then the revisions that a later tuning has replaced.
     """
     for tuning in results.tunings:
-        if tuning.cable == cable and _Method(*_pair(tuning), _effects(tuning)) == method:
+        if tuning.cable == cable and _method(tuning) == method:
             waypoint, final = (tuning.error("test", metric) for metric in _METRICS)
             return waypoint, final
     known = results.cable(cable)
     for r in known.revisions if known else ():
-        if _Method(*_pair(r), r.effects) == method:
+        if _method(r) == method:
             return r.heldout_waypoint_error_percent, r.heldout_final_error_percent
     return None, None
 
 
-def _pair(tuned: Tuning | Revision) -> tuple[str, str]:
-    return tuned.simulator, tuned.optimizer
-
-
-def _effects(tuning: Tuning) -> tuple[str, ...]:
-    return tuple(sorted(tuning.facts.get("effects", ())))
+def _method(tuned: Tuning | Revision) -> _Method:
+    return _Method(tuned.simulator, tuned.optimizer, tuned.effects)
 
 
 def _judged(tuning: Tuning, split: str) -> bool:
@@ -142,8 +135,9 @@ def _efforts(results: Results) -> str:
     efforts: dict[str, set[tuple[int, int]]] = {}
     for tuning in results.tunings:
         casts = tuning.facts["errors"]["tune"]["n_casts"] if _judged(tuning, "tune") else 0
-        label = _Method(*_pair(tuning), _effects(tuning)).label
-        efforts.setdefault(label, set()).add((casts, tuning.facts.get("simulated_casts", 0)))
+        efforts.setdefault(tuning.method, set()).add(
+            (casts, tuning.facts.get("simulated_casts", 0))
+        )
     if len(set().union(*efforts.values())) < 2:
         return ""
     said = [
