@@ -15,7 +15,8 @@ A model with arbitrary parameters simulates casts; the same simulator is then tu
 parameter error of a tuning is the largest over the parameters that these casts tell: those that
 misses of {shown:g} % of cable length would leave within {told:g} % of their value. The median and
 the worst of the tunings stand side by side, then how many came within 1 %. The waypoint error is on
-casts that were not tuned to, in % of cable length. The paper's values are of its own
+casts that were not tuned to, in % of cable length, the median again. A search that is done ends
+below its budget (`conf/sim2sim/full.yaml`). The paper's values are of its own
 implementations in another engine; its range of Bayesian optimization is over three acquisitions.
 
 """

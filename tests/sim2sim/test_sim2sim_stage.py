@@ -35,7 +35,6 @@ def test_the_study_gives_every_optimizer_a_budget(simulator: str) -> None:
     matrix = yaml.safe_load((ROOT / "benchmarks/sim2sim/dvc.yaml").read_text(encoding="utf-8"))
     budgets = study["budget_per_cast"][simulator]
     assert set(budgets) == set(matrix["stages"]["tune"]["matrix"]["optimizer"])
-    assert budgets["gn"] <= budgets["de"] / 5  # what it takes of them is for the table to say
 
 
 @pytest.mark.slow

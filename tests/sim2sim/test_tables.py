@@ -36,6 +36,11 @@ def test_each_tuning_counts_once() -> None:
     assert cell["Within 1 %"] == "1 of 2"
 
 
+def test_the_casts_are_those_of_the_tuning_that_took_most() -> None:
+    (cell,) = cells(FRICTION, replace(FRICTION, start=1, simulated_casts=900))
+    assert cell["Simulated casts, at most"] == "2\u202f000"
+
+
 def test_a_cell_where_the_casts_tell_nothing_has_no_error() -> None:
     (cell,) = cells(UNTOLD)
     assert cell["Parameter error [%]"] == "–"
