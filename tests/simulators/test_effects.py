@@ -8,7 +8,7 @@ from robotcast.simulators.bullet.simulator import BulletSimulator
 from robotcast.simulators.chain.hybrid import HybridSimulator
 from robotcast.simulators.chain.segmented import SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast
-from tests.simulators.conftest import CONFIGURATION, configured, nominal
+from tests.simulators.conftest import CONFIGURATION, configured, load_effect, nominal
 
 NAMES = sorted(path.stem for path in (CONFIGURATION / "effect").glob("*.yaml"))
 TUNED = {kind.name: kind.tunes for kind in (SegmentedSimulator, HybridSimulator, BulletSimulator)}
@@ -22,7 +22,7 @@ OFFERED = [
 
 
 def test_the_library_is_complete() -> None:
-    assert len(NAMES) >= 17
+    assert len(NAMES) >= 18
 
 
 @pytest.mark.parametrize(("kind", "name"), OFFERED)
@@ -54,3 +54,12 @@ def test_all_effects_at_null_change_no_bit(kind: str, casts: list[SimulatedCast]
 def test_an_effect_that_the_simulator_tunes_is_not_offered(kind: str, name: str) -> None:
     with pytest.raises(InstantiationException, match="parameter of its own"):
         configured(kind, name)
+
+
+def test_an_effect_that_a_simulator_cannot_carry_is_refused() -> None:
+    """One of a user's own, which acts through the hook of `bending_damping`."""
+    bullet, own = configured(BulletSimulator.name), load_effect("bending_damping")
+    assert isinstance(bullet, BulletSimulator)
+    own.name = "hot_rubber"
+    with pytest.raises(ValueError, match=r"hot_rubber acts through damping_time.*cannot carry"):
+        BulletSimulator(bullet.cable, bullet.parameters, bullet.settings, [own])

@@ -84,6 +84,25 @@ def test_it_swings_at_the_frequency_of_a_clamped_beam() -> None:
     assert frequency_hz(y[late], 0.005) == pytest.approx(expected, rel=0.01)
 
 
+def test_a_swing_dies_away_as_the_material_damps_it() -> None:
+    """The amplitude of a mode falls as exp(−½ η ω² t): its damping is η times its stiffness."""
+    modulus, own_s, added_s = 1e-3 / INERTIA_M4, 0.002, 0.1
+    rod = simulator("bending_damping", step_s=0.001, damping_s=own_s)
+    values = {"bending_damping.eta": added_s}
+    vector = nominal(rod, youngs_modulus_pa=modulus, friction=0.0, endpoint_mass_kg=0.0, **values)
+    times = np.arange(0.0, 6.0, 0.005)
+    aside = np.array([0.6 + np.cos(0.02), np.sin(0.02)])
+    y = rod.simulate([SimulatedCast(STILL, times, aside)], vector).waypoints_m[0, 0, :, 1]
+    frequency = 1.8751**2 * np.sqrt(1e-3 / DENSITY) / CABLE.length_m**2  # ω₁
+    rate = 0.5 * (own_s + added_s) * frequency**2
+    swing = np.sqrt(frequency**2 - rate**2)
+    late = times > 1.0  # higher modes have died away
+    t = times[late]
+    basis = np.exp(-rate * t) * np.array([np.cos(swing * t), np.sin(swing * t)])
+    fitted = np.linalg.lstsq(basis.T, y[late], rcond=None)[0]
+    assert np.abs(basis.T @ fitted - y[late]).max() < 0.03 * np.abs(y[late]).max()
+
+
 def test_it_springs_at_the_frequency_of_a_clamped_bar() -> None:
     """f₁ = √(EA/λ) / 4L: a bar that is clamped at the hand and free at the end."""
     t = np.linspace(0.0, 4.0, 4001)
@@ -97,13 +116,14 @@ def test_it_springs_at_the_frequency_of_a_clamped_bar() -> None:
     assert frequency_hz(end, 0.002) == pytest.approx(expected, rel=0.01)
 
 
+@pytest.mark.parametrize("added_s", [0.0, 0.1])
 def test_a_rod_too_thin_to_stretch_moves_as_the_segmented_cable(
-    casts: list[SimulatedCast],
+    casts: list[SimulatedCast], added_s: float
 ) -> None:
     """E A = 4 E I / r²: with the same bending a thinner rod stretches less."""
     thin = Cable("thin", CABLE.length_m, CABLE.mass_kg, 5e-4, CABLE.endpoint_mass_kg)
     bending = 2e-4
-    rod = simulator(cable=thin, step_s=0.001)
+    rod = simulator("bending_damping", cable=thin, step_s=0.001)
     chain = SegmentedSimulator(thin, SEGMENTED, SegmentedSettings(step_s=0.001))
     modulus = bending / (0.25 * np.pi * thin.radius_m**4)
     expected = chain.simulate(
@@ -111,12 +131,13 @@ def test_a_rod_too_thin_to_stretch_moves_as_the_segmented_cable(
         nominal(
             chain,
             bending_stiffness_n_m2=bending,
-            bending_damping_s=0.02,
+            bending_damping_s=0.02 + added_s,
             joint_friction_n_m=0.0,
             axial_stiffness_n=4 * bending / thin.radius_m**2,
         ),
     )
-    got = rod.simulate(casts, nominal(rod, youngs_modulus_pa=modulus))
+    values = {"youngs_modulus_pa": modulus, "bending_damping.eta": added_s}
+    got = rod.simulate(casts, nominal(rod, **values))
     miss = np.linalg.norm(got.waypoints_m - expected.waypoints_m, axis=-1)
     assert np.nanmedian(miss) < 0.002 * CABLE.length_m
     assert np.nanmax(miss) < 0.05 * CABLE.length_m

@@ -61,6 +61,15 @@ class Effect:
         """Return a further moment [N m] in every hinge, (n_sim, n_hinges)."""
         raise NotImplementedError
 
+    def damping_time(self, **values: np.ndarray) -> np.ndarray:
+        """Return η [s] of a further moment E I η dκ/dt in every hinge, (n_sim, 1).
+
+        The retardation time of a Kelvin–Voigt material. As a bending moment it would have to be
+        weak: a step that takes damping at its beginning diverges where it is strong. Simulators
+        that carry this hook integrate it implicitly.
+        """
+        raise NotImplementedError
+
     def held_pose(
         self, pose: np.ndarray, memory: Memory, step_s: float, **values: np.ndarray
     ) -> np.ndarray:

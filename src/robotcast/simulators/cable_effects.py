@@ -35,6 +35,11 @@ class CableEffects:
             mass_kg = mass_kg * hook(along, **values)
         return mass_kg
 
+    def damping_s(self) -> np.ndarray | float:
+        """Return the retardation time [s] that the effects add to bending, (n_sim, 1) or 0."""
+        times = (hook(**values) for hook, values, _ in self._active.each("damping_time"))
+        return sum(times, start=0.0)
+
     def act(
         self,
         state: CableState,

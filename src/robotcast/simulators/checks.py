@@ -13,10 +13,12 @@ def all_parameters(
     parameters: Sequence[Parameter],
     effects: Sequence[Effect],
     tunes: Sequence[str] = (),
+    lacks: Sequence[str] = (),
 ) -> tuple[Parameter, ...]:
     """Return a simulator's own parameters, which must be named `own`, then the effects'.
 
-    `tunes` are the effects that are parameters of the simulator already.
+    `tunes` are the effects that are parameters of the simulator already, `lacks` the hooks through
+    which no effect can act in it.
     """
     names = tuple(p.name for p in parameters)
     if names != tuple(own):
@@ -24,4 +26,8 @@ def all_parameters(
     twice = [effect.name for effect in effects if effect.name in tunes]
     if twice:
         raise ValueError(f"{simulator} simulator: {', '.join(twice)} is a parameter of its own")
+    deaf = [(e.name, hook) for e in effects for hook in lacks if e.acts_through(hook)]
+    if deaf:
+        said = ", ".join(f"{name} acts through {hook}" for name, hook in deaf)
+        raise ValueError(f"{simulator} simulator: {said}, which it cannot carry")
     return (*parameters, *parameters_of(effects))

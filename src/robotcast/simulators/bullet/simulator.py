@@ -23,7 +23,8 @@ simulator):
   of the cable beside the endpoint's. Spinning friction acts only where there is rolling
   friction, whose bounds therefore exclude 0.
 - The springs have no damping of their own: what stills the cable's fast flutter is the angular
-  damping of the capsules.
+  damping of the capsules. An explicit damper as strong as a cable's needs a step tens of times
+  shorter, so effects that damp bending are refused.
 """
 
 import os
@@ -41,12 +42,14 @@ from robotcast.simulators.bullet.tasks import Setup, Task
 from robotcast.simulators.checks import all_parameters
 from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast
 
+LACKS = ("damping_time",)  # hooks of effects, see above
+
 
 class BulletSimulator:
     """Capsules on a plane in PyBullet, in worker processes with a physics client each."""
 
     name = "bullet"
-    tunes = ()  # effects that are parameters here
+    tunes = ("bending_damping",)  # as the capsules' angular damping
 
     def __init__(
         self,
@@ -55,7 +58,9 @@ class BulletSimulator:
         settings: BulletSettings,
         effects: Sequence[Effect] = (),
     ) -> None:
-        self.parameters = all_parameters(self.name, PARAMETERS, parameters, effects, self.tunes)
+        self.parameters = all_parameters(
+            self.name, PARAMETERS, parameters, effects, self.tunes, LACKS
+        )
         self.cable = cable
         self.effects = tuple(effects)
         self.settings = settings

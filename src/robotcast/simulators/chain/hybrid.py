@@ -30,7 +30,8 @@ class _HybridRun(ChainRun):
         inertia = 0.25 * np.pi * self._cable.radius_m**4
         bending = modulus[:, None] * inertia / self._geometry.bends_m
         self._set_springs(bending, modulus * area)
-        self._damping[:, self._hinges] = self._settings.stretch_damping_s * bending
+        damping_s = self._settings.stretch_damping_s + self._effects.damping_s()
+        self._damping[:, self._hinges] = damping_s * bending
 
 
 class HybridSimulator(ChainSimulator):

@@ -52,7 +52,8 @@ class _SegmentedRun(ChainRun):
         stiffness = values["bending_stiffness_n_m2"][:, None] / self._geometry.bends_m
         stiffness[:, 0] *= values["grip_stiffness"]
         self._set_springs(stiffness, values["axial_stiffness_n"])
-        self._viscous = values["bending_damping_s"][:, None] * stiffness
+        damping_s = values["bending_damping_s"][:, None] + self._effects.damping_s()
+        self._viscous = damping_s * stiffness
         self._joint_friction = values["joint_friction_n_m"]
 
     def _damp(self) -> None:
@@ -80,5 +81,5 @@ class SegmentedSimulator(ChainSimulator):
 
     name = "segmented"
     own = PARAMETERS
-    tunes = ("bending_hysteresis",)  # the joint friction
+    tunes = ("bending_damping", "bending_hysteresis")  # the latter is the joint friction
     run = _SegmentedRun
