@@ -11,7 +11,7 @@ import numpy as np
 from effects import build_effects
 from hydra.utils import instantiate
 from omegaconf import DictConfig
-from stage import bar, console, output_folder, require, stage
+from stage import bar, console, output_folder, require, stage, typed
 
 from robotcast.cast_model.model import CastModel
 from robotcast.cast_model.records import cast_records
@@ -55,6 +55,7 @@ def compare_stage(config: DictConfig) -> None:
         "rig": measured.rig,
         "measurements": str(config.measurements),
         "model": _called(config, active),
+        "overrides": typed("simulator"),
         "notes": [f"{measured.notice[0].upper()}{measured.notice[1:]}."] if measured.notice else [],
         **found.as_dict(),
     }

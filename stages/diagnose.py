@@ -12,7 +12,7 @@ from effects import build_effects, build_fields, known_effects
 from grids import build_envelope, build_grid, build_limits
 from hydra.utils import instantiate
 from omegaconf import DictConfig
-from stage import bar, console, output_folder, require, stage
+from stage import bar, console, output_folder, require, stage, typed
 
 from robotcast.cast_model.field_drawing import draw_field
 from robotcast.cast_model.further import further_casts
@@ -102,6 +102,7 @@ def _facts(config: DictConfig, measured: MeasurementSet) -> dict[str, Any]:
         "rig": measured.rig,
         "measurements": str(config.measurements),
         "output": str(config.output),
+        "overrides": typed("simulator"),
         "pipeline": True,
         "notes": [NO_LOG] if measured.tool_planned else [],
     }

@@ -79,6 +79,12 @@ def require(config: DictConfig, *names: str) -> None:
             raise ValueError(f"{name}=DIR is needed")
 
 
+def typed(group: str) -> list[str]:
+    """Return what was overridden of a config group, for commands that must do the same."""
+    overrides = HydraConfig.get().overrides.task
+    return [o for o in overrides if o.startswith((f"{group}=", f"{group}."))]
+
+
 def named_session(config: DictConfig) -> Path:
     """Return the folder of the configured session: `session=NAME` is one below paths.sessions."""
     folder = Path(config.paths.sessions)

@@ -98,6 +98,13 @@ def test_the_page_needs_nothing_else(page) -> None:
     assert not re.findall(r'(?:src|href)="(?!data:)[^"]*"|url\((?!data:)|@import', page)
 
 
+def test_the_command_goes_on_with_the_simulator_that_was_compared() -> None:
+    page = comparison_page(
+        {**compared(made_up(wrong=wrong_above(1.5))), "overrides": ["simulator=hybrid"]}
+    )
+    assert "python stages/diagnose.py simulator=hybrid measurements=sets/one" in page
+
+
 def test_the_head_says_the_error_beside_noise_where_it_sits_and_what_to_do(page) -> None:
     head = page[: page.index("When: error over time")]
     assert "The model errs by more than noise" in head

@@ -54,6 +54,15 @@ def test_verdict_evidence_and_the_command_stand_before_everything_else() -> None
     assert "1.04" in screen and "−67 %" in screen
 
 
+def test_the_commands_go_on_with_the_simulator_that_was_diagnosed() -> None:
+    chosen = ["simulator=hybrid", "simulator.model.settings.step_s=0.002"]
+    screen = first_screen(diagnosis_page({**effect(), "overrides": chosen}))
+    assert f"python stages/tune.py {' '.join(chosen)} paths.measurements" in screen
+    alone = "effects=board_tilt -S 'simulators=[hybrid]' -S generate.simulator=hybrid"
+    assert alone in screen
+    assert "simulators=" not in first_screen(diagnosis_page(effect()))
+
+
 def test_effects_go_by_readable_names() -> None:
     screen = first_screen(diagnosis_page(several()))
     assert "board tilt" in screen and "air drag" in screen

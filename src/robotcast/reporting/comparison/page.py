@@ -55,5 +55,5 @@ def _source(comparison: Mapping[str, Any]) -> str:
 
 
 def _command(comparison: Mapping[str, Any]) -> str:
-    folder = shlex.quote(comparison["measurements"])
-    return f"python stages/diagnose.py measurements={folder} output=OUT"
+    chosen = [*comparison.get("overrides", ()), f"measurements={comparison['measurements']}"]
+    return shlex.join(["python", "stages/diagnose.py", *chosen, "output=OUT"])

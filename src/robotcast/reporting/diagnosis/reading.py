@@ -98,6 +98,7 @@ class Diagnosis:
     ----------
     verdict : effect ids, or ("none",), or ("unknown",); empty while it is not known.
     output : the folder of the diagnosis, empty when not known.
+    overrides : what was overridden of the simulator, for commands that go on with it.
     nearest : effects that came near to the verdict, where it names none.
     model : every effect of the last model of the ladder, those fixed in advance included.
     words : what trials and their groups are called (`Wording.as_dict`).
@@ -119,6 +120,7 @@ class Diagnosis:
     rig: str
     measurements: str
     output: str
+    overrides: tuple[str, ...]
     casts: int | None
     actions: int | None
     unit: str
@@ -162,6 +164,7 @@ def read_diagnosis(plain: Mapping[str, Any]) -> Diagnosis:
         rig=str(plain.get("rig") or ""),
         measurements=str(plain.get("measurements") or ""),
         output=str(plain.get("output") or ""),
+        overrides=tuple(plain.get("overrides") or ()),
         casts=plain.get("casts"),
         actions=plain.get("actions"),
         unit=unit,

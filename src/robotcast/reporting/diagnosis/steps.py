@@ -48,17 +48,25 @@ def add_command(diagnosis: Diagnosis, effects: Sequence[str]) -> str:
     folder = diagnosis.measurements if "/" in diagnosis.measurements else "DIR"
     tuned = f"{_outputs(diagnosis)}/{'+'.join(effects)}"
     own = f"paths.diagnosis={shlex.quote(diagnosis.output)} " if diagnosis.output else ""
+    chosen = "".join(f"{shlex.quote(override)} " for override in diagnosis.overrides)
     return (
-        f"python stages/tune.py paths.measurements={shlex.quote(folder)} {own}"
+        f"python stages/tune.py {chosen}paths.measurements={shlex.quote(folder)} {own}"
         f"paths.tuned={tuned} 'effects=[{','.join(effects)}]'"
     )
 
 
-def pipeline_command(effects: Sequence[str]) -> str:
-    """Return the command that runs the pipeline with `effects`; to DVC a bare comma is a sweep."""
+def pipeline_command(diagnosis: Diagnosis) -> str:
+    """Return the command that runs the pipeline with what was found.
+
+    To DVC a bare comma is a sweep. A simulator that was chosen for the diagnosis runs alone: others
+    may lack other effects.
+    """
+    effects = diagnosis.model
     names = ",".join(effects)
     chosen = f"effects={names}" if len(effects) == 1 else f"\"effects='{names}'\""
-    return f"dvc exp run -S {chosen}"
+    of = [o.removeprefix("simulator=") for o in diagnosis.overrides if o.startswith("simulator=")]
+    alone = "".join(f" -S 'simulators=[{s}]' -S generate.simulator={s}" for s in of)
+    return f"dvc exp run -S {chosen}{alone}"
 
 
 def _outputs(diagnosis: Diagnosis) -> str:
@@ -96,7 +104,7 @@ def _add(diagnosis: Diagnosis) -> list[Step]:
         ),
         Step(
             "Through the pipeline, so that generated casts and policies have it too:",
-            pipeline_command(diagnosis.model),
+            pipeline_command(diagnosis),
         ),
     ]
     if diagnosis.next_trials:
