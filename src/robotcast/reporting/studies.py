@@ -71,7 +71,7 @@ def real_casts_figure(points: Sequence[Point]) -> Figure:
     axes.set_ylim(bottom=0)
     axes.set_xlabel("real casts to learn from")
     axes.set_ylabel("median error\n[% of cable length]")
-    axes.legend()
+    figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 
@@ -102,5 +102,5 @@ def ladder_figure(models: dict[str, float], points: Sequence[Point]) -> Figure:
     right.invert_yaxis()
     right.set_xlabel("median distance to the target [%]")
     right.set_title("Policy")
-    right.legend()
+    figure.legend(loc="outside lower center", ncols=2)
     return figure
