@@ -40,5 +40,6 @@ def test_both_figures_are_the_same_bytes_again(evaluations) -> None:
         assert drawn[0] == drawn[1]
 
 
-def test_the_markdown_table_has_one_decimal() -> None:
-    assert markdown(("a", "b"), [(1, 2.345)]) == "| a | b |\n| --- | --- |\n| 1 | 2.3 |\n"
+def test_the_markdown_table_has_one_decimal_and_no_minus_before_zero() -> None:
+    table = markdown(("a", "b", "c"), [(1, 2.345, -0.04)])
+    assert table == "| a | b | c |\n| --- | --- | --- |\n| 1 | 2.3 | 0.0 |\n"

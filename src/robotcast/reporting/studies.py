@@ -43,10 +43,10 @@ class Point:
 
 
 def markdown(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return a table in Markdown; numbers get one decimal."""
+    """Return a table in Markdown; numbers get one decimal, and no zero a minus."""
 
     def text(cell: object) -> str:
-        return f"{cell:.1f}" if isinstance(cell, float) else str(cell)
+        return f"{cell:z.1f}" if isinstance(cell, float) else str(cell)
 
     lines = [columns, ["---"] * len(columns), *([text(c) for c in row] for row in rows)]
     return "".join("| " + " | ".join(line) + " |\n" for line in lines)
