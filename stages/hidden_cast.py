@@ -15,11 +15,11 @@ from virtual_rig import rig_with_cable
 
 from robotcast.casts.action_file import read_actions
 from robotcast.hidden_effects.further import further_casts
-from robotcast.hidden_effects.generate import processes
 from robotcast.hidden_effects.layout import answer_path
 from robotcast.hidden_effects.seal import unseal
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
+from robotcast.pool import process_pool
 from robotcast.rigs.virtual.measure import Eye
 
 
@@ -34,7 +34,7 @@ def hidden_cast(config: DictConfig) -> None:
             raise ValueError(f"{name}= must be given")
     folder = Path(config.measurements)
     answer = unseal(answer_path(folder.name, Path(settings.reports)))
-    with processes(config.rig.workers) as pool:
+    with process_pool(config.rig.workers) as pool:
         grown = further_casts(
             read_measurement_set(folder),
             answer,

@@ -34,10 +34,14 @@ class _StageConsole(Console):
 console = _StageConsole(stderr=True)
 
 CONFIGURATION = str(Path(__file__).resolve().parents[1] / "conf")
+INTERRUPTED = 130  # as a shell has it: 128 and the number of SIGINT
 
 
 def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
-    """Turn `body(config)` into a command: composed by Hydra, refusing bad input in one line."""
+    """Turn `body(config)` into a command: composed by Hydra, refusing bad input in one line.
+
+    An interrupt ends it with one line too.
+    """
     _let_jobs_import_stages()
 
     @wraps(body)  # Hydra names the job after the file that `body` stands in
@@ -48,6 +52,10 @@ def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
         except (ValueError, FileNotFoundError) as error:
             console.print(f"{Path(sys.argv[0]).stem}: {error}", style="bold red", markup=False)
             sys.exit(2)
+        except KeyboardInterrupt:
+            said = "interrupted; the same command goes on from what was finished"
+            console.print(f"{Path(sys.argv[0]).stem}: {said}", style="bold red", markup=False)
+            sys.exit(INTERRUPTED)
 
     return hydra.main(version_base=None, config_path=CONFIGURATION, config_name="config")(run)
 

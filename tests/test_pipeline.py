@@ -19,7 +19,7 @@ ORDER = (
 # is drawn instead of cast.
 PLUMBING = (
     *("stages/stage.py", "stages/dry_run.py"),
-    *(f"src/robotcast/{name}.py" for name in ("files", "progress", "source")),
+    *(f"src/robotcast/{name}.py" for name in ("files", "pool", "progress", "source")),
 )
 
 

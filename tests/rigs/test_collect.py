@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ class NoteRig:
 
     workers: int = 1
     fails_at: int | None = None
+    takes_s: float = 0.0
     name: str = "note"
     cable: Cable = CABLE
     r0_m: float = 0.6
@@ -42,6 +44,7 @@ class NoteRig:
     def cast(
         self, planned: PlannedCast, number: int, folder: Path, *, rest_only: bool = False
     ) -> None:
+        time.sleep(self.takes_s)
         (folder / "note.txt").write_text(f"{number} {planned.action}")
         if number == self.fails_at:
             raise ValueError("the cable came loose")
@@ -141,6 +144,22 @@ def test_the_choice_for_fewer_casts_is_part_of_the_choice_for_more():
     assert choose_casts(ACTIONS, 3, 4, seed=2) != few
 
 
+def test_an_interrupted_collector_casts_no_more_and_goes_on_when_called_again(tmp_path):
+    def interrupt(done: int, total: int, note: str = "") -> None:
+        if done:
+            raise KeyboardInterrupt
+
+    rig, wanted = NoteRig(workers=2, takes_s=0.2), asked(*range(6), *range(6), *range(6))
+    with pytest.raises(KeyboardInterrupt):
+        collect_casts(rig, wanted, tmp_path, LIMITS, interrupt)
+    stood = len(read_session(tmp_path).casts)
+    assert 1 <= stood < 12
+    time.sleep(1.0)
+    assert len(read_session(tmp_path).casts) == stood
+    done = collect_casts(replace(rig, takes_s=0.0), wanted, tmp_path, LIMITS)
+    assert (done.stood, done.added) == (stood, 18 - stood)
+
+
 @pytest.mark.slow
 @pytest.mark.rig
 def test_a_collector_killed_at_any_moment_loses_no_cast_and_repeats_none(tmp_path):
@@ -165,6 +184,29 @@ def test_a_collector_killed_at_any_moment_loses_no_cast_and_repeats_none(tmp_pat
         finished = stands
     assert collect(tmp_path / "killed").wait() == 0
     assert contents(tmp_path / "killed") == contents(tmp_path / "undisturbed")
+
+
+@pytest.mark.slow
+@pytest.mark.rig
+def test_an_interrupt_at_the_terminal_ends_the_command_in_one_line(tmp_path):
+    sizes = "scale.collect={casts: 30, repeats: 1}", "scale.camera={width: 320, height: 180}"
+    with subprocess.Popen(
+        [sys.executable, "stages/collect.py", *sizes, f"paths.sessions={tmp_path}"],
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+        text=True,
+        process_group=0,
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
+    ) as process:
+        until = time.monotonic() + 120.0
+        while not list(tmp_path.glob("cast_*")):
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        os.killpg(process.pid, signal.SIGINT)
+        _, said = process.communicate()
+    assert process.returncode == 130
+    assert "collect: interrupted" in said and "Traceback" not in said
+    assert 1 <= len(read_session(tmp_path).casts) < 15
 
 
 def test_actions_of_a_file_are_added_to_a_session_and_never_cast_twice_by_chance(tmp_path):

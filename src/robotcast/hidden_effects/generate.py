@@ -1,11 +1,9 @@
 """Measuring the drawn cases: a set and a sealed answer each."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +20,7 @@ from robotcast.hidden_effects.seal import seal, unseal
 from robotcast.hidden_effects.shift import fit_parameters, see_casts, shift_percent
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.measurements.writer import write_measurement_set
+from robotcast.pool import process_pool
 from robotcast.progress import Progress, silent
 from robotcast.rigs.virtual.measure import Eye, measure_cast
 from robotcast.rigs.virtual.rig import VirtualRig
@@ -67,7 +66,7 @@ def generate_cases(
     missing = [case for case in cases if not _stands(case, folder, reports)]
     stood = len(cases) - len(missing)
     progress(stood, len(cases))
-    with processes(workers) as pool:
+    with process_pool(workers) as pool:
         for done, case in enumerate(missing, stood + 1):
             measured, answer = measure_case(case, bench, pool)
             _seal_once(answer, answer_path(case.name, reports))
@@ -154,13 +153,3 @@ def _other(path: Path, what: str) -> ValueError:
         f"{path}: {what}; a case is never changed in place: remove the benchmark's folders, or "
         "draw into others (hidden_effects.folder, hidden_effects.reports)"
     )
-
-
-@contextmanager
-def processes(workers: int) -> Iterator[Executor]:
-    """Yield a pool of processes that takes no further work once its user stops."""
-    pool = ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)

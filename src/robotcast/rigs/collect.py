@@ -1,14 +1,11 @@
 """Collecting casts into a session: only what is missing, side by side, whatever fails."""
 
 import itertools
-import multiprocessing
-import os
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import as_completed
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing.connection import wait
 from pathlib import Path
 
 import yaml
@@ -16,6 +13,7 @@ import yaml
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
 from robotcast.files import atomic_folder, write_text
+from robotcast.pool import process_pool
 from robotcast.progress import Progress, silent
 from robotcast.rigs.rig import CastNotUsed, Rig, RigStopped
 from robotcast.sessions.session import (
@@ -79,34 +77,27 @@ def collect_casts(
         stood = len(requests) - len(missing)
         failed: dict[int, str] = {}
         progress(stood, len(requests))
-        for done, (request, reason) in enumerate(_outcomes(rig, missing, folder, planner), 1):
-            if reason:
-                failed[request.number] = reason
-            _note_failure(folder, request, reason)
-            said = describe(request, folder) if describe and not reason else ""
-            progress(stood + done, len(requests), _state(request, said, len(failed)))
+        with closing(_outcomes(rig, missing, folder, planner)) as outcomes:
+            for done, (request, reason) in enumerate(outcomes, 1):
+                if reason:
+                    failed[request.number] = reason
+                _note_failure(folder, request, reason)
+                said = describe(request, folder) if describe and not reason else ""
+                progress(stood + done, len(requests), _state(request, said, len(failed)))
     return Collected(stood, len(missing) - len(failed), dict(sorted(failed.items())))
 
 
 def _outcomes(
     rig: Rig, requests: list[CastRequest], folder: Path, planner: Planner
-) -> Iterator[tuple[CastRequest, str]]:
+) -> Generator[tuple[CastRequest, str], None, None]:
     """Execute the requests; yield each with "" or with why it failed, as they finish."""
     workers = min(rig.workers, len(requests))
     if workers <= 1:
         yield from ((request, _execute(rig, request, folder, planner)) for request in requests)
         return
-    with ProcessPoolExecutor(
-        workers,
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(rig, folder, planner),
-    ) as pool:
+    with process_pool(workers, partial(_begin_worker, rig, folder, planner)) as pool:
         running = {pool.submit(_execute_in_worker, request): request for request in requests}
-        try:
-            yield from ((running[future], future.result()) for future in as_completed(running))
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+        yield from ((running[future], future.result()) for future in as_completed(running))
 
 
 def _execute(rig: Rig, request: CastRequest, folder: Path, planner: Planner) -> str:
@@ -156,18 +147,9 @@ def _note_failure(folder: Path, request: CastRequest, reason: str) -> None:
 _in_worker: tuple[Rig, Path, Planner]
 
 
-def _start_worker(rig: Rig, folder: Path, planner: Planner) -> None:
+def _begin_worker(rig: Rig, folder: Path, planner: Planner) -> None:
     global _in_worker
     _in_worker = (rig, folder, planner)
-    threading.Thread(target=_die_with_parent, daemon=True).start()
-
-
-def _die_with_parent() -> None:
-    # A collector killed with -9 must not leave workers that write into the next one's session.
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        wait([parent.sentinel])
-        os._exit(1)
 
 
 def _execute_in_worker(request: CastRequest) -> str:

@@ -1,15 +1,16 @@
 """All casts of a session, tracked side by side into a measurement set."""
 
-import multiprocessing
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Generator
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import cv2
 import numpy as np
 
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
+from robotcast.pool import process_pool
 from robotcast.progress import Progress, silent
 from robotcast.sessions.cast_files import TOOL_FILE, read_tool
 from robotcast.sessions.session import CastRequest, Session
@@ -93,23 +94,22 @@ def track_session(
     lost: dict[int, str] = {}
     total = len(session.casts)
     progress(0, total)
-    outcomes = _outcomes(session, min(workers, total))
-    for cast, outcome in zip(session.casts, outcomes, strict=True):
-        if isinstance(outcome, str):
-            lost[cast.number] = outcome
-        else:
-            tracked[cast.number] = outcome
-        progress(len(tracked) + len(lost), total, f"{len(lost)} lost" if lost else "")
+    with closing(_outcomes(session, min(workers, total))) as outcomes:
+        for cast, outcome in zip(session.casts, outcomes, strict=True):
+            if isinstance(outcome, str):
+                lost[cast.number] = outcome
+            else:
+                tracked[cast.number] = outcome
+            progress(len(tracked) + len(lost), total, f"{len(lost)} lost" if lost else "")
     return TrackedSession(session, tracked, lost)
 
 
-def _outcomes(session: Session, workers: int) -> Iterator[TrackedCast | str]:
+def _outcomes(session: Session, workers: int) -> Generator[TrackedCast | str, None, None]:
     """Yield, in the order of the casts, what was tracked or why it was not."""
     if workers <= 1:
         yield from (_attempt(session, cast) for cast in session.casts)
         return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, cv2.setNumThreads, (1,)) as pool:
+    with process_pool(workers, partial(cv2.setNumThreads, 1)) as pool:
         yield from pool.map(_attempt, [session] * len(session.casts), session.casts)
 
 

@@ -1,14 +1,13 @@
 """Which casts are chaotic: a millimetre at the start moves the resting end by centimetres."""
 
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import repeat
-from multiprocessing import get_context
 
 import numpy as np
 
 from robotcast.casts.plan import PlannedCast
+from robotcast.pool import process_pool
 from robotcast.progress import Progress, silent
 from robotcast.rigs.virtual.chance import CastNoise
 from robotcast.rigs.virtual.rig import VirtualRig
@@ -65,7 +64,7 @@ def sensitivities(
 ) -> list[CastSensitivity]:
     """Return the sensitivity of each cast, simulated side by side."""
     found = []
-    with ProcessPoolExecutor(rig.workers, mp_context=get_context("spawn")) as pool:
+    with process_pool(rig.workers) as pool:
         for one in pool.map(_sensitivity, repeat(rig), casts, repeat(repeats)):
             found.append(one)
             progress(len(found), len(casts))

@@ -1,16 +1,15 @@
 """Executing the full five-step reset on the virtual cable, to see how its result scatters."""
 
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from itertools import repeat
-from multiprocessing import get_context
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from robotcast.casts.plan import PlannedCast
 from robotcast.casts.reset import ResetMotion, ResetSettings, plan_reset
+from robotcast.pool import process_pool
 from robotcast.progress import Progress, silent
 from robotcast.rigs.virtual.drive import Motion
 from robotcast.rigs.virtual.rig import VirtualRig
@@ -44,7 +43,7 @@ def measure_resets(
 ) -> StartScatter:
     """Simulate each cast and the reset that follows it; return how the cable then lies."""
     headings = []
-    with ProcessPoolExecutor(rig.workers, mp_context=get_context("spawn")) as pool:
+    with process_pool(rig.workers) as pool:
         motions = pool.map(simulate_reset, repeat(rig), casts, range(len(casts)), repeat(settings))
         for number, motion in enumerate(motions):
             progress(number + 1, len(casts))
