@@ -66,7 +66,7 @@ real-casts: $(INSTALLED)
 
 real-casts-few: $(INSTALLED)
 	$(BIN)/python stages/candidates.py
-	for cell in real-20 real-40 mixed-20 mixed-40; do \
+	for cell in real-20 real-35 mixed-20 mixed-35; do \
 		set -- dataset=$${cell%-*} paths.policy=data/real_casts_few/policies/$$cell \
 			paths.evaluation=data/real_casts_few/evaluation/$$cell \
 			paths.evaluation_sessions=data/real_casts_few/sessions/$$cell; \

@@ -60,6 +60,23 @@ def test_its_processes_end_with_the_one_that_was_killed(tmp_path):
         time.sleep(0.05)
 
 
+SAYS_WHEN_IMPORTED = """
+import os
+from robotcast.pool import process_pool
+print("imported", flush=True)
+if __name__ == "__main__":
+    with process_pool(1) as pool:
+        print(pool.submit(os.getpid).result() != os.getpid(), __file__)
+"""
+
+
+def test_its_processes_do_not_import_the_main_script(tmp_path):
+    script = tmp_path / "says_when_imported.py"
+    script.write_text(SAYS_WHEN_IMPORTED)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["imported", "True", str(script)]
+
+
 def _runs(pid: int) -> bool:
     try:
         state = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0]

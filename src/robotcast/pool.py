@@ -2,12 +2,14 @@
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context, parent_process
+from multiprocessing import parent_process
 from multiprocessing.connection import wait
+from multiprocessing.context import SpawnContext, SpawnProcess
 
 
 @contextmanager
@@ -20,13 +22,31 @@ def process_pool(workers: int, begin: Callable[[], object] | None = None) -> Ite
 
     Parameters
     ----------
-    begin : called in each process before its first work; something that pickle can send.
+    begin : called in each process before its first work. Like all work it must be something that
+        pickle can send, of a module and not of the main script, which the processes do not import.
     """
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), _begin, (begin,))
+    pool = ProcessPoolExecutor(workers, _LightContext(), _begin, (begin,))
     try:
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+class _LightProcess(SpawnProcess):
+    """A process that does not import the main script: a stage's imports take seconds."""
+
+    def start(self) -> None:
+        main = vars(sys.modules["__main__"])
+        path = main.pop("__file__", None)  # where a spawned process would import it from
+        try:
+            super().start()
+        finally:
+            if path is not None:
+                main["__file__"] = path
+
+
+class _LightContext(SpawnContext):
+    Process = _LightProcess
 
 
 def _begin(begin: Callable[[], object] | None) -> None:

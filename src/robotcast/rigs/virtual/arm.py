@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter, lfilter_zi
 
 from robotcast.casts.tool_motion import ToolMotion
+from robotcast.rigs.virtual.lag import lagged
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,7 @@ class ArmDynamics:
         step = t_s[1] - t_s[0]
         start = told.pose[0]
         asked = start + (1 + self.gain_error) * (told.at(t_s - delay_s) - start)
-        numerator, denominator = self._filter(step)
-        state = lfilter_zi(numerator, denominator)[:, None] * asked[0]
-        return lfilter(numerator, denominator, asked, axis=0, zi=state)[0]
+        return lagged(*self._filter(step), asked)
 
     def _filter(self, step: float) -> tuple[np.ndarray, np.ndarray]:
         # Bilinear transform of ω² / (s² + 2 ζ ω s + ω²), whose lag is 2 ζ / ω.

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from robotcast.rigs.virtual.hidden.effect import Holding
+from robotcast.rigs.virtual.lag import lagged
 
 
 @dataclass(frozen=True)
@@ -19,8 +19,8 @@ class LooseGrip(Holding):
         decay = np.exp(-step_s / self.lag_s)
         slope = self.lag_s * (1 - decay) / step_s
         start = path[0]
-        weights = [1 - slope, slope - decay]
-        return start + lfilter(weights, [1.0, -decay], path - start, axis=0)
+        weights, past = np.array([1 - slope, slope - decay, 0.0]), np.array([1.0, -decay, 0.0])
+        return start + lagged(weights, past, path - start)
 
 
 @dataclass(frozen=True)
