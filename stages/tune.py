@@ -88,6 +88,7 @@ def tune(config: DictConfig) -> None:
             for name, (trials, waypoints_m) in predicted.items()
         },
         certainty=_certainty(config, objective, problem, found, tuning),
+        improved=found.improved,
         simulated_casts=found.casts,
         diverged_casts=sum(batch.diverged for batch in found.trace),
     )

@@ -104,6 +104,10 @@ class Search(Protocol):
 class Optimizer(Protocol):
     """Minimises the average waypoint error over the unit cube."""
 
-    def begin(self, problem: Problem) -> Search:
-        """Start a search. The same problem and answers lead to the same questions."""
+    def begin(self, problem: Problem, budget_casts: int) -> Search:
+        """Start a search. The same problem, budget and answers lead to the same questions.
+
+        Whoever asks the questions ends it at the budget; an optimizer that goes in stages knows
+        from it how long they may be.
+        """
         ...

@@ -49,7 +49,7 @@ class BayesianOptimization:
                 f"got {self.initial} and {self.batch}"
             )
 
-    def begin(self, problem: Problem) -> Search:
+    def begin(self, problem: Problem, budget_casts: int) -> Search:
         """Search from a Latin hypercube with the problem's start as one of its vectors."""
         return _Run(self, problem)
 

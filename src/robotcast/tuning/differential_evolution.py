@@ -29,7 +29,7 @@ class DifferentialEvolution:
     recombination: float = 0.9
     seed: int = 0
 
-    def begin(self, problem: Problem) -> Search:
+    def begin(self, problem: Problem, budget_casts: int) -> Search:
         """Search from a Latin hypercube with the problem's start as one of its vectors."""
         return Called(lambda evaluate: self._run(problem, evaluate))
 

@@ -20,13 +20,16 @@ from robotcast.fitting.least_squares import (
     trial_losses,
 )
 from robotcast.fitting.starts import hypercube, spread
-from robotcast.tuning.asking import Evaluate, Problem, Question, Search
+from robotcast.tuning.asking import Answer, Evaluate, Problem, Question, Search
 from robotcast.tuning.called import Called
 
 FAR = 1.15  # ½ ln(1 + 3²), the loss of casts missed by three noises: perhaps in a wrong valley
 HOPE = 0.1  # of its loss that a fit so far off must shed; in a wrong valley it creeps
 LOST = 3.0  # times the loss of the beginnings, on whole casts, in a wrong valley
 CLEAR = 1e-5  # loss of casts missed by 0.004 noises: nothing is left to tell parameters by
+ENSEMBLE_PAYS = 0.4  # of a small budget, at most: its centre is worth little without the fits
+FINISH = 4  # Jacobians of a last fit that is worth having
+STEPS = 9  # vectors that a Jacobian takes beside one for each parameter, itself and tried steps
 WIDE = 10.0  # ranges: an expectation so wide only keeps what the casts do not tell where it is
 ALL_OVER = 0.96  # of every range: where the starts may lie
 # Casts that the model itself makes up have no noise; their misses lead along narrow curved valleys.
@@ -42,11 +45,13 @@ class GaussNewton:
     An ensemble looks for a start on the beginnings of a few casts, a fit to those of some more
     follows and goes on with all casts, until a step hardly pays or the misses are far below the
     noise. A search begins again with another ensemble where the beginnings stay far above the
-    noise, or whole casts do; the last one goes on from the best beginnings at any rate.
+    noise, or whole casts do, while the budget pays for it; the last one goes on from the best
+    beginnings at any rate.
 
     Attributes
     ----------
-    members, updates : of the ensemble, the problem's start among its members.
+    members, updates : of the ensemble, the problem's start among its members; a small budget
+        makes do with fewer members.
     few, some : casts that the ensemble sees, and those that the first fit does.
     share : of each cast's waypoints that these see.
     early_iterations, iterations : of the first fit and of the last one, at most.
@@ -63,41 +68,71 @@ class GaussNewton:
     attempts: int
     seed: int = 0
 
-    def begin(self, problem: Problem) -> Search:
+    def begin(self, problem: Problem, budget_casts: int) -> Search:
         """Search from the problem's start and from others all over the ranges."""
-        return Called(lambda evaluate: self._run(problem, evaluate))
+        return Called(lambda evaluate: _Run(self, problem, budget_casts, evaluate).run())
 
-    def _run(self, problem: Problem, evaluate: Evaluate) -> None:
-        evaluate(Question(problem.start[None]))
-        whole = _Fits(problem, _residuals(evaluate, problem.noise_percent), problem.casts)
+
+class _Run:
+    """A search under way, which knows what its budget still pays for."""
+
+    def __init__(
+        self, settings: GaussNewton, problem: Problem, budget_casts: int, evaluate: Evaluate
+    ) -> None:
+        self._settings, self._problem, self._evaluate = settings, problem, evaluate
+        self._budget_casts, self._spent_casts = budget_casts, 0
+        noise = problem.noise_percent
+        self._early = _Fits(problem, _residuals(self._paid, noise, settings.share), settings.some)
+        self._whole = _Fits(problem, _residuals(self._paid, noise), problem.casts)
+
+    def run(self) -> None:
+        """Begin, again where that led to a wrong valley, and finish."""
+        self._paid(Question(self._problem.start[None]))
         far: list[Fit] = []
-        for attempt in range(self.attempts):
-            last = attempt == self.attempts - 1
-            begun = self._begun(problem, evaluate, self.seed + attempt)
+        for attempt in range(self._settings.attempts):
+            before_casts = self._spent_casts
+            begun = self._begun(self._settings.seed + attempt)
+            paid_casts = self._spent_casts - before_casts
+            last = attempt == self._settings.attempts - 1 or paid_casts > self._spare_casts()
             if begun.loss > FAR:
                 far.append(begun)
                 if not last:
                     continue
                 begun = min(far, key=lambda fit: fit.loss)
-            if self._finished(whole, begun, patient=last).loss < FAR:
+            if self._finished(begun, patient=last).loss < FAR or last:
                 return
 
-    def _begun(self, problem: Problem, evaluate: Evaluate, seed: int) -> Fit:
-        """Return a fit to the beginnings of some casts, from where an ensemble centres."""
-        residuals = _residuals(evaluate, problem.noise_percent, self.share)
-        fits = _Fits(problem, residuals, self.some)
-        members = hypercube(np.full(len(problem.start), 0.5), ALL_OVER, self.members, seed)
-        members[0] = problem.start
-        few = spread(fits.trials, self.few)
-        return fits(
-            ensemble_start(residuals, members, few, self.updates, seed), self.early_iterations
-        )
+    def _paid(self, question: Question) -> Answer:
+        self._spent_casts += question.cost(self._problem.casts)
+        return self._evaluate(question)
 
-    def _finished(self, whole: "_Fits", begun: Fit, *, patient: bool) -> Fit:
+    def _spare_casts(self) -> int:
+        """Return what is left for beginnings, once the last fit has what it needs."""
+        wanted = FINISH * self._step_casts(self._whole)
+        return max(self._budget_casts - self._spent_casts - wanted, 0)
+
+    def _step_casts(self, fits: "_Fits") -> int:
+        """Return what a Jacobian and the steps tried by it take, about."""
+        return len(fits.trials) * (len(self._problem.start) + STEPS)
+
+    def _begun(self, seed: int) -> Fit:
+        """Return a fit to the beginnings of some casts, from where an ensemble centres."""
+        settings, start, early = self._settings, self._problem.start, self._early
+        few = spread(early.trials, settings.few)
+        paid = int(ENSEMBLE_PAYS * self._budget_casts / (settings.updates * len(few)))
+        crowd = min(settings.members, max(paid, len(start) + 2))
+        members = hypercube(np.full(len(start), 0.5), ALL_OVER, crowd, seed)
+        members[0] = start
+        centre = ensemble_start(early.residuals, members, few, settings.updates, seed)
+        affordable = self._spare_casts() // self._step_casts(early)
+        return early(centre, min(settings.early_iterations, affordable))
+
+    def _finished(self, begun: Fit, *, patient: bool) -> Fit:
         """Return where a fit to whole casts ends; unless `patient`, one without hope ends early."""
         fit, idle = begun, 0
-        for turn in range(self.iterations):
-            before, fit = fit, whole(fit.vector, 1, like=fit, nearer=NEARER[turn % len(NEARER)])
+        for turn in range(self._settings.iterations):
+            nearer = NEARER[turn % len(NEARER)]
+            before, fit = fit, self._whole(fit.vector, 1, like=fit, nearer=nearer)
             far = fit.loss > FAR and not patient
             if fit.loss < CLEAR or (not turn and far and fit.loss > LOST * begun.loss):
                 break

@@ -46,6 +46,11 @@ class Found:
         """How many casts were simulated."""
         return sum(batch.casts for batch in self.trace)
 
+    @property
+    def improved(self) -> bool:
+        """Whether it went on to anything better than its first question."""
+        return self.percent < self.trace[0].best_percent
+
 
 def search(
     optimizer: Optimizer,
@@ -67,7 +72,7 @@ def search(
         When the budget does not pay the first question, or that is not about all casts.
     """
     found: Found | None = None
-    asked = optimizer.begin(problem)
+    asked = optimizer.begin(problem, budget_casts)
     try:
         while (question := asked.ask()) is not None:
             cost = question.cost(problem.casts)

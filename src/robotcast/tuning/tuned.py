@@ -30,6 +30,7 @@ class Tuned:
     values : parameter name → value, frozen ones and those of the effects included.
     errors : "tune" and "test" → errors on these casts.
     certainty : None where the budget was too small for it.
+    improved : whether the search went on to anything better than what it tried first.
     simulated_casts, diverged_casts : of the search.
     """
 
@@ -45,6 +46,7 @@ class Tuned:
     values: Mapping[str, float]
     errors: Mapping[str, PredictionErrors]
     certainty: Certainty | None
+    improved: bool
     simulated_casts: int
     diverged_casts: int
 
@@ -61,6 +63,11 @@ class Tuned:
             for p in self.parameters
             if self.at_bound(p)
         ]
+        if not self.improved:
+            found.append(
+                f"in {self.simulated_casts} simulated casts the search found nothing better than "
+                "what it tried first: raise optimizer.budget_casts"
+            )
         found += _doubts(self.certainty)
         lost = sum(errors.n_diverged for errors in self.errors.values())
         if lost:
