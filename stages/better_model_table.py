@@ -10,7 +10,14 @@ from robotcast.files import write_text
 from robotcast.reporting.figures.style import style, svg
 from robotcast.reporting.names import effect_name, policy_name
 from robotcast.reporting.results import read_evaluation
-from robotcast.reporting.studies import HEAD, Point, ladder_figure, markdown
+from robotcast.reporting.studies import (
+    CHANGE_HEAD,
+    HEAD,
+    Point,
+    change_rows,
+    ladder_figure,
+    markdown,
+)
 from robotcast.tuning.revisions import REVISION
 
 TEXT = """# What a better model is worth to a policy
@@ -24,6 +31,11 @@ distance of the repeats of a cast from their mean. In % of cable length. Made by
 `make better-model`.
 
 ![Both error ladders](ladders.svg)
+
+"""
+CHANGES = """
+From the base model to the diagnosed one, with the 95 % interval of a bootstrap over targets, the
+same ones drawn for both:
 
 """
 MODELS = ("base", "diagnosed")
@@ -48,7 +60,9 @@ def better_model_table(config: DictConfig) -> None:
     ]
     effects = ", ".join(map(effect_name, revisions["diagnosed"]["effects"])) or "none"
     reports = output_folder(settings.reports)
-    text = TEXT.format(effects=effects) + markdown(("Model", "its error", "Policy", *HEAD), rows)
+    table = markdown(("Model", "its error", "Policy", *HEAD), rows)
+    changes = markdown(CHANGE_HEAD, change_rows(points))
+    text = TEXT.format(effects=effects) + table + CHANGES + changes
     write_text(reports / "README.md", text)
     with style():
         write_text(reports / "ladders.svg", svg(ladder_figure(models, points)).decode("utf-8"))

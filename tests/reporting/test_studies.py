@@ -4,7 +4,14 @@ import pytest
 
 from robotcast.reporting.figures.style import style, svg
 from robotcast.reporting.results import Evaluation, read_evaluation
-from robotcast.reporting.studies import HEAD, Point, ladder_figure, markdown, real_casts_figure
+from robotcast.reporting.studies import (
+    HEAD,
+    Point,
+    change_rows,
+    ladder_figure,
+    markdown,
+    real_casts_figure,
+)
 
 
 @pytest.fixture(scope="module")
@@ -43,3 +50,13 @@ def test_both_figures_are_the_same_bytes_again(evaluations) -> None:
 def test_the_markdown_table_has_one_decimal_and_no_minus_before_zero() -> None:
     table = markdown(("a", "b", "c"), [(1, 2.345, -0.04)])
     assert table == "| a | b | c |\n| --- | --- | --- |\n| 1 | 2.3 | 0.0 |\n"
+
+
+def test_the_change_between_two_places_is_told_group_by_group(evaluations) -> None:
+    better = Point("real", 1, evaluations["mixed"])
+    rows = change_rows([Point("real", 0, evaluations["real"]), better, *points(evaluations, [7])])
+    change, low, high = evaluations["mixed"].change_from(evaluations["real"])
+    medians = [evaluations[name].median_percent for name in ("real", "mixed")]
+    assert change == pytest.approx(medians[1] / medians[0] - 1)
+    assert low <= change <= high
+    assert len(rows) == 1

@@ -18,6 +18,7 @@ from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.evaluating.error_parts import ErrorParts, error_parts, median_interval
 from robotcast.policies.learning.datasets import Examples, read_simulated
 from robotcast.reporting.names import method_name
+from robotcast.reporting.paired import median_change
 from robotcast.tuning.revisions import Revision, comparable_revisions
 
 
@@ -152,8 +153,31 @@ class Evaluation:
         """The 95 % interval of the median error, in % of cable length; None without casts."""
         if self.casts.is_empty():
             return None
-        away = [np.linalg.norm(xy - t, axis=1) * self._per_metre for _, t, xy in self._by_target]
-        return median_interval(away)
+        return median_interval(list(self._errors_by_target.values()))
+
+    def change_from(self, other: "Evaluation") -> tuple[float, float, float]:
+        """Return by how much of itself the median error changed from another policy's.
+
+        And the 95 % interval of that. Only targets count at which both were seen.
+
+        Raises
+        ------
+        ValueError
+            When there is no such target.
+        """
+        before, after = other._errors_by_target, self._errors_by_target
+        both = [k for k in before if k in after]
+        if not both:
+            raise ValueError("the two policies have no target at which both were seen")
+        return median_change([before[k] for k in both], [after[k] for k in both])
+
+    @property
+    def _errors_by_target(self) -> dict[int, np.ndarray]:
+        """Number of a target → errors (repeats,) in % of cable length."""
+        return {
+            number: np.linalg.norm(xy - target, axis=1) * self._per_metre
+            for number, target, xy in self._by_target
+        }
 
     @property
     def _by_target(self) -> list[tuple[int, np.ndarray, np.ndarray]]:

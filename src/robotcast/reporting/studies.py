@@ -12,6 +12,7 @@ from robotcast.reporting.names import dataset_name, policy_name
 from robotcast.reporting.results import Evaluation
 
 HEAD = ("median", "from", "to", "q1", "q3", "scatter", "casts")
+CHANGE_HEAD = ("Policy", "its median error", "from", "to")
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,17 @@ class Point:
         scatter = self.evaluation.scatter_percent
         apart = np.nan if scatter is None else scatter
         return (*(float(v) for v in (middle, low, high, q1, q3, apart)), len(errors))
+
+
+def change_rows(points: Sequence[Point]) -> list[tuple[str, str, str, str]]:
+    """Return `CHANGE_HEAD` for every group: from its first place to its last, with the interval."""
+    rows = []
+    for group in dict.fromkeys(p.group for p in points):
+        of = sorted((p for p in points if p.group == group), key=lambda p: p.place)
+        if len(of) > 1:
+            change = of[-1].evaluation.change_from(of[0].evaluation)
+            rows.append((policy_name("nn", group), *(f"{100 * share:+.0f} %" for share in change)))
+    return rows
 
 
 def markdown(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
