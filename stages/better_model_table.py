@@ -34,8 +34,8 @@ distance of the repeats of a cast from their mean. In % of cable length. Made by
 
 """
 CHANGES = """
-From the base model to the diagnosed one, with the 95 % interval of a bootstrap over targets, the
-same ones drawn for both:
+From the base model to the diagnosed one, over the targets at which casts of both were tracked, with
+the 95 % interval of a bootstrap that draws the same targets for both:
 
 """
 MODELS = ("base", "diagnosed")
