@@ -1,5 +1,7 @@
+from dataclasses import replace
 from pathlib import Path
 
+import polars as pl
 import pytest
 
 from robotcast.reporting.figures.style import style, svg
@@ -60,3 +62,9 @@ def test_the_change_between_two_places_is_told_group_by_group(evaluations) -> No
     assert change == pytest.approx(medians[1] / medians[0] - 1)
     assert low <= change <= high
     assert len(rows) == 1
+
+
+def test_policies_tested_at_other_targets_are_not_compared(evaluations) -> None:
+    moved = evaluations["real"].casts.with_columns(pl.col("target_x") + 0.01)
+    with pytest.raises(ValueError, match="no target at which casts of both"):
+        evaluations["mixed"].change_from(replace(evaluations["real"], casts=moved))

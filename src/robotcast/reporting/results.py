@@ -158,7 +158,7 @@ class Evaluation:
     def change_from(self, other: "Evaluation") -> tuple[float, float, float]:
         """Return by how much of itself the median error changed from another policy's.
 
-        And the 95 % interval of that. Only targets count at which both were seen.
+        And the 95 % interval of that. Only targets count at which casts of both were tracked.
 
         Raises
         ------
@@ -168,15 +168,15 @@ class Evaluation:
         before, after = other._errors_by_target, self._errors_by_target
         both = [k for k in before if k in after]
         if not both:
-            raise ValueError("the two policies have no target at which both were seen")
+            raise ValueError("the two policies have no target at which casts of both were tracked")
         return median_change([before[k] for k in both], [after[k] for k in both])
 
     @property
-    def _errors_by_target(self) -> dict[int, np.ndarray]:
-        """Number of a target → errors (repeats,) in % of cable length."""
+    def _errors_by_target(self) -> dict[tuple[float, float], np.ndarray]:
+        """Target (x, y) [m] → errors (repeats,) in % of cable length."""
         return {
-            number: np.linalg.norm(xy - target, axis=1) * self._per_metre
-            for number, target, xy in self._by_target
+            (float(x), float(y)): np.linalg.norm(xy - (x, y), axis=1) * self._per_metre
+            for _, (x, y), xy in self._by_target
         }
 
     @property
