@@ -17,13 +17,13 @@ from robotcast.cast_model.model import CastModel
 from robotcast.cast_model.records import cast_records
 from robotcast.cast_model.wording import CAST_WORDING
 from robotcast.diagnosis.comparison.compare import Comparison, compare
+from robotcast.diagnosis.diagnose import Case, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import fit_base
 from robotcast.effects.active import parameters_of
 from robotcast.effects.effect import Effect
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import MeasurementSet
-from robotcast.measurements.noise_floor import noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.reporting.comparison.page import comparison_page
 from robotcast.reporting.names import effect_name
@@ -89,15 +89,17 @@ def _parameters(
         _, values = read_values(Path(config.tuned))
         effects = [model.effects[name] for name in active]
         return vector_of((*model.parameters, *parameters_of(effects)), values)
-    floor = noise_floor(measured).waypoint_percent
-    noise_m = None if floor is None else floor / 100 * model.scale
+    records = cast_records(measured)
+    case = Case(model, records, (), rule=instantiate(config.diagnosis.rule))
+    _, noise_m = floor_and_noise(case)
 
     def simulated(done: int, total: int, note: str = "") -> None:
         # nobody knows how many casts a fit will take
         progress(done, total or None, "simulated casts")
 
-    inquiry = Inquiry(model, cast_records(measured), noise_m, simulated)
-    fit = fit_base(inquiry, active, config.seed, ITERATIONS).fit
+    inquiry = Inquiry(model, records, noise_m, simulated)
+    effort = instantiate(config.diagnosis.effort, base=ITERATIONS)
+    fit = fit_base(inquiry, active, effort).fit
     return inquiry.values(active, fit.vector)[0]
 
 

@@ -22,7 +22,6 @@ from robotcast.cast_model.wording import CAST_WORDING
 from robotcast.casts.action_file import write_actions
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.further.next_trials import Further
-from robotcast.diagnosis.search.found import Effort
 from robotcast.effects.effect import Effect
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import MeasurementSet
@@ -85,7 +84,8 @@ def case_of(config: DictConfig, measured: MeasurementSet) -> Case:
         wording=CAST_WORDING,
         further=lambda: _further(config, model, measured),
         draw=draw_field,
-        effort=Effort(seed=config.seed),
+        rule=instantiate(config.diagnosis.rule),
+        effort=instantiate(config.diagnosis.effort),
     )
 
 

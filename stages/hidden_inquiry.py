@@ -7,9 +7,9 @@ from diagnose import case_of
 from omegaconf import DictConfig
 
 from robotcast.diagnosis.diagnose import floor_and_noise
+from robotcast.diagnosis.errors import Floor
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.search.floor import Floor
-from robotcast.diagnosis.search.found import Effort
+from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.progress import Progress, silent
 
@@ -26,6 +26,7 @@ class Question:
     inquiry: Inquiry
     candidates: tuple[str, ...]
     floor: Floor
+    rule: Rule
     effort: Effort
 
 
@@ -35,4 +36,4 @@ def open_question(config: DictConfig, measurements: Path, progress: Progress = s
     case = case_of(config, measured)
     floor, noise = floor_and_noise(case)
     inquiry = Inquiry(case.model, case.records, noise, progress)
-    return Question(inquiry, tuple(case.candidates), floor, case.effort)
+    return Question(inquiry, tuple(case.candidates), floor, case.rule, case.effort)

@@ -15,8 +15,8 @@ from hidden_inquiry import Question, open_question
 from omegaconf import DictConfig
 from stage import bar, console, stage
 
-from robotcast.diagnosis.search.found import Rung
-from robotcast.diagnosis.search.sizes import sizes
+from robotcast.diagnosis.selection import Rung
+from robotcast.diagnosis.sizes import sizes
 from robotcast.files import write_text
 from robotcast.hidden_effects.layout import answer_path, measured_sets, oracle_path, rivals_path
 from robotcast.hidden_effects.outcome import Truth, read_truth
@@ -96,6 +96,7 @@ def _forced(question: Question, base: Rung, base_casts: int, progress: Progress)
             base,
             question.candidates,
             question.floor,
+            question.rule,
             question.effort,
             lambda name: progress(inquiry.simulated, 0, f"refitting with {name}"),
         )

@@ -16,9 +16,8 @@ from robotcast.cast_model.model import CastModel
 from robotcast.cast_model.records import cast_records
 from robotcast.diagnosis.diagnose import Case, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.revision import Revision, fit_base, held_out
-from robotcast.diagnosis.search.gain import gain
-from robotcast.diagnosis.search.screen import screen
+from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.diagnosis.selection import Selection
 from robotcast.effects.effect import Effect
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.simulators.simulator import Simulator
@@ -55,11 +54,10 @@ def test_the_readmes_effect_explains_what_the_library_does_not_hold(own_effect: 
     model = CastModel(measured, make_simulator, [own_effect], held=config.simulator.weighed)
     floor, noise = floor_and_noise(Case(model, cast_records(measured), [NAME]))
     inquiry = Inquiry(model, cast_records(measured), noise)
-    base = fit_base(inquiry, (), 0, 3)
-    start = screen(inquiry, base, NAME).start
-    better = Revision((NAME,), inquiry.fit((NAME,), start, 8))
-    before, after = (held_out(inquiry, r, 0, 1).waypoint for r in (base, better))
-    assert gain(before, after, inquiry.groups, floor).pays
+    effort, rule = Effort(), Rule()
+    found = Selection(inquiry, [NAME], (), floor, rule, effort, lambda *told: None).run()
+    assert found.named == (NAME,)
+    before, after = (rung.errors.waypoint for rung in (found.base, found.top))
     assert floor.percent is not None
     assert np.median(after) < 1.25 * floor.percent
     assert after.mean() < 1.25 * floor.percent + KEPT_PERCENT

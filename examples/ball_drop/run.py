@@ -18,7 +18,7 @@ from free_fall import FreeFall
 
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.search.unexplained import Unexplained, strengths
+from robotcast.diagnosis.unexplained import Unexplained, strengths
 from robotcast.files import write_text
 from robotcast.reporting.diagnosis.page import diagnosis_page
 

@@ -5,9 +5,9 @@ import pytest
 
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision
-from robotcast.diagnosis.search.sizes import Size, sizes, sizes_of_effect
+from robotcast.diagnosis.sizes import Size, sizes, sizes_of_effect
 from robotcast.fitting.parameter import Parameter
-from tests.diagnosis.sliding_puck import LATE, TILT, Puck, pushes
+from tests.diagnosis.sliding_puck import LATE, NOISE_M, TILT, Puck, pushes
 
 STRENGTH = Parameter("k", "1", -1.0, 1.0, nominal=0.0, null=0.0, probes=(0.1,))
 
@@ -27,7 +27,7 @@ def test_a_place_is_never_evidence_of_an_effect() -> None:
 
 
 def test_sizes_of_one_effect_among_several() -> None:
-    inquiry = Inquiry(Puck(LATE, TILT), pushes(groups=8), None)
+    inquiry = Inquiry(Puck(LATE, TILT), pushes(groups=8), 0.004)
     effects = ("late_clock", "tilt")
     vector = inquiry.nominal(effects)
     revision = Revision(effects, inquiry.fit(effects, vector, 1))
@@ -41,7 +41,7 @@ def test_intervals_are_wider_where_the_model_lacks_something() -> None:
     """A clock that is late is less well known while a tilt is missed as well."""
     widths = []
     for tilt in ((0.0, 0.0), (0.0, 0.1)):
-        inquiry = Inquiry(Puck(LATE), pushes(groups=12, late_clock=(0.05,), tilt=tilt), None)
+        inquiry = Inquiry(Puck(LATE), pushes(groups=12, late_clock=(0.05,), tilt=tilt), NOISE_M)
         effects = ("late_clock",)
         revision = Revision(effects, inquiry.fit(effects, inquiry.nominal(effects), 4))
         whole, own = (

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.search.unexplained import Unexplained, strengths
+from robotcast.diagnosis.unexplained import Unexplained, strengths
 from robotcast.effects.fields import AlongMotionField, PlaceField
 
 BOARD_X_M, BOARD_Y_M = (0.4, 1.3, 10), (-0.8, 0.8, 13)
@@ -13,7 +13,7 @@ BOARD_X_M, BOARD_Y_M = (0.4, 1.3, 10), (-0.8, 0.8, 13)
 
 def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:
     """Return the field over the board or over one number; None for one that cannot be drawn."""
-    field = inquiry.model.effects[left.field]
+    field = inquiry.model.effects[left.field or ""]
     if isinstance(field, PlaceField):
         x, y = np.meshgrid(np.linspace(*BOARD_X_M), np.linspace(*BOARD_Y_M))
         points = np.stack([x.ravel(), y.ravel()], axis=1)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from robotcast.cast_model.model import CastModel
-from robotcast.casts.action import ACTION_COLUMNS, Action
+from robotcast.casts.action import Action, action_factors
 from robotcast.casts.plan import PlanLimits, plan_actions
 from robotcast.diagnosis.further.next_trials import Further
 from robotcast.diagnosis.model import Record
@@ -36,9 +36,8 @@ def further_casts(
     casts, records = {}, []
     for number, planned in enumerate(plan_actions(told, r0_m=measured.r0_m, limits=limits)):
         times_s = np.arange(0.0, planned.end_s + max(coast_s, 0.0), measured.period_s)
-        casts[number] = SimulatedCast(planned.tool, times_s)
         nowhere = np.full((len(times_s), 2), np.nan)
-        numbers = (planned.action.as_array() + 0.0).tolist()  # no −0
-        factors: dict[str, float] = dict(zip(ACTION_COLUMNS, numbers, strict=True))
+        factors = action_factors(planned.action.as_array() + 0.0)  # no −0
+        casts[number] = SimulatedCast(planned.tool, times_s, factors=factors)
         records.append(Record(number, number, times_s, nowhere, factors))
     return Further(model.of_casts(casts), tuple(records))

@@ -52,7 +52,9 @@ class CastModel:
         compare many, count it as lost.
         """
         asked = [(self._casts[record.trial], record.times_s) for record in records]
-        casts = [SimulatedCast(cast.tool, times_s, cast.start_m) for cast, times_s in asked]
+        casts = [
+            SimulatedCast(cast.tool, times_s, cast.start_m, cast.factors) for cast, times_s in asked
+        ]
         simulator, one = self._simulator(tuple(active)), len(vectors) == 1
         return simulator.simulate(casts, vectors, retry=one).waypoints_m
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.diagnosis.model import Record
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
@@ -18,13 +17,12 @@ def cast_records(measured: MeasurementSet) -> tuple[Record, ...]:
 
 
 def _record(trial: Trial) -> Record:
-    numbers = dict(zip(ACTION_COLUMNS, trial.action.as_array().tolist(), strict=True))
     return Record(
         trial=trial.trial,
         group=trial.action_id,
         times_s=trial.waypoints_s,
         measured=trial.waypoints_m,
-        factors={name: value for name, value in numbers.items() if name != "r1"},
+        factors={name: value for name, value in trial.factors.items() if name != "r1"},
         phases=_phases(trial),
     )
 

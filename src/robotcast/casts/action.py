@@ -8,6 +8,11 @@ import numpy as np
 ACTION_COLUMNS = ("theta1", "r1", "theta2", "r2", "alpha", "vmax")
 
 
+def action_factors(numbers: np.ndarray) -> dict[str, float]:
+    """Return the numbers (6,) of an action by their names."""
+    return dict(zip(ACTION_COLUMNS, numbers.tolist(), strict=True))
+
+
 @dataclass(frozen=True)
 class Action:
     """a = (θ₁, r₁, θ₂, r₂, α, v_max), in the robot base's polar frame.

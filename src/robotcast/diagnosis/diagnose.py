@@ -6,24 +6,27 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from robotcast.diagnosis.answer import limits, report
-from robotcast.diagnosis.answer.explained import Explained
+import numpy as np
+
+from robotcast.diagnosis import limits, report
 from robotcast.diagnosis.comparison.repeats import RepeatScatter, repeat_scatter
+from robotcast.diagnosis.decision import Code, Verdict, decide
+from robotcast.diagnosis.errors import Floor
+from robotcast.diagnosis.explained import Explained
 from robotcast.diagnosis.further.contests import open_contests
 from robotcast.diagnosis.further.next_trials import Further, NextTrial, next_trials
 from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.library import fit_library
 from robotcast.diagnosis.model import Model, Record
-from robotcast.diagnosis.outlook import Outlook
+from robotcast.diagnosis.outlook import Outlook, Step
 from robotcast.diagnosis.plain import plain
 from robotcast.diagnosis.revision import Revision, fit_base
-from robotcast.diagnosis.search.floor import Floor
-from robotcast.diagnosis.search.found import Effort, Found, Rung
-from robotcast.diagnosis.search.nearest import came_near
-from robotcast.diagnosis.search.rounds import search
-from robotcast.diagnosis.search.screen import Screened, looks
-from robotcast.diagnosis.search.stability import first_in_resamples
-from robotcast.diagnosis.search.unexplained import Unexplained, look_for_the_unknown
+from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.diagnosis.screen import Screened, screen
+from robotcast.diagnosis.selection import Found, Rung, Selection
+from robotcast.diagnosis.stability import first_in_resamples
 from robotcast.diagnosis.time_grid import TimeGrid
+from robotcast.diagnosis.unexplained import Unexplained, look_for_the_unknown
 from robotcast.diagnosis.wording import PLAIN, Wording
 from robotcast.progress import Progress, silent
 
@@ -37,6 +40,7 @@ class Case:
 
     Attributes
     ----------
+    records : in the order of the session; samples that are NaN were not measured.
     candidates : names of the effects to try, fields left out: they come when nothing else pays.
     fixed : effects that act from the start.
     floor : noise floor in % of the scale where it is known from elsewhere than from repeats.
@@ -52,7 +56,34 @@ class Case:
     floor: float | None = None
     further: Callable[[], Further] | None = None
     draw: Draw = lambda inquiry, left: None
+    rule: Rule = field(default_factory=Rule)
     effort: Effort = field(default_factory=Effort)
+
+    def __post_init__(self) -> None:
+        """Raise ValueError for effects that the model does not hold, and for empty records."""
+        unknown = [n for n in (*self.candidates, *self.fixed) if n not in self.model.effects]
+        if unknown:
+            known = ", ".join(self.model.effects)
+            raise ValueError(f"the model has no effect {', '.join(unknown)}; it has {known}")
+        object.__setattr__(self, "records", measured(self.records))
+
+
+def measured(records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return the records without samples that were not measured, and without empty ones."""
+    kept = []
+    for record in records:
+        if len(record.times_s) != len(record.measured):
+            raise ValueError(
+                f"trial {record.trial}: {len(record.times_s)} times and "
+                f"{len(record.measured)} samples; expected as many"
+            )
+        seen = np.isfinite(record.measured).all(axis=1)
+        if not seen.all():
+            record = replace(record, times_s=record.times_s[seen], measured=record.measured[seen])
+        kept += [record] if len(record.times_s) else []
+    if not kept:
+        raise ValueError("no trial holds a sample that was measured")
+    return tuple(kept)
 
 
 def diagnose(case: Case, tell: Tell, progress: Progress = silent) -> dict[str, Any]:
@@ -65,21 +96,27 @@ def diagnose(case: Case, tell: Tell, progress: Progress = silent) -> dict[str, A
     progress : told the runs so far, how many there will be about, and what is being done.
     """
     run = _Run(case, tell, progress)
-    base = run.search() if not limits.too_few(run.inquiry) else run.look_only()
+    run.search() if not limits.too_few(run.inquiry, case.rule) else run.look_only()
     if case.further is not None:
-        run.choose_next(base, case.further)
+        run.choose_next(case.further)
     return run.finish()
 
 
-def floor_and_noise(case: Case) -> tuple[Floor, float | None]:
-    """Return the noise floor of a case, and by how much repeats differ, None when unknown."""
-    floor = Floor.of(_repeats(case)) if case.floor is None else Floor.known(case.floor)
-    percent = floor.percent
-    return floor, None if percent is None else percent / 100 * case.model.scale
+def floor_and_noise(case: Case) -> tuple[Floor, float]:
+    """Return the noise floor of a case, and what residuals are weighed against."""
+    return _floor(case, _repeats(case))
 
 
 def _repeats(case: Case) -> RepeatScatter:
-    return repeat_scatter(case.records, TimeGrid.of(case.records), case.model.scale)
+    return repeat_scatter(case.records, TimeGrid.of(case.records), case.model.scale, case.rule)
+
+
+def _floor(case: Case, repeats: RepeatScatter) -> tuple[Floor, float]:
+    moved = [np.linalg.norm(r.measured - r.measured.mean(axis=0), axis=1) for r in case.records]
+    travel = float(np.median([np.sqrt((one**2).mean()) for one in moved]))
+    least = 100 * case.rule.least_noise * travel / case.model.scale
+    floor = Floor.of(repeats, least) if case.floor is None else Floor.known(case.floor, least)
+    return floor, floor.unit / 100 * case.model.scale
 
 
 class _Run:
@@ -87,10 +124,9 @@ class _Run:
 
     def __init__(self, case: Case, tell: Tell, progress: Progress) -> None:
         self._case, self._tell, self._bar = case, tell, progress
-        records = case.records
         self._repeats = _repeats(case)
-        self._floor, noise = floor_and_noise(case)
-        self.inquiry = Inquiry(case.model, records, noise, self._simulated)
+        self._floor, noise = _floor(case, self._repeats)
+        self.inquiry = Inquiry(case.model, case.records, noise, self._simulated)
         self._explained = Explained(self.inquiry, case.wording)
         effects = case.model.effects
         self._fields = [name for name, e in effects.items() if e.depends_on is not None]
@@ -98,63 +134,77 @@ class _Run:
         self._held = [n for n in held if n in case.candidates]
         self._idle = [n for n in held if n in case.fixed]
         self._candidates = [n for n in case.candidates if n not in self._held]
-        self._outlook = Outlook(len(records), len(self._candidates), len(self._fields))
+        self._outlook = Outlook(len(case.records))
         self._started = time.monotonic()
         self._doing = ""
         self._found = Found()
         self._base: Revision | None = None
+        self._screens: dict[str, Screened] = {}
+        self._verdict: Verdict | None = None
         self._further_runs = 0
-        self._refitted: dict[tuple[str, ...], Rung] = {}
-        self._left: Unexplained | None = None
         self._next: Sequence[NextTrial] = ()
 
-    def search(self) -> Revision:
-        """Add effects until none pays; then, if none did, look what is left depends on."""
+    def search(self) -> None:
+        """Choose the effects that are missing, and decide what may be said."""
         case = self._case
-        self._found = search(
-            self.inquiry, self._candidates, case.fixed, self._floor, case.effort, self._step
-        )
-        self._found, self._left = look_for_the_unknown(
+        selection = Selection(
             self.inquiry,
+            self._candidates,
+            case.fixed,
+            self._floor,
+            case.rule,
+            case.effort,
+            self._step,
+        )
+        self._found = selection.run()
+        self._base = self._found.base.revision
+        self._screen(self._found.chosen)
+        self._verdict = decide(self._found, self._floor, case.rule, self._look)
+
+    def look_only(self) -> None:
+        """Fit the model and look at every effect, where nothing can be held back for a test."""
+        case, effort = self._case, self._case.effort
+        self._step(self._found, Step.BASE)
+        self._base = fit_base(self.inquiry, case.fixed, effort)
+        if self._candidates:
+            self._step(self._found, Step.LIBRARY)
+            early = self.inquiry.beginnings(effort.early, effort.some)
+            effects = (*case.fixed, *self._candidates)
+            begun = early.fit(case.fixed, self._base.fit.vector, 1)
+            library = fit_library(early, effects, begun, effort.library)
+            self._found = replace(self._found, library=library)
+            self._screen(case.fixed)
+        self._verdict = Verdict(Code.CANNOT_TELL)
+
+    def _screen(self, acting: Sequence[str]) -> None:
+        library, rule = self._found.library, self._case.rule
+        if library is not None:
+            looked = ((name, screen(library, acting, name, rule)) for name in self._candidates)
+            self._screens = dict(looked)
+
+    def _look(self, below: Rung) -> Unexplained:
+        case = self._case
+        return look_for_the_unknown(
+            self.inquiry,
+            below,
             self._found,
             self._fields,
-            self._floor,
             case.effort,
-            lambda note: self._step(self._found, note),
+            case.rule,
+            partial(self._step, self._found, Step.FIELDS),
         )
-        top = self._found.ladder[-1].revision
-        if not self._found.screens:  # the model is as good as noise: say what would have shown
-            self._look(top)
-        return top
 
-    def look_only(self) -> Revision:
-        """Fit the model and look at every effect, where nothing can be held back for a test."""
-        inquiry, effort = self.inquiry, self._case.effort
-        self._step(self._found, "fitting the model as it is")
-        self._base = fit_base(inquiry, self._case.fixed, effort.seed, effort.base)
-        self._look(self._base)
-        return self._base
-
-    def _look(self, revision: Revision) -> None:
-        """Screen every effect and leave it at that."""
-        screens: dict[str, Screened] = {}
-        looked = looks(self.inquiry, revision, self._candidates)
-        for name in self._candidates:
-            self._step(replace(self._found, screens=(dict(screens),)), f"looking at {name}")
-            screens[name] = next(looked)
-        self._found = replace(self._found, screens=(screens,))
-
-    def choose_next(self, top: Revision, further: Callable[[], Further]) -> None:
+    def choose_next(self, further: Callable[[], Further]) -> None:
         """Look for the trials that would decide what is still open."""
-        self._step(self._found, f"choosing the next {self._case.wording.trials}")
-        named = report.verdict(self._found, self._fixed, self._left)
-        near, left = self._near, self._left
-        for contests in open_contests(
-            self.inquiry, self._found, top, named, left, near, self._floor
-        ):
-            if contests and not self._next:
+        self._step(self._found, Step.NEXT, self._case.wording.trials)
+        assert self._base is not None and self._verdict is not None
+        contests = open_contests(
+            self.inquiry, self._found, self._base, self._verdict, self._screens, self._case.rule
+        )
+        for some in contests:
+            if some and not self._next:
                 looked = partial(self._looked_further, self._further_runs)
-                self._next = next_trials(self.inquiry, contests, further(), looked)
+                self._next = next_trials(self.inquiry, some, further(), looked)
 
     def finish(self) -> dict[str, Any]:
         """Return everything, once nothing is left to do."""
@@ -162,18 +212,6 @@ class _Run:
         self._doing = ""
         self._bar(self._runs, self._runs)
         return self._say()
-
-    @property
-    def _fixed(self) -> int:
-        return len(self._case.fixed)
-
-    @property
-    def _near(self) -> tuple[Rung, ...]:
-        """Effects that came near to being named, where nothing explains what is left."""
-        explained = self._left is not None and self._left.enough
-        if explained or len(self._found.ladder) > 1:
-            return ()
-        return came_near(self._found, self.inquiry.groups, self._floor)
 
     @property
     def _runs(self) -> int:
@@ -190,9 +228,11 @@ class _Run:
     def _show_bar(self) -> None:
         self._bar(self._runs, self._outlook.total(self._runs), self._doing)
 
-    def _step(self, found: Found, note: str) -> None:
-        self._found, self._doing = found, note
-        self._outlook.step(note, self._runs)
+    def _step(self, found: Found, step: Step, what: str = "") -> None:
+        self._found, self._doing = found, step.says(what)
+        if found.judged:
+            self._base = found.base.revision
+        self._outlook.step(step, self._runs)
         self._show_bar()
         self._say()
 
@@ -209,7 +249,7 @@ class _Run:
             "casts": len(case.records),
             "actions": int(inquiry.groups.max()) + 1,
             "noise_floor_percent": self._floor.percent,
-            "conclusive": not limits.too_few(inquiry),
+            "conclusive": not limits.too_few(inquiry, case.rule),
             "simulated_casts": self._runs,
             "seconds": round(time.monotonic() - self._started, 1),
             "finished": not self._doing,
@@ -218,60 +258,55 @@ class _Run:
 
     def _findings(self) -> dict[str, Any]:
         case, inquiry, found = self._case, self.inquiry, self._found
-        named = report.verdict(found, self._fixed, self._left)
-        base = found.ladder[0].revision if found.ladder else self._base
+        verdict, base = self._verdict, self._base
+        near = verdict.near if verdict else ()
+        left = verdict.left if verdict else None
+        stability = first_in_resamples(found, inquiry.groups, case.effort.seed)
+        slices = self._explained.slices(found) if verdict else {}
         return {
-            "verdict": named if base else [],
-            "sentence": self._sentence(named) if base else "",
-            "confusion_set": report.confusion_set(found, self._near),
-            "nearest": report.added(self._near),
-            "unexplained": report.unexplained(inquiry, self._left, case.draw),
+            "verdict": verdict.words if verdict else [],
+            "code": verdict.code.value if verdict else "",
+            "sentence": self._sentence(verdict) if verdict else "",
+            "confusion_set": report.confusion_set(found, near, verdict),
+            "nearest": [n for rung in near for n in rung.effects[len(case.fixed) :]],
+            "unexplained": report.unexplained(inquiry, left, case.draw),
             "notes": self._notes(base),
             "ladder": report.ladder(found),
             "ranking": [
-                *report.ranking(
-                    inquiry,
-                    found,
-                    self._near,
-                    self._explained.slices(found),
-                    self._stability(),
-                ),
+                *report.ranking(inquiry, found, self._screens, verdict, slices, stability),
                 *(report.held(inquiry, name) for name in self._held),
             ],
             "next_actions": report.next_rows(inquiry, self._next, case.wording),
             "base": self._base_parameters(base),
+            "model": report.model_parameters(inquiry, found),
             "comparison": self._explained.comparison(base).as_dict() if base else None,
         }
 
-    def _stability(self) -> dict[str, float]:
-        """Tell how often every refitted effect comes first; later rounds overwrite refits."""
-        found, inquiry = self._found, self.inquiry
-        self._refitted |= {rung.revision.effects: rung for rung in found.refits.values()}
-        rungs, seed = self._refitted.values(), self._case.effort.seed
-        return first_in_resamples(found, rungs, inquiry.groups, seed)
-
-    def _sentence(self, named: list[str]) -> str:
-        if limits.too_few(self.inquiry):
-            return report.sentence_on_too_few(self.inquiry, self._case.wording)
-        floor, words = self._floor, self._case.wording
-        found, left, near = self._found, self._left, self._near
-        return report.sentence(self.inquiry, found, named, left, near, floor, words)
+    def _sentence(self, verdict: Verdict) -> str:
+        if verdict.code is Code.CANNOT_TELL:
+            return report.sentence_on_too_few(self.inquiry, self._case.wording, self._case.rule)
+        found, words = self._found, self._case.wording
+        top = self._explained.comparison(found.top.revision)
+        where = top.findings[0].slice.name if top.findings else ""
+        return report.sentence(self.inquiry, found, verdict, self._floor, words, where)
 
     def _base_parameters(self, base: Revision | None) -> dict[str, Any]:
         if base is None:
             return {}
-        ladder = self._found.ladder
-        vectors = ladder[0].errors.vectors if ladder else None
-        return report.base_parameters(self.inquiry, base, vectors)
+        judged = self._found.judged
+        return report.base_parameters(
+            self.inquiry, base, self._found.base.errors.vectors if judged else None
+        )
 
     def _notes(self, base: Revision | None) -> list[str]:
-        inquiry, wording = self.inquiry, self._case.wording
-        notes = limits.notes_on_trials(inquiry, self._repeats, self._floor.percent, wording)
+        inquiry, case = self.inquiry, self._case
+        wording, found = case.wording, self._found
+        notes = limits.notes_on_trials(
+            inquiry, self._repeats, self._floor.percent, wording, case.rule
+        )
         if base is None:
             return notes
-        top = self._found.ladder[-1].revision if self._found.ladder else base
-        seen = self._explained.comparison(top)
-        unit = inquiry.model.error_unit
-        notes += limits.notes_on_outliers(seen.findings, seen.found, unit, wording)
+        if found.judged and self._verdict:
+            notes += limits.notes_on_outliers(inquiry, found, wording)
         notes += limits.notes_on_parameters(inquiry, base, wording)
         return notes + limits.notes_on_effects(self._held, self._idle)

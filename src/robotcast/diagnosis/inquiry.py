@@ -1,5 +1,6 @@
 """A model put beside the trials: residuals, errors, and a count of what was simulated."""
 
+import warnings
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
@@ -13,15 +14,20 @@ from robotcast.fitting.least_squares import (
     Fit,
     Prior,
     Residuals,
+    Stepping,
     difference_steps,
     fit_robustly,
+    trial_losses,
 )
 from robotcast.fitting.parameter import Parameter
 from robotcast.fitting.starts import spread
+from robotcast.fitting.uncertainty import bread, optimism
 from robotcast.progress import Progress, silent
 
 LOST = 100.0  # of the scale: by how much a run that diverged misses in a fit
-LEAST_NOISE = 0.003  # of the scale: residuals are weighed against at least this much noise
+EXPECTED = 4.0  # times its largest probe: how strong an effect may be before any trial is seen
+
+STEPPING = Stepping(most=2)  # a second step for each Jacobian costs little beside it
 
 
 class Inquiry:
@@ -29,7 +35,7 @@ class Inquiry:
 
     Parameters
     ----------
-    noise : the average distance by which repeats differ, in the model's unit; None if unknown.
+    noise : by how much repeats differ, in the model's unit: residuals are weighed against it.
     progress : told how many trials were simulated so far.
     """
 
@@ -37,12 +43,12 @@ class Inquiry:
         self,
         model: Model,
         records: Sequence[Record],
-        noise: float | None,
+        noise: float,
         progress: Progress = silent,
     ) -> None:
         self.model = model
         self.records = tuple(records)
-        self.noise = max(noise or 0.0, LEAST_NOISE * model.scale)
+        self.noise = noise
         self._runs = _Runs(progress)
 
     @property
@@ -85,13 +91,13 @@ class Inquiry:
         """Return which parameters a fit may change, bool (n,)."""
         return np.array([not p.frozen for p in self.parameters(active)])
 
-    def prior(self, active: Sequence[str], start: np.ndarray) -> Prior:
-        """Return what a fit expects: strengths near null, all else near the start (n,)."""
-        parameters, mean = self.parameters(active), start.copy()
-        for k, p in enumerate(parameters):
-            if p.null is not None:
-                mean[k] = p.to_unit(np.asarray(p.null))
-        return Prior(mean, np.array([p.prior_sd for p in parameters]))
+    def prior(self, active: Sequence[str]) -> Prior:
+        """Return what a fit expects: strengths near null, all else near nominal."""
+        return Prior(self.nominal(active), self.expected(active))
+
+    def expected(self, active: Sequence[str]) -> np.ndarray:
+        """Return the standard deviations (n,) that are expected before any trial, of the ranges."""
+        return np.array([_expected(p) for p in self.parameters(active)])
 
     def nominal(self, active: Sequence[str]) -> np.ndarray:
         """Return the unit vector where every parameter has its nominal value."""
@@ -124,6 +130,8 @@ class Inquiry:
         *,
         trials: np.ndarray | None = None,
         known: Fit | None = None,
+        like: Fit | None = None,
+        central: bool = True,
     ) -> Fit:
         """Fit the model with these effects (see `fit_robustly`), to all trials by default."""
         return fit_robustly(
@@ -133,9 +141,20 @@ class Inquiry:
             self.everything if trials is None else trials,
             iterations=iterations,
             known=known,
+            like=like,
             free=self.free(active),
-            prior=self.prior(active, start),
+            prior=self.prior(active),
+            stepping=replace(STEPPING, central=central),
         )
+
+    def expected_loss(self, active: Sequence[str], fit: Fit) -> float:
+        """Return the mean loss that a fit to all trials will have on others of the same kind."""
+        too_small = self.optimism(active, fit, self.everything)
+        return float(trial_losses(fit.residual).sum() + too_small) / len(self.records)
+
+    def optimism(self, active: Sequence[str], fit: Fit, trials: np.ndarray) -> float:
+        """Return by how much the loss of a fit to some trials is too small (see `optimism`)."""
+        return optimism(fit, bread(fit, self.expected(active)), self.groups[trials])
 
     def differences(
         self, active: Sequence[str], vectors: np.ndarray, trials: np.ndarray
@@ -145,9 +164,12 @@ class Inquiry:
         predicted = self.model.predict(chosen, active, self.values(active, vectors))
         self._runs.add(len(vectors) * len(trials))
         measured = self._measured(trials)
+        k = max(len(record.times_s) for record in chosen)
+        wanted = (len(vectors), len(trials), k, measured.shape[2])
+        if predicted.shape != wanted:
+            raise ValueError(f"expected a prediction of shape {wanted}, got {predicted.shape}")
         difference = np.full((len(vectors), *measured.shape), np.nan)
-        k = min(predicted.shape[2], measured.shape[1])
-        difference[:, :, :k] = predicted[:, :, :k] - measured[:, :k]
+        difference[:, :, :k] = predicted - measured[:, :k]
         return difference
 
     def errors(
@@ -171,11 +193,21 @@ class Inquiry:
             100 * np.where(lost, 1.0, final / self.model.scale),
         )
 
+    def low_percent(self, difference: np.ndarray) -> np.ndarray:
+        """Return the error that a quarter of each trial's samples stays below, (m,), in %."""
+        distance = np.linalg.norm(difference, axis=-1)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # of trials whose run diverged
+            low = np.nanquantile(distance, 0.25, axis=1)
+        return 100 * np.nan_to_num(low / self.model.scale, nan=1.0)
+
     def difference_of(self, residual: np.ndarray, trials: np.ndarray) -> np.ndarray:
         """Turn residuals (m, D) back into differences (m, k, d)."""
         counts = np.array([len(self.records[i].times_s) for i in trials])
         shape = (len(trials), -1, self.records[0].measured.shape[1])
-        return residual.reshape(shape) * (np.sqrt(counts) * self.noise)[:, None, None]
+        found = residual.reshape(shape) * (np.sqrt(counts) * self.noise)[:, None, None]
+        found[np.isnan(self._measured(trials))] = np.nan
+        return found
 
     def _measured(self, trials: np.ndarray) -> np.ndarray:
         """Return the measured signals (m, k_max, d), NaN past a trial's own; k_max of all."""
@@ -207,3 +239,11 @@ class _Runs:
 def _beginning(record: Record, share: float) -> Record:
     k = max(2, round(share * len(record.times_s)))
     return replace(record, times_s=record.times_s[:k], measured=record.measured[:k])
+
+
+def _expected(parameter: Parameter) -> float:
+    if parameter.null is None or not parameter.probes:
+        return parameter.prior_sd
+    null, probes = np.asarray(parameter.null), np.asarray(parameter.probes)
+    reach = np.abs(parameter.to_unit(probes) - parameter.to_unit(null)).max()
+    return float(min(EXPECTED * reach, parameter.prior_sd)) or parameter.prior_sd

@@ -1,59 +1,47 @@
 """How much of a diagnosis is still to come, for a progress bar."""
 
-from collections.abc import Mapping
+from enum import Enum
 
-STEPS: Mapping[str, float] = {  # how a step's note begins → the runs that a trial usually takes
-    "fitting the model": 400.0,
-    "looking at": 7.0,
-    "refitting the model": 210.0,
-    "refitting with": 110.0,
-    "refitting the best": 88.0,
-    "judging": 18.0,
-    "trying a field": 7.0,
-    "beginning with": 40.0,
-    "fitting": 60.0,
-    "refitting it": 25.0,
-    "choosing": 18.0,
-}
-JUDGED = 2  # in one search for a further effect
-BEGUN = 3  # fields fitted to beginnings
-OTHER = 40.0
+
+class Step(Enum):
+    """What a diagnosis does, one after another: its text, and the runs that a trial takes."""
+
+    BASE = ("fitting the model as it is", 130)
+    LIBRARY = ("fitting all effects at once", 170)
+    BEGINNINGS = ("fitting beginnings with {}", 90)
+    REFIT = ("refitting with {}", 50)
+    REMATCH = ("refitting the model as it is", 40)
+    FIELDS = ("looking for a force of no name", 120)
+    NEXT = ("choosing the next {}", 20)
+
+    def says(self, what: str) -> str:
+        """Return the text with what it is done to."""
+        return self.value[0].format(what)
+
+    @property
+    def runs(self) -> int:
+        """How many runs a trial takes."""
+        return self.value[1]
+
+
+SURE = (Step.BASE, Step.LIBRARY)  # the others come only where something seems to be missing
 
 
 class Outlook:
-    """Tells from the steps taken and those planned how many runs there will be in all.
+    """Tells from the step that is under way how many runs there will be in all.
 
-    How much a step takes depends on the model; what the steps so far took, beside what they
-    usually take, corrects the plan. Every effect that is found adds a round, so the total grows.
+    Steps may come again, so the total may grow.
     """
 
-    def __init__(self, trials: int, candidates: int, fields: int) -> None:
-        self._trials, self._candidates = trials, candidates
-        self._left = dict.fromkeys(STEPS, 1) | {
-            "looking at": candidates,
-            "judging": JUDGED,
-            "trying a field": fields,
-            "beginning with": BEGUN,
-        }
-        self._taken, self._now, self._before = 0.0, 0.0, 0
+    def __init__(self, trials: int) -> None:
+        self._trials, self._before, self._step = trials, 0, Step.BASE
 
-    def step(self, note: str, simulated: int) -> None:
+    def step(self, step: Step, simulated: int) -> None:
         """Begin a step after so many runs."""
-        self._taken, self._before = self._taken + self._now, simulated
-        kind = next((kind for kind in STEPS if note.startswith(kind)), "")
-        self._now = STEPS.get(kind, OTHER)
-        if not kind:
-            return
-        if kind == "looking at" and not self._left[kind]:
-            again = {"refitting the model": 1, "refitting with": 1, "refitting the best": 1}
-            self._left |= again | {"judging": JUDGED, kind: self._candidates}
-        earlier = list(STEPS)[: list(STEPS).index(kind)]
-        self._left |= dict.fromkeys(earlier, 0)  # left out, if it has not come by now
-        self._left[kind] = max(self._left[kind] - 1, 0)
+        self._step, self._before = step, simulated
 
     def total(self, simulated: int) -> int:
         """Return how many runs there will be in all."""
-        pace = self._before / self._taken if self._before else float(self._trials)
-        ahead = sum(STEPS[kind] * n for kind, n in self._left.items())
-        now = max(self._before + pace * self._now, float(simulated))
-        return max(int(now + pace * ahead), simulated + 1)
+        later = SURE[SURE.index(self._step) + 1 :] if self._step in SURE else ()
+        ahead = self._step.runs + sum(step.runs for step in later)
+        return max(self._before + self._trials * ahead, simulated + 1)

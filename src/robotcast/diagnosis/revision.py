@@ -6,17 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.side_by_side import side_by_side
+from robotcast.diagnosis.rule import Effort
 from robotcast.fitting.ensemble import ensemble_start
 from robotcast.fitting.least_squares import Fit
 from robotcast.fitting.starts import hypercube, spread
 
-FOLDS = 4
-EARLY = 0.65  # share of every trial that the search for a start sees: chaos comes late
-FEW, SOME = 13, 26  # trials that an ensemble sees, and the fit that follows it
-ENSEMBLES, MEMBERS, UPDATES = 2, 40, 4
+FEW = 0.5  # of the trials whose beginnings a fit sees: those that an ensemble sees
+MEMBERS, UPDATES = 40, 4
 ALL_OVER = 0.8  # of every range: where an ensemble's members lie about the nominal vector
-EARLY_ITERATIONS = 5
+EARLY_ITERATIONS = 3
 
 
 @dataclass(frozen=True)
@@ -39,78 +37,65 @@ class HeldOut:
 
     Attributes
     ----------
-    waypoint, final : ndarrays of shape (n_trials,).
+    waypoint, final : average error and the error at the last sample, ndarrays of shape (n_trials,).
+    low : what a quarter of a trial's samples stay below, (n_trials,).
     vectors : ndarray of shape (n_folds, n), the unit vectors of the folds' fits.
     """
 
     waypoint: np.ndarray
     final: np.ndarray
+    low: np.ndarray
     vectors: np.ndarray
 
 
 def fit_base(
-    inquiry: Inquiry,
-    effects: Sequence[str],
-    seed: int,
-    iterations: int,
-    about: np.ndarray | None = None,
+    inquiry: Inquiry, effects: Sequence[str], effort: Effort, about: np.ndarray | None = None
 ) -> Revision:
-    """Fit from where ensembles find a start, to beginnings of some trials first, then to all.
+    """Fit from where an ensemble finds a start, to beginnings of some trials first, then to all.
 
     What a chaotic model does late in a trial has a valley for every way in which it tips over;
-    the beginnings lead smoothly to the right one.
+    the beginnings lead smoothly to the right one. A start from the nominal parameters stands
+    beside the ensemble's.
 
     Parameters
     ----------
-    about : a unit vector (n,), one of the ensemble's members; the others take their effects from
-        it. The nominal one by default.
+    about : a unit vector (n,) in the place of the nominal one.
     """
     effects = tuple(effects)
-    about = inquiry.nominal(effects) if about is None else about
-    early = inquiry.beginnings(EARLY, SOME)
-    begun = [_begun(early, effects, about, seed + k) for k in range(ENSEMBLES)]
-    best = min(begun, key=lambda fit: fit.loss)
-    return Revision(effects, inquiry.fit(effects, best.vector, iterations))
-
-
-def _begun(early: Inquiry, effects: tuple[str, ...], about: np.ndarray, seed: int) -> Fit:
-    """Return a fit to beginnings from where an ensemble of the model's own parameters centres."""
-    nominal, free = early.nominal(effects), early.free(effects)
+    early = inquiry.beginnings(effort.early, effort.some)
+    nominal = early.nominal(effects) if about is None else about
+    free = early.free(effects)
     free[len(early.model.parameters) :] = False
-    members = np.where(free, hypercube(nominal, ALL_OVER, MEMBERS, seed), about)
-    members[0] = about
-    few = spread(early.everything, FEW)
-    start = ensemble_start(early.residuals(effects), members, few, UPDATES, seed)
-    return early.fit(effects, np.where(free, start, about), EARLY_ITERATIONS)
+    members = np.where(free, hypercube(nominal, ALL_OVER, MEMBERS, effort.seed), nominal)
+    members[0] = nominal
+    few = spread(early.everything, max(1, round(FEW * effort.some)))
+    centre = ensemble_start(early.residuals(effects), members, few, UPDATES, effort.seed)
+    starts = (np.where(free, centre, nominal), nominal)
+    begun = [early.fit(effects, start, 1) for start in starts]
+    best = min(begun, key=lambda fit: fit.loss)
+    best = early.fit(effects, best.vector, EARLY_ITERATIONS, known=best)
+    return Revision(effects, inquiry.fit(effects, best.vector, effort.base, like=best))
 
 
-def refit(inquiry: Inquiry, revision: Revision, iterations: int) -> Revision:
-    """Go on with the fit of a revision."""
-    effects = revision.effects
-    fit = revision.fit
-    return Revision(effects, inquiry.fit(effects, fit.vector, iterations, known=fit))
-
-
-def folds(groups: np.ndarray, seed: int) -> list[np.ndarray]:
+def folds(groups: np.ndarray, n_folds: int, seed: int) -> list[np.ndarray]:
     """Split trials into folds so that none cuts a group; return each fold's trial numbers."""
     order = np.random.default_rng(seed).permutation(groups.max() + 1)
-    n = min(FOLDS, len(order))
+    n = min(n_folds, len(order))
     return [np.flatnonzero(np.isin(groups, order[k::n])) for k in range(n)]
 
 
-def held_out(inquiry: Inquiry, revision: Revision, seed: int, iterations: int) -> HeldOut:
+def held_out(inquiry: Inquiry, revision: Revision, effort: Effort) -> HeldOut:
     """Refit without each fold, from the fit on all trials, and predict the fold."""
-    whole = revision.fit
-
-    def rest_fit(fold: np.ndarray) -> Fit:
+    whole, effects = revision.fit, revision.effects
+    n = len(inquiry.records)
+    waypoint, final, low = np.empty((3, n))
+    vectors = []
+    for fold in folds(inquiry.groups, effort.folds, effort.seed):
         rest = np.setdiff1d(inquiry.everything, fold)
         known = Fit(whole.vector, whole.loss, whole.residual[rest], whole.jacobian[rest])
-        start, effects = whole.vector, revision.effects
-        return inquiry.fit(effects, start, iterations, trials=rest, known=known)
-
-    cut = folds(inquiry.groups, seed)
-    fits = list(side_by_side(rest_fit, cut))
-    waypoint, final = np.empty((2, len(inquiry.records)))
-    for fold, fit in zip(cut, fits, strict=True):
-        waypoint[fold], final[fold] = inquiry.errors(revision.effects, fit.vector, fold)
-    return HeldOut(waypoint, final, np.array([fit.vector for fit in fits]))
+        fit = inquiry.fit(effects, whole.vector, effort.fold, trials=rest, known=known)
+        vectors.append(fit.vector)
+        missed = inquiry.differences(effects, fit.vector[None], fold)[0]
+        waypoint[fold], final[fold] = inquiry.percent(missed, fold)
+        low[fold] = inquiry.low_percent(missed)
+    return HeldOut(waypoint, final, low, np.array(vectors))

@@ -1,6 +1,6 @@
 """The effects that act in a batch of simulations, with the values they act with."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,17 +24,25 @@ class ActiveEffects:
     Parameters
     ----------
     values : ndarray of shape (n_sim, n), of all parameters of all effects in order.
+    factors : what is known of the cast that each simulation is of, by name.
     """
 
-    def __init__(self, effects: Sequence[Effect], values: np.ndarray) -> None:
+    def __init__(
+        self,
+        effects: Sequence[Effect],
+        values: np.ndarray,
+        factors: Sequence[Mapping[str, float]] = (),
+    ) -> None:
         self._effects = tuple(effects)
         self._values = values
+        self._factors = factors
         self._memories: list[Memory] = [{} for _ in effects]
         self._split = self._by_effect()
 
     def keep(self, kept: np.ndarray) -> "ActiveEffects":
         """Return the same for the simulations numbered `kept` only, in this order."""
-        fewer = ActiveEffects(self._effects, self._values[kept])
+        factors = [self._factors[k] for k in kept] if self._factors else ()
+        fewer = ActiveEffects(self._effects, self._values[kept], factors)
         fewer._memories = [
             {name: array[kept] for name, array in memory.items()} for memory in self._memories
         ]
@@ -80,10 +88,9 @@ class ActiveEffects:
         split = []
         for effect in self._effects:
             dtype = np.float32 if effect.acts_through("force") else np.float64
-            split.append(
-                {
-                    p.name: np.ascontiguousarray(next(columns)[:, None], dtype=dtype)
-                    for p in effect.parameters
-                }
-            )
+            own = {p.name: next(columns)[:, None] for p in effect.parameters}
+            if effect.acts_through("in_cast"):
+                factor = [one.get(effect.factor, np.nan) for one in self._factors]
+                own = effect.in_cast(np.array(factor)[:, None], **own)
+            split.append({n: np.ascontiguousarray(v, dtype=dtype) for n, v in own.items()})
         return split

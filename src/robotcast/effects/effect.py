@@ -26,7 +26,10 @@ class Effect:
     text : what it is, in a few words.
     parameters : in the order in which they stand in parameter vectors.
     depends_on : None, or of a flexible field that stands for any mechanism, what it depends on.
+    factor : what is known of a cast that `in_cast` asks for.
     """
+
+    factor = ""
 
     def __init__(
         self,
@@ -41,6 +44,13 @@ class Effect:
         self.depends_on = depends_on
         if not any(p.null is not None for p in self.parameters):
             raise ValueError(f"effect {name}: one of its parameters needs a null value")
+
+    def in_cast(self, factor: np.ndarray, **values: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the values with which the effect acts in casts where `factor` (n_sim, 1) holds.
+
+        The other hooks get them in place of the parameters. NaN where the factor is not known.
+        """
+        raise NotImplementedError
 
     def force(self, cable: CableMotion, **values: np.ndarray) -> tuple[Any, Any]:
         """Return the x and y forces [N] on every point, each (n_sim, n_points) or broadcast."""
@@ -67,6 +77,13 @@ class Effect:
         The retardation time of a Kelvin–Voigt material. As a bending moment it would have to be
         weak: a step that takes damping at its beginning diverges where it is strong. Simulators
         that carry this hook integrate it implicitly.
+        """
+        raise NotImplementedError
+
+    def extra_length(self, **values: np.ndarray) -> np.ndarray:
+        """Return by how much [m] the cable that is dragged is longer, (n_sim, 1).
+
+        Its mass stays what it is; simulators whose cable does not stretch cannot carry it.
         """
         raise NotImplementedError
 

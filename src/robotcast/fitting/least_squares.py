@@ -67,11 +67,13 @@ class Stepping:
     least_unit : noises, see `miss_unit`.
     nearer : times the median miss: below the noise, differences are no longer than that.
     most : steps for one Jacobian, which each step after the first corrects (Broyden 1965).
+    central : whether the first differences are taken on both sides of the start.
     """
 
     least_unit: float = 1.0
     nearer: float = 2.0
     most: int = 1
+    central: bool = True
 
 
 @dataclass(frozen=True)
@@ -150,7 +152,7 @@ def fit_robustly(
     )
     best = known or looked(like, start)
     small = 0
-    for iteration in range(iterations):
+    for iteration in range(iterations if free.any() else 0):
         if iteration:
             best = looked(best, start)
         unit = miss_unit(best.residual, stepping.least_unit)
@@ -197,11 +199,12 @@ def _differentiated(
 ) -> Fit:
     """Return a fit with a fresh Jacobian, at the best of the points that it took."""
     axes = np.diag(steps)[free]
-    rows = (
-        np.vstack([start, start + axes, start - axes])
-        if last is None
-        else _downhill(last, free, stepping.nearer)
-    )
+    if last is not None:
+        rows = _downhill(last, free, stepping.nearer)
+    elif stepping.central:
+        rows = np.vstack([start, start + axes, start - axes])
+    else:
+        rows = np.vstack([start, np.where(start + axes > 1, start - axes, start + axes)])
     rows = np.clip(rows, 0.0, 1.0)
     values = residuals(rows, trials)
     losses = _whole_loss(values, rows, prior, miss_unit(values[0], stepping.least_unit))

@@ -1,11 +1,11 @@
 """What was told to a rig and what was seen, in memory."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from robotcast.casts.action import Action
+from robotcast.casts.action import Action, action_factors
 from robotcast.casts.tool_motion import ToolMotion
 
 STILL_M = 0.001  # a tool that has moved less than this has not dragged the free end yet
@@ -32,6 +32,8 @@ class Trial:
     tool : what the held end really did.
     waypoints_s : ndarray of shape (k,), times of the tracked waypoints; lost frames are gaps.
     waypoints_m : ndarray of shape (k, 2), the tracked free end in the robot base's frame.
+    logged : further numbers that were logged with the cast, by name; "order" is where it stands
+        in its session, from 0 for the first cast to 1 for the last.
     """
 
     trial: int
@@ -40,6 +42,12 @@ class Trial:
     tool: ToolMotion
     waypoints_s: np.ndarray
     waypoints_m: np.ndarray
+    logged: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def factors(self) -> dict[str, float]:
+        """What is known of the cast: the numbers of its action, and what was logged with it."""
+        return {**self.logged, **action_factors(self.action.as_array())}
 
     @property
     def start_m(self) -> np.ndarray | None:

@@ -98,6 +98,7 @@ def _trials(actions: Table, waypoints: Table, tools: list[ToolMotion]) -> tuple[
     rows = _rows_by_trial(waypoints)
     xy_m = np.stack([waypoints.columns["x"], waypoints.columns["y"]], axis=1)
     numbers, ids = actions.columns["trial"].tolist(), actions.columns["action"].tolist()
+    order = np.argsort(np.argsort(numbers)) / max(len(numbers) - 1, 1)
     return tuple(
         Trial(
             trial=trial,
@@ -106,9 +107,10 @@ def _trials(actions: Table, waypoints: Table, tools: list[ToolMotion]) -> tuple[
             tool=tool,
             waypoints_s=waypoints.columns["t"][rows[trial]],
             waypoints_m=xy_m[rows[trial]],
+            logged={"order": place},
         )
-        for trial, action_id, action, tool in zip(
-            numbers, ids, _actions(actions), tools, strict=True
+        for trial, action_id, action, tool, place in zip(
+            numbers, ids, _actions(actions), tools, order.tolist(), strict=True
         )
     )
 

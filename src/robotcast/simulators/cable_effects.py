@@ -40,6 +40,11 @@ class CableEffects:
         times = (hook(**values) for hook, values, _ in self._active.each("damping_time"))
         return sum(times, start=0.0)
 
+    def extra_m(self) -> np.ndarray | float:
+        """Return by how much [m] the effects lengthen the cable, (n_sim, 1) or 0."""
+        lengths = (hook(**values) for hook, values, _ in self._active.each("extra_length"))
+        return sum(lengths, start=0.0)
+
     def act(
         self,
         state: CableState,

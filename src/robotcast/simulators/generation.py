@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robotcast.casts.action import action_factors
 from robotcast.casts.plan import PlannedCast
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.progress import Progress, silent
@@ -60,10 +61,10 @@ def generate_casts(
     for first in range(0, len(actions), ACTIONS_AT_ONCE):
         part = slice(first, first + ACTIONS_AT_ONCE)
         casts = []
-        for planned in plan(actions[part]):
+        for action, planned in zip(actions[part], plan(actions[part]), strict=True):
             tool, last_s = follow(planned.tool), np.array([planned.end_s + settle_s])
             start_m = None if reach_m is None else tool.pose[0, :2] + reach_m
-            casts.append(SimulatedCast(tool, last_s, start_m))
+            casts.append(SimulatedCast(tool, last_s, start_m, action_factors(action)))
         prediction = simulator.simulate(
             casts, vector, progress=_part_of(progress, first, len(actions))
         )

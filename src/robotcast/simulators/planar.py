@@ -132,7 +132,7 @@ def simulate_planar(
     diverged = np.zeros((len(vectors), len(casts)), dtype=bool)
     order = np.argsort([-c.waypoints_s[-1] for c in casts], kind="stable")
     left = _Pairs(np.tile(np.arange(len(vectors)), len(casts)), np.repeat(order, len(vectors)))
-    sent = [SimulatedCast(c.tool, c.waypoints_s, c.start_m) for c in casts]
+    sent = [SimulatedCast(c.tool, c.waypoints_s, c.start_m, c.factors) for c in casts]
     for step_s, start in starts:
         done = diverged.size - len(left.cast)
 
@@ -166,7 +166,8 @@ def _run_batch(batch: _Batch) -> tuple[np.ndarray, np.ndarray]:
     diverged : bool ndarray of shape (n_sim,).
     """
     casts, which, step_s = batch.casts, batch.which, batch.step_s
-    active = ActiveEffects(batch.effects, batch.values)
+    factors = [casts[k].factors for k in which]
+    active = ActiveEffects(batch.effects, batch.values, factors)
     stamped_s = _padded_times(casts)[which]
     happened_s = active.seen_at(stamped_s)
     last = np.ceil(np.nanmax(happened_s, axis=1) / step_s - 1e-9).astype(int)

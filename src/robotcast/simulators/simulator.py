@@ -1,7 +1,7 @@
 """The one call that every simulator answers."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -15,7 +15,8 @@ class Cast(Protocol):
     """What a simulator needs of a cast: its start, how the tool moved, and when to look.
 
     `start_m` (2,) is where the free end was seen before the tool moved, None when it was not:
-    then the cable starts along the tool's yaw.
+    then the cable starts along the tool's yaw. `factors` are numbers that are known of the cast,
+    by name, for effects that depend on one: "vmax", "order" in the session.
     """
 
     @property
@@ -27,6 +28,9 @@ class Cast(Protocol):
     @property
     def start_m(self) -> np.ndarray | None: ...
 
+    @property
+    def factors(self) -> Mapping[str, float]: ...
+
 
 @dataclass(frozen=True)
 class SimulatedCast:
@@ -35,6 +39,7 @@ class SimulatedCast:
     tool: ToolMotion
     waypoints_s: np.ndarray
     start_m: np.ndarray | None = None
+    factors: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ from collections.abc import Callable, Sequence
 
 import pytest
 
+from robotcast.diagnosis.errors import Floor
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.search.floor import Floor
-from robotcast.diagnosis.search.found import Effort
+from robotcast.diagnosis.rule import Effort, Rule
 from tests.diagnosis.sliding_puck import (
     DEAD,
     LATE,
@@ -21,7 +21,8 @@ from tests.diagnosis.sliding_puck import (
 
 EFFORT = Effort(base=4, refit=3, fold=2)
 CANDIDATES = (DEAD.name, LATE.name, SHIFT.name, TILT.name, TURN.name)
-FLOOR = Floor.known(100 * NOISE_M)
+FLOOR = Floor.known(100 * NOISE_M, 0.1)
+RULE = Rule()
 
 
 @pytest.fixture

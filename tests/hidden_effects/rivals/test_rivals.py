@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.search.found import Rung
+from robotcast.diagnosis.selection import Rung
 from robotcast.hidden_effects.rivals.brute_force import Round, brute_force
 from robotcast.hidden_effects.rivals.oracle import told
 from robotcast.hidden_effects.rivals.refitting import judged_base, rematched
 from robotcast.hidden_effects.rivals.sensitivity import raw_sensitivities
 from tests.diagnosis.sliding_puck import NOISE_M
-from tests.hidden_effects.rivals.conftest import CANDIDATES, EFFORT, FLOOR
+from tests.hidden_effects.rivals.conftest import CANDIDATES, EFFORT, FLOOR, RULE
 
 LATE_S = 0.06
 
 
 def forced(inquiry: Inquiry, base: Rung) -> list[Round]:
-    return list(brute_force(inquiry, base, CANDIDATES, FLOOR, EFFORT, lambda name: None))
+    return list(brute_force(inquiry, base, CANDIDATES, FLOOR, RULE, EFFORT, lambda name: None))
 
 
 def test_raw_sensitivity_names_what_moves_most_whatever_is_hidden(ask):

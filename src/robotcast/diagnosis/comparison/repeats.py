@@ -2,14 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations, pairwise
 
 import numpy as np
+from scipy.stats import t as student
 
 from robotcast.diagnosis.comparison.misfit import padded
 from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.rule import Rule
 from robotcast.diagnosis.time_grid import TimeGrid
 
 FAR = 20.0  # times the repeats' usual deviation: so far away, a trial is no repeat
+RULE = Rule()
 LEAST_USUAL = 0.005  # of the scale: repeats that agree better count as agreeing so well
 
 
@@ -26,6 +30,9 @@ class RepeatScatter:
     deviations_percent : of every group, the average deviation of its trials, (n,) each.
     groups, trials : how many groups hold repeats, and the trials they make together.
     strays : numbers of trials that lie too far from their repeats to be such; left out.
+    drift : None where all repeats tell the scatter. Else those far apart in the session differ
+        by this much more than those that follow each other, of which alone the scatter is taken.
+    far_apart : whether any trial was repeated both soon and much later, so that drift would show.
     """
 
     sample_percent: float | None
@@ -35,6 +42,8 @@ class RepeatScatter:
     groups: int
     trials: int
     strays: tuple[int, ...] = ()
+    drift: float | None = None
+    far_apart: bool = False
 
 
 def repeated(records: Sequence[Record], rows: Sequence[int]) -> list[list[int]]:
@@ -45,12 +54,20 @@ def repeated(records: Sequence[Record], rows: Sequence[int]) -> list[list[int]]:
     return [group for group in groups.values() if len(group) > 1]
 
 
-def repeat_scatter(records: Sequence[Record], grid: TimeGrid, scale: float) -> RepeatScatter:
-    """Estimate the noise floor from the trials that share a group."""
+def repeat_scatter(
+    records: Sequence[Record], grid: TimeGrid, scale: float, rule: Rule = RULE
+) -> RepeatScatter:
+    """Estimate the noise floor from the trials that share a group, in the order of the session."""
     measured = grid.place(padded(records, [r.measured for r in records]))
     strays = _strays(records, measured, scale)
+    groups = repeated(records, [row for row in range(len(records)) if row not in strays])
+    runs = [run for rows in groups for run in _runs(rows, rule.close * len(records))]
+    soon, late = _soon_and_late(groups, measured, rule.close * len(records))
+    drift = None
+    if len(soon) > 2 and _differ(np.log(late / soon)) < rule.drift:
+        groups, drift = [run for run in runs if len(run) > 1], float(np.median(late / soon))
     averages, finals, deviations, trials = [], [], [], []
-    for rows in repeated(records, [row for row in range(len(records)) if row not in strays]):
+    for rows in groups:
         deviation = _deviations(measured[rows])
         deviation = deviation[np.isfinite(deviation).any(axis=1)]
         if len(deviation):
@@ -58,9 +75,10 @@ def repeat_scatter(records: Sequence[Record], grid: TimeGrid, scale: float) -> R
             finals.append(_deviations(np.stack([records[row].measured[-1:] for row in rows])))
             deviations.append(deviation)
             trials.append(len(rows))
+    numbers = tuple(records[row].trial for row in strays)
     if not trials:
         nowhere = np.full(len(grid.times_s), np.nan)
-        return RepeatScatter(None, None, nowhere, (), 0, 0, tuple(records[r].trial for r in strays))
+        return RepeatScatter(None, None, nowhere, (), 0, 0, numbers)
     return RepeatScatter(
         sample_percent=float(100 / scale * np.concatenate(averages).mean()),
         final_percent=float(100 / scale * np.median(np.concatenate(finals))),
@@ -68,8 +86,45 @@ def repeat_scatter(records: Sequence[Record], grid: TimeGrid, scale: float) -> R
         deviations_percent=tuple(100 / scale * average for average in averages),
         groups=len(trials),
         trials=sum(trials),
-        strays=tuple(records[row].trial for row in strays),
+        strays=numbers,
+        drift=drift,
+        far_apart=bool(len(soon)),
     )
+
+
+def _runs(rows: Sequence[int], apart: float) -> list[list[int]]:
+    """Cut repeats where more than so many trials lie between two of them."""
+    runs = [[rows[0]]]
+    for before, row in pairwise(rows):
+        if row - before > apart:
+            runs.append([])
+        runs[-1].append(row)
+    return runs
+
+
+def _soon_and_late(
+    groups: Sequence[Sequence[int]], measured: np.ndarray, apart: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return how far repeats differ that follow each other, and that lie far apart, by group.
+
+    Only groups that hold both count, so that what one action scatters by stands on either side.
+    """
+    soon, late = [], []
+    for rows in groups:
+        both = [[], []]
+        for first, second in combinations(rows, 2):
+            distance = np.linalg.norm(measured[first] - measured[second], axis=-1)
+            both[second - first > apart].append(float(np.nanmean(distance)))
+        if all(both) and min(map(min, both)) > 0:
+            soon.append(np.mean(both[0]))
+            late.append(np.mean(both[1]))
+    return np.array(soon), np.array(late)
+
+
+def _differ(logs: np.ndarray) -> float:
+    """Return the one-sided p-value that logarithms of ratios (n,) are not above zero."""
+    spread = logs.std(ddof=1) / np.sqrt(len(logs))
+    return float(student.sf(logs.mean() / max(float(spread), 1e-12), len(logs) - 1))
 
 
 def _strays(records: Sequence[Record], measured: np.ndarray, scale: float) -> list[int]:

@@ -224,5 +224,5 @@ def _known(inquiry: Inquiry, revision: Revision) -> np.ndarray:
     slopes = fit.jacobian[..., free]
     precision = np.einsum("i,idn,idm->nm", fit.weights, slopes, slopes)
     excess = float((fit.weights * (fit.residual**2).sum(axis=1)).mean())
-    sd = np.array([p.prior_sd for p in inquiry.parameters(revision.effects)])[free]
+    sd = inquiry.expected(revision.effects)[free]
     return precision / max(1.0, excess) + np.diag(1 / sd**2)

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from robotcast.diagnosis.errors import Floor
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.search.floor import Floor
-from robotcast.diagnosis.search.found import Effort, Rung
-from robotcast.diagnosis.search.rounds import MOST_EFFECTS
+from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.diagnosis.selection import Rung
 from robotcast.hidden_effects.rivals.places import all_probes
 from robotcast.hidden_effects.rivals.refitting import (
     judged_refit,
@@ -46,6 +46,7 @@ def brute_force(
     base: Rung,
     candidates: Sequence[str],
     floor: Floor,
+    rule: Rule,
     effort: Effort,
     tell: Callable[[str], object],
 ) -> Iterator[Round]:
@@ -59,12 +60,12 @@ def brute_force(
     tell : called with the name of each effect before it is fitted.
     """
     top = base
-    for _ in range(MOST_EFFECTS):
+    for _ in range(rule.most_effects):
         left = [name for name in candidates if name not in top.revision.effects]
-        tried = _round(inquiry, top, left, floor, effort, tell)
+        tried = _round(inquiry, top, left, floor, rule, effort, tell)
         yield tried
         top = tried.kept
-        if not tried.paid or floor.reached(top.errors.waypoint):
+        if not tried.paid or not floor.above(top.errors.waypoint, 1.0):
             return
 
 
@@ -73,6 +74,7 @@ def _round(
     top: Rung,
     candidates: Sequence[str],
     floor: Floor,
+    rule: Rule,
     effort: Effort,
     tell: Callable[[str], object],
 ) -> Round:
@@ -87,5 +89,5 @@ def _round(
     rung = settled(inquiry, rungs[best], effort)
     top = rematched(inquiry, top, rung, effort)
     saved = saving(inquiry, top, rung, floor)
-    kept = rung if saved.pays else top
+    kept = rung if saved.pays(rule, len(candidates)) else top
     return Round(best, saved.p_value, tried, kept, inquiry.simulated - before)

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from robotcast.diagnosis.errors import Floor, Gain
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.search.floor import Floor
-from robotcast.diagnosis.search.found import Effort, Rung
-from robotcast.diagnosis.search.gain import Gain
+from robotcast.diagnosis.rule import Effort
+from robotcast.diagnosis.selection import Rung
 from robotcast.hidden_effects.rivals.places import all_probes, joined
 from robotcast.hidden_effects.rivals.refitting import (
     judged_refit,

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from robotcast.diagnosis.errors import Floor, Gain, Scales
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.revision import EARLY, SOME, Revision, fit_base, held_out
-from robotcast.diagnosis.search.floor import Floor
-from robotcast.diagnosis.search.found import Effort, Rung
-from robotcast.diagnosis.search.gain import Gain, gain
+from robotcast.diagnosis.revision import Revision, fit_base, held_out
+from robotcast.diagnosis.rule import Effort
+from robotcast.diagnosis.selection import Rung
 from robotcast.fitting.least_squares import Fit, trial_losses
 from robotcast.hidden_effects.rivals.places import Place, unit_rows
 
@@ -18,7 +18,7 @@ BEGUN, ENDED = 6, 2  # fits that start, and of these those that see whole trials
 
 def judged_base(inquiry: Inquiry, effort: Effort) -> Rung:
     """Fit the model as it is, as a diagnosis does first, and judge it on held-out trials."""
-    return _judged(inquiry, fit_base(inquiry, (), effort.seed, effort.base), effort)
+    return _judged(inquiry, fit_base(inquiry, (), effort), effort)
 
 
 def judged_refit(
@@ -34,7 +34,7 @@ def judged_refit(
     """
     rows = unit_rows(inquiry, base.revision.fit.vector, effects, places)
     active = (*base.revision.effects, *effects)
-    early = inquiry.beginnings(EARLY, SOME)
+    early = inquiry.beginnings(effort.early, effort.some)
     losses = trial_losses(early.residuals(active)(rows, early.everything)).mean(axis=1)
     starts = rows[np.argsort(losses, kind="stable")[:BEGUN]]
     begun = sorted((early.fit(active, start, 3) for start in starts), key=_loss)
@@ -50,7 +50,7 @@ def settled(inquiry: Inquiry, rung: Rung, effort: Effort) -> Rung:
     elsewhere.
     """
     effects, fit = rung.revision.effects, rung.revision.fit
-    again = fit_base(inquiry, effects, effort.seed, effort.base, about=fit.vector)
+    again = fit_base(inquiry, effects, effort, about=fit.vector)
     return rung if again.fit.loss >= fit.loss else _judged(inquiry, again, effort)
 
 
@@ -68,7 +68,10 @@ def rematched(inquiry: Inquiry, base: Rung, rival: Rung, effort: Effort) -> Rung
 
 def saving(inquiry: Inquiry, before: Rung, after: Rung, floor: Floor) -> Gain:
     """Return what one model saves on held-out trials over another."""
-    return gain(before.errors.waypoint, after.errors.waypoint, inquiry.groups, floor)
+    every = np.ones(len(inquiry.records), dtype=bool)
+    scales = Scales(floor.unit, 1.0, np.inf, inquiry.groups, every)
+    scales = replace(scales, base=scales.typical(before.errors.waypoint))
+    return scales.gain(before.errors.waypoint, after.errors.waypoint)
 
 
 def _loss(fit: Fit) -> float:
@@ -76,4 +79,4 @@ def _loss(fit: Fit) -> float:
 
 
 def _judged(inquiry: Inquiry, revision: Revision, effort: Effort) -> Rung:
-    return Rung(revision, held_out(inquiry, revision, effort.seed, effort.fold))
+    return Rung(revision, held_out(inquiry, revision, effort))

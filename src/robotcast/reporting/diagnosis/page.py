@@ -7,7 +7,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from robotcast.diagnosis.answer.limits import counted
+from robotcast.diagnosis.limits import counted
 from robotcast.diagnosis.wording import parameter_name
 from robotcast.reporting.comparison import blocks
 from robotcast.reporting.comparison.labels import factor_name
@@ -29,6 +29,7 @@ _UNTESTED = ("touches nothing", "ignored by the model", "held at its null")
 STATUS_HINTS = {
     "confirmed": "refitted in full, and it lowers the error on held-out {trials}",
     "refitted": "refitted in full; the held-out error did not fall enough to keep it",
+    "tried": "fitted to the beginnings of some {trials}: others explain them clearly better",
     "screened": "judged by a quick look only: too little promised to refit it",
     "touches nothing": "simulating it changes no prediction of this set, so it cannot be judged",
     "ignored by the model": "the model does not react to it at all",

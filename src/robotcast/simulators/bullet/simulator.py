@@ -42,7 +42,7 @@ from robotcast.simulators.bullet.tasks import Setup, Task
 from robotcast.simulators.checks import all_parameters
 from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast
 
-LACKS = ("damping_time",)  # hooks of effects, see above
+LACKS = ("damping_time", "extra_length")  # hooks of effects, see above
 
 
 class BulletSimulator:
@@ -85,7 +85,7 @@ class BulletSimulator:
             raise ValueError(
                 f"expected {len(self.parameters)} parameters a vector, got {vectors.shape[1]}"
             )
-        sent = [SimulatedCast(c.tool, c.waypoints_s, c.start_m) for c in casts]
+        sent = [SimulatedCast(c.tool, c.waypoints_s, c.start_m, c.factors) for c in casts]
         tasks = [Task(cast, vector, retry) for vector in vectors for cast in sent]
         answers = self._workers.answer(tasks, progress)
         k_max = max((len(c.waypoints_s) for c in casts), default=0)

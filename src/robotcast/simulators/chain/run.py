@@ -97,6 +97,9 @@ class ChainRun(ABC):
         qpos = np.zeros((len(pose), model.nq))
         qpos[:, :TOOL_DOFS] = pose
         qpos[:, self._hinges[0]] = lean_rad
+        qpos[:, geometry.slides[geometry.stretching]] = self._unloaded_m(
+            CableEffects(active, cable, geometry)
+        )
         self._time_s = 0.0
         self._earlier: np.ndarray | None = None
         self._begin(vectors, active, qpos, np.zeros_like(qpos))
@@ -114,8 +117,14 @@ class ChainRun(ABC):
         self._damping = self._batch.expand("dof_damping")
         self._armature = self._batch.expand("dof_armature")
         self._stiffness = self._batch.expand("jnt_stiffness")
+        slides = self._geometry.slides[self._geometry.stretching]
+        self._batch.expand("qpos_spring")[:, slides] = self._unloaded_m(self._effects)
         self._qpos[:], self._qvel[:] = qpos, qvel
         self._set_parameters(vectors)
+
+    def _unloaded_m(self, effects: CableEffects) -> np.ndarray | float:
+        """Return how far the stretching segments are drawn out without load, (n_sim, 1) or 0."""
+        return effects.extra_m() / max(int(self._geometry.stretching.sum()), 1)
 
     @abstractmethod
     def _set_parameters(self, vectors: np.ndarray) -> None:

@@ -11,7 +11,7 @@ from robotcast.diagnosis.comparison.misfit import padded
 from robotcast.diagnosis.comparison.slices import Slice, slice_errors
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision
-from robotcast.diagnosis.search.found import Found, Rung
+from robotcast.diagnosis.selection import Found
 from robotcast.diagnosis.wording import Wording
 
 
@@ -42,7 +42,7 @@ class Explained:
         pairs = _before_and_after(found)
         if not pairs:
             return {}
-        slices = _usual_slices(self.comparison(found.ladder[0].revision))
+        slices = _usual_slices(self.comparison(found.base.revision))
         return {
             name: [
                 {"slice": some.name, "before_percent": b, "after_percent": a}
@@ -81,17 +81,17 @@ def _usual_slices(base: Comparison) -> list[Slice]:
 
 
 def _before_and_after(found: Found) -> dict[str, tuple[Revision, Revision]]:
-    """Return every refitted effect's revisions without it and with it.
+    """Return every judged effect's revisions without it and with it.
 
-    Effects that one rung adds together share the pair.
+    Effects that are judged together only share the pair.
     """
     pairs: dict[str, tuple[Revision, Revision]] = {}
-    below: dict[frozenset[str], Rung] = {frozenset(r.revision.effects): r for r in found.ladder}
-    for name, rung in found.refits.items():
-        before = below.get(frozenset(rung.revision.effects) - {name})
-        if before is not None:
-            pairs[name] = (before.revision, rung.revision)
-    for before, after in zip(found.ladder, found.ladder[1:], strict=False):
-        for name in set(after.revision.effects) - set(before.revision.effects):
-            pairs[name] = (before.revision, after.revision)
+    if not found.judged:
+        return pairs
+    models = {frozenset(e): rung.revision for e, rung in found.judged.items()}
+    base = found.base.revision
+    for effects, rung in sorted(found.judged.items(), key=lambda item: item[0] == found.chosen):
+        for name in effects[len(base.effects) :]:
+            without = models.get(frozenset(effects) - {name}, base)
+            pairs[name] = (without, rung.revision)
     return pairs

@@ -55,8 +55,7 @@ def sizes(
     `discrepancy`, of what the model misses in a usual one can shift the value is added in
     squares. It misses the noise at least.
     """
-    sd = np.array([p.prior_sd for p in inquiry.parameters(revision.effects)])
-    inverse = bread(revision.fit, sd)
+    inverse = bread(revision.fit, inquiry.expected(revision.effects))
     error = sandwich(revision.fit, inverse, inquiry.groups)
     if vectors is not None and len(vectors) > 1:
         k = len(vectors)

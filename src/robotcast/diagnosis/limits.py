@@ -4,23 +4,21 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotcast.diagnosis.comparison.finding import Finding
-from robotcast.diagnosis.comparison.misfit import Misfit
 from robotcast.diagnosis.comparison.repeats import RepeatScatter
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Candidate
 from robotcast.diagnosis.revision import Revision
+from robotcast.diagnosis.rule import Rule
+from robotcast.diagnosis.selection import Found
 from robotcast.diagnosis.wording import Wording, parameter_name
 
-FEWEST_GROUPS = 8  # of different trials: with fewer, none can be held back for a fair test
 NEAR_A_BOUND = 0.005  # of a parameter's range
-BLUNDER = 5.0  # times what nine in ten of the other trials miss by: hardly the model's fault
 IGNORED = 1e-4  # of the noise: a parameter whose whole range moves no trial by more is ignored
 
 
-def too_few(inquiry: Inquiry) -> bool:
+def too_few(inquiry: Inquiry, rule: Rule) -> bool:
     """Tell whether the trials are too few to confirm anything."""
-    return int(inquiry.groups.max()) + 1 < FEWEST_GROUPS
+    return int(inquiry.groups.max()) + 1 < rule.fewest_groups
 
 
 def held_at_null(candidate: Candidate) -> bool:
@@ -33,21 +31,36 @@ def held_at_null(candidate: Candidate) -> bool:
 
 
 def notes_on_trials(
-    inquiry: Inquiry, repeats: RepeatScatter, floor: float | None, wording: Wording
+    inquiry: Inquiry,
+    repeats: RepeatScatter,
+    floor: float | None,
+    wording: Wording,
+    rule: Rule,
 ) -> list[str]:
     """Say what the trials lack before any model is asked; `floor` is None when unknown."""
     n, groups = len(inquiry.records), int(inquiry.groups.max()) + 1
     notes = []
-    if too_few(inquiry):
+    if too_few(inquiry, rule):
         notes.append(
             f"The set has {counted(n, wording.trial, wording.trials)} of "
-            f"{counted(groups, wording.group, wording.groups)}. At least {FEWEST_GROUPS} "
+            f"{counted(groups, wording.group, wording.groups)}. At least {rule.fewest_groups} "
             f"different {wording.groups} are needed to hold some back and test an effect on them."
         )
     if repeats.strays:
         notes.append(
             f"{_numbered(repeats.strays, wording)} far from the repeats of the same "
             f"{wording.group} and were left out of the noise floor."
+        )
+    if repeats.drift is not None:
+        notes.append(
+            f"Repeats that lie far apart in the session differ {repeats.drift:.1f} times as much "
+            "as those that follow each other: something drifts over the session. The noise floor "
+            f"is taken from {wording.trials} that follow each other."
+        )
+    elif floor is not None and repeats.groups and not repeats.far_apart:
+        notes.append(
+            f"No {wording.group} was repeated both soon and late in the session, so drift would "
+            "not show: spread the repeats over the session."
         )
     if floor is None:
         notes.append(
@@ -70,41 +83,23 @@ def counted(n: int, one: str, many: str) -> str:
     return f"{n} {one if n == 1 else many}"
 
 
-def notes_on_outliers(
-    findings: Sequence[Finding], found: Misfit, error_unit: str, wording: Wording
-) -> list[str]:
-    """Name the trials that the model misses by so much that something else went wrong.
-
-    Parameters
-    ----------
-    findings, found : of the best model.
-    """
-    slices = [f.slice for f in findings if f.slice.kind == "trial"]
-    rows = [row for s in slices for row in np.flatnonzero(s.mask.any(axis=1)).tolist()]
-    if not rows:
-        return []
-    usual = float(np.quantile(np.delete(found.sample_percent, rows), 0.9))
-    numbers, percent = slices[0].trials, found.sample_percent
-    return [
-        _outlier(numbers[row], row, found, usual, error_unit, wording)
-        for row in rows
-        if percent[row] > BLUNDER * usual
-    ]
-
-
-def _outlier(
-    trial: int, row: int, found: Misfit, usual: float, error_unit: str, wording: Wording
-) -> str:
-    percent, unit = found.sample_percent, wording.axis(0).unit
-    distance = np.nanmean(found.distance[row])
-    length = f" ({distance:.2g} {unit})" if unit else ""
-    part = percent[row] / len(percent)
-    return (
-        f"{wording.trial.capitalize()} {trial} is off by {percent[row]:.1f} {error_unit}{length} "
-        f"on average, where nine in ten of the others stay below {usual:.1f}. Check how it was "
-        f"measured. It weighs little in the fits and does not decide; of the average error of "
-        f"{percent.mean():.2f} it alone makes {part:.2f}."
-    )
+def notes_on_outliers(inquiry: Inquiry, found: Found, wording: Wording) -> list[str]:
+    """Name the trials that were measured wrongly, of which no model explains even a quarter."""
+    assert found.scales is not None
+    rows = np.flatnonzero(~found.scales.usual)
+    percent, unit = found.top.errors.waypoint, wording.axis(0).unit
+    usual = float(np.median(percent[found.scales.usual])) if len(rows) else 0.0
+    notes = []
+    for row in rows:
+        distance = percent[row] / 100 * inquiry.model.scale
+        length = f" ({distance:.2g} {unit})" if unit else ""
+        notes.append(
+            f"{wording.trial.capitalize()} {inquiry.records[row].trial} is off by "
+            f"{percent[row]:.1f} {inquiry.model.error_unit}{length} on average, where the others "
+            f"are by {usual:.2g}, and from its first {wording.samples} on. Check how it was "
+            "measured. It decides nothing and is left out of the typical error."
+        )
+    return notes
 
 
 def is_ignored(base: Revision, k: int) -> bool:

@@ -1,0 +1,90 @@
+"""Diagnose measurement sets whose hidden effect is known, and count the right verdicts.
+
+python benchmarks/answered_sets.py ../shared/data/casting [--sets abc] [--output DIR] [--table FILE]
+
+The folder holds one set a folder, and answers.yaml: of every set what is hidden and the verdicts
+that are right. The diagnoses read the sets alone; what stands in the output is not done again.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+COLUMNS = ("set", "hidden", "verdict", "right", "before", "after", "floor", "times", "s", "casts")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Count the right verdicts on answered sets.")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--sets", default="", help="names of one letter, all by default")
+    parser.add_argument("--output", type=Path, default=Path("outputs/answered_sets"))
+    parser.add_argument("--table", type=Path, help="a Markdown file for the table")
+    parser.add_argument("--override", action="append", default=[], help="of the configuration")
+    given = parser.parse_args()
+    answers = yaml.safe_load((given.folder / "answers.yaml").read_text(encoding="utf-8"))
+    rows = []
+    for name in sorted(given.sets or answers):
+        said = diagnosed(given.folder / name, given.output / name, given.override)
+        rows.append(row_of(name, answers[name], said))
+        print(" ".join(str(cell) for cell in rows[-1]), flush=True)
+    text = table(rows)
+    print(text)
+    if given.table:
+        given.table.write_text(text, encoding="utf-8")
+
+
+def diagnosed(measurements: Path, output: Path, overrides: Sequence[str]) -> dict[str, Any]:
+    """Return what the stage says of a set."""
+    path = output / "diagnosis.json"
+    if not (path.exists() and json.loads(path.read_text(encoding="utf-8"))["finished"]):
+        stage = [sys.executable, str(ROOT / "stages" / "diagnose.py")]
+        places = [f"measurements={measurements}", f"output={output}"]
+        done = subprocess.run([*stage, *places, *overrides], capture_output=True, text=True)
+        if done.returncode:
+            sys.exit(f"{measurements}: {done.stderr or done.stdout}")
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def row_of(name: str, answer: Mapping[str, Any], said: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the cells of one set; errors are those of the cast in the middle, in %."""
+    verdict = set(said["verdict"])
+    right = verdict in [set(one) for one in answer["accept"]]
+    errors = [rung["heldout_typical_error_percent"] for rung in said["ladder"]]
+    after = errors[-1] if verdict - {"none", "unknown"} else errors[0]
+    floor = said["noise_floor_percent"]
+    return (
+        name,
+        answer["hidden"],
+        " + ".join(said["verdict"]) + (" + more" if _more(said) else ""),
+        "yes" if right else "no",
+        f"{errors[0]:.2f}",
+        f"{after:.2f}",
+        f"{floor:.2f}",
+        f"{after / floor:.2f}",
+        f"{said['seconds']:.0f}",
+        str(said["simulated_casts"]),
+    )
+
+
+def _more(said: Mapping[str, Any]) -> bool:
+    """Tell whether effects are named and something is left beside them."""
+    return said["code"] == "named" and bool(said["unexplained"])
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """Return the rows as a Markdown table, with the count of right verdicts."""
+    right = sum(row[3] == "yes" for row in rows)
+    lines = [COLUMNS, ["---"] * len(COLUMNS), *rows]
+    said = [f"| {' | '.join(line)} |" for line in lines]
+    return "\n".join([*said, "", f"{right} of {len(rows)} verdicts are right.", ""])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,1 +1,0 @@
-"""What a diagnosis says, as plain data."""

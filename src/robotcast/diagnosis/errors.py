@@ -1,0 +1,143 @@
+"""How large errors are, and whether one model's are smaller than another's beyond luck."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+from robotcast.diagnosis.comparison.repeats import RepeatScatter
+from robotcast.diagnosis.rule import Rule
+
+FAR = 4.0  # standard deviations, as the median of deviations tells them (Tukey and McLaughlin)
+
+
+def misses(errors: np.ndarray, unit: float) -> np.ndarray:
+    """Return errors as a fit judges them, ½ ln(1 + (error / unit)²)."""
+    return 0.5 * np.log1p((errors / unit) ** 2)
+
+
+def typical(missed: np.ndarray, unit: float) -> float:
+    """Return the error that misses by as much as the mean of `missed`: a robust mean error."""
+    return float(unit * np.sqrt(np.expm1(2 * missed.mean()))) if len(missed) else 0.0
+
+
+@dataclass(frozen=True)
+class Floor:
+    """By how much repeats of one trial differ: no model can do better.
+
+    Attributes
+    ----------
+    percent : of the repeats in the middle, % of the scale; None when nothing is known.
+    unit : errors are judged in units of it: the floor, or the least noise that is believed.
+    typical : the repeats' typical error (see `typical`), % of the scale; 0 when not known.
+    """
+
+    percent: float | None
+    unit: float
+    typical: float
+
+    @classmethod
+    def of(cls, repeats: RepeatScatter, least_percent: float) -> "Floor":
+        """Take the floor from repeats; nothing is known of it when there are none."""
+        if not repeats.deviations_percent:
+            return cls(None, least_percent, 0.0)
+        middle = float(np.median([own.mean() for own in repeats.deviations_percent]))
+        unit = max(middle, least_percent)
+        scatter = np.concatenate(repeats.deviations_percent)
+        return cls(middle, unit, typical(misses(scatter, unit), unit))
+
+    @classmethod
+    def known(cls, percent: float, least_percent: float) -> "Floor":
+        """Take the floor from elsewhere."""
+        unit = max(percent, least_percent)
+        return cls(percent, unit, percent)
+
+    def above(self, errors: np.ndarray, times: float) -> bool:
+        """Tell whether errors (n_trials,) lie so many times above the floor.
+
+        The typical error is asked, beside the repeats', and the trial in the middle.
+        """
+        if self.percent is None or not len(errors):
+            return False
+        whole = typical(misses(errors, self.unit), self.unit)
+        middle = float(np.median(errors))
+        return whole > times * max(self.typical, self.unit) or middle > times * self.unit
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What one model saves over another on held-out trials.
+
+    Attributes
+    ----------
+    share : by how much the typical error falls, of what the fall is held against (see `Scales`).
+    p_value : one-sided, over groups of trials.
+    """
+
+    share: float
+    p_value: float
+
+    def pays(self, rule: Rule, comparisons: int) -> bool:
+        """Tell whether the gain matters and is beyond luck, one of so many that were looked at."""
+        return self.share > rule.material and self.p_value < rule.level / max(comparisons, 1)
+
+    def promises(self, rule: Rule) -> bool:
+        """Tell whether it matters and is likely there on further trials too."""
+        return self.share > rule.material and self.p_value < rule.equal
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What errors are compared by.
+
+    A model that stands at the floor is only improved by what matters beside what was missed at
+    first. Above it something is missing still, and what takes away part of what is left matters.
+
+    Attributes
+    ----------
+    unit : see `Floor`.
+    base : typical error of the base model, % of the scale.
+    finished : typical error up to which a model stands at the floor; infinite when not known.
+    groups : of every trial, numbered from 0; the sampling units.
+    usual : bool (n_trials,), trials that were not measured wrongly.
+    """
+
+    unit: float
+    base: float
+    finished: float
+    groups: np.ndarray
+    usual: np.ndarray
+
+    def gain(self, before: np.ndarray, after: np.ndarray) -> Gain:
+        """Compare two models' errors (n_trials,)."""
+        missed = [misses(errors[self.usual], self.unit) for errors in (before, after)]
+        first, second = (typical(one, self.unit) for one in missed)
+        groups = np.unique(self.groups[self.usual], return_inverse=True)[1]
+        return Gain(self.share(first, second), worse(missed[0] - missed[1], groups))
+
+    def share(self, before: float, after: float) -> float:
+        """Return the fall of a typical error as `Gain` has it."""
+        whole = self.base if before <= self.finished else before
+        return (before - after) / max(whole, 1e-12)
+
+    def typical(self, errors: np.ndarray) -> float:
+        """Return the typical error of usual trials."""
+        return typical(misses(errors[self.usual], self.unit), self.unit)
+
+
+def worse(extra: np.ndarray, groups: np.ndarray) -> float:
+    """Return the one-sided p-value that what is extra (n_trials,) is not above zero.
+
+    Groups are the sampling unit. What lies far from the bulk of them is drawn in to its edge
+    before a t-test (Tukey and McLaughlin 1963): one diverged run would else drown all others.
+    """
+    n = int(groups.max(initial=-1)) + 1
+    if n < 3:
+        return 1.0
+    mean = np.bincount(groups, extra, n) / np.bincount(groups, minlength=n)
+    centre = np.median(mean)
+    edge = FAR * 1.4826 * np.median(np.abs(mean - centre))
+    mean = np.clip(mean, centre - edge, centre + edge)
+    if mean.std() == 0:
+        return 1.0
+    return float(student.sf(mean.mean() / (mean.std(ddof=1) / np.sqrt(n)), n - 1))

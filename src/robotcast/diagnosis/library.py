@@ -1,0 +1,189 @@
+"""The whole library at once: the model with every effect that may be missing, fitted together.
+
+Effects that must act together are not found one by one, and a model that was tuned without the
+one that is missing has moved into a valley from which that one no longer helps. So all effects
+are let in at the same time, each expected near its null by a few of its probes, and the fit
+starts from the nominal parameters as well as from the tuned ones. It predicts about as well as
+any set of effects could; its slopes then tell which few of them would do as well (the idea of a
+saturated model that is pruned; Tipping 2001 on why so many parameters do no harm when each is
+held by a prior).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, product
+
+import numpy as np
+
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.fitting.least_squares import Fit
+
+EDGE = 0.01  # of a range, from which a start keeps clear
+
+
+def fit_library(early: Inquiry, effects: Sequence[str], base: Fit, iterations: int) -> "Library":
+    """Fit the model with all effects to beginnings of trials.
+
+    Parameters
+    ----------
+    early : the inquiry into the beginnings.
+    base : fit of the base model to them, where the other start is.
+    """
+    effects = tuple(effects)
+    nominal = early.nominal(effects)
+    fixed = len(base.vector)
+    at = fixed
+    for name in effects[_acting(early, effects, fixed) :]:
+        n = len(early.model.effects[name].parameters)
+        nominal[at : at + n] = _best_place(early, effects, base, name)
+        at += n
+    tuned = nominal.copy()
+    tuned[:fixed] = base.vector
+    begun = [early.fit(effects, start, 0, central=False) for start in (nominal, tuned)]
+    fits = [early.fit(effects, fit.vector, 2, known=fit) for fit in begun]
+    best = min(fits, key=lambda fit: fit.loss)
+    best = early.fit(effects, best.vector, iterations - 2, known=best)
+    starts = tuple(Library(early, effects, fit) for fit in begun)
+    return Library(early, effects, best, starts)
+
+
+def _acting(early: Inquiry, effects: Sequence[str], n: int) -> int:
+    """Return how many of the effects act in a model with n parameters."""
+    return next(k for k in range(len(effects) + 1) if len(early.parameters(effects[:k])) == n)
+
+
+def _best_place(early: Inquiry, effects: Sequence[str], base: Fit, name: str) -> np.ndarray:
+    """Return an effect's unit values, its strengths at null, at the place that promises most.
+
+    Parameters that are no strengths say where or how it acts; away from its null they are
+    fitted, but at null nothing tells them. So each combination of their probes is tried with the
+    effect's strengths at their largest probes.
+    """
+    acting = (*effects[: _acting(early, effects, len(base.vector))], name)
+    own = early.model.effects[name].parameters
+    null = early.nominal(acting)[len(base.vector) :]
+    others = [k for k, p in enumerate(own) if p.null is None and len(p.probes) > 1]
+    if not others:
+        return null
+    strengths = [k for k, p in enumerate(own) if p.null is not None and p.probes]
+    places, rows = [], []
+    for probes in product(*(own[k].probes for k in others)):
+        place = null.copy()
+        place[others] = [own[k].to_unit(np.asarray(x)) for k, x in zip(others, probes, strict=True)]
+        places.append(place)
+        for k in strengths:
+            row = place.copy()
+            row[k] = own[k].to_unit(np.asarray(max(own[k].probes, key=abs)))
+            rows.append(np.concatenate([base.vector, row]))
+    moved = early.residuals(acting)(np.array(rows), early.everything) - base.residual
+    root = np.sqrt(base.weights)[:, None]
+    slopes = (base.jacobian * root[..., None]).reshape(-1, base.jacobian.shape[2])
+    target, moved = (base.residual * root).ravel(), (moved * root).reshape(len(rows), -1)
+    losses = []
+    for at in range(len(places)):
+        columns = np.column_stack(
+            [slopes, moved[at * len(strengths) : (at + 1) * len(strengths)].T]
+        )
+        ridge = np.vstack([columns, np.eye(columns.shape[1])])
+        held = np.concatenate([target, np.zeros(columns.shape[1])])
+        losses.append(((target - columns @ np.linalg.lstsq(ridge, held, rcond=None)[0]) ** 2).sum())
+    return places[int(np.argmin(losses))]
+
+
+@dataclass(frozen=True)
+class Library:
+    """The fitted whole, and what its slopes say of the model with only a few of its effects.
+
+    Attributes
+    ----------
+    effects : all of them.
+    fit : to the beginnings.
+    starts : the same where its fits started, every effect at its null: what one effect alone
+        would do shows there, before all of them have moved.
+    """
+
+    early: Inquiry
+    effects: tuple[str, ...]
+    fit: Fit
+    starts: tuple["Library", ...] = ()
+
+    def best(self, size: int, most: int, beside: Sequence[str] = ()) -> list[tuple[str, ...]]:
+        """Return the sets of so many effects that would predict best, beside those that act."""
+        others = [name for name in self.effects if name not in beside]
+        sets = sorted(combinations(others, size), key=lambda some: self.loss((*beside, *some)))
+        return [(*beside, *some) for some in sets[:most]]
+
+    def loss(self, effects: Sequence[str]) -> float:
+        """Return the weighted square that the model with these effects alone would miss by."""
+        return self._solved(effects)[2]
+
+    def start(self, effects: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the unit vector (n,) of the model with these effects, and its slopes' columns."""
+        columns, step, _ = self._solved(effects)
+        vector = self._null.copy()
+        vector[columns] += step
+        kept = [*range(self._own), *(k for name in effects for k in self.columns[name])]
+        return np.clip(vector, EDGE, 1 - EDGE)[kept], np.array(kept)
+
+    def step(self, effects: Sequence[str]) -> np.ndarray:
+        """Return the step from all at null to the model with these effects, free ones' first."""
+        return self._solved(effects)[1]
+
+    def predicted(self, effects: Sequence[str]) -> float:
+        """Return the average error that the slopes promise with these effects, % of the scale."""
+        columns, step, _ = self._solved(effects)
+        residual, slopes = self.weighted
+        after = (residual + slopes[..., columns] @ step) / np.sqrt(self.fit.weights)[:, None]
+        every = self.early.everything
+        return float(self.early.percent(self.early.difference_of(after, every), every)[0].mean())
+
+    @cached_property
+    def columns(self) -> dict[str, list[int]]:
+        """Which of the vector's entries are whose."""
+        found, at = {}, self._own
+        for name in self.effects:
+            n = len(self.early.model.effects[name].parameters)
+            found[name], at = list(range(at, at + n)), at + n
+        return found
+
+    @property
+    def free(self) -> list[int]:
+        """The base model's parameters that a fit may change."""
+        return np.flatnonzero(self.early.free(self.effects)[: self._own]).tolist()
+
+    @property
+    def _own(self) -> int:
+        return len(self.early.model.parameters)
+
+    @cached_property
+    def _null(self) -> np.ndarray:
+        """The fitted vector with every strength at its null."""
+        found = self.fit.vector.copy()
+        for k, p in enumerate(self.early.parameters(self.effects)):
+            if p.null is not None:
+                found[k] = p.to_unit(np.asarray(p.null))
+        return found
+
+    @cached_property
+    def weighted(self) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (n_trials, D) with every effect at null, and slopes, as the fit weighs them."""
+        fit, root = self.fit, np.sqrt(self.fit.weights)[:, None]
+        residual = fit.residual + fit.jacobian @ (self._null - fit.vector)
+        return residual * root, fit.jacobian * root[..., None]
+
+    @cached_property
+    def _normal(self) -> tuple[np.ndarray, np.ndarray, float]:
+        residual, slopes = (part.reshape(-1, *part.shape[2:]) for part in self.weighted)
+        return slopes.T @ slopes, slopes.T @ residual, float(residual @ residual)
+
+    def _solved(self, effects: Sequence[str]) -> tuple[list[int], np.ndarray, float]:
+        """Return columns, the step from all at null, and the loss after it."""
+        hold, pull, whole = self._normal
+        sd = self.early.prior(self.effects).sd
+        columns = [*self.free, *(k for name in effects for k in self.columns[name])]
+        if not columns:
+            return columns, np.empty(0), whole
+        curvature = hold[np.ix_(columns, columns)] + np.diag(1 / sd[columns] ** 2)
+        step = -np.linalg.solve(curvature, pull[columns])
+        return columns, step, float(whole + pull[columns] @ step)

@@ -1,0 +1,350 @@
+"""What a diagnosis says, as plain data for `diagnosis.json` and its page."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from robotcast.diagnosis.decision import Code, Verdict
+from robotcast.diagnosis.errors import Floor
+from robotcast.diagnosis.further.next_trials import NextTrial
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.limits import counted, is_ignored
+from robotcast.diagnosis.revision import Revision
+from robotcast.diagnosis.rule import Rule
+from robotcast.diagnosis.screen import Screened
+from robotcast.diagnosis.selection import Found, Rung
+from robotcast.diagnosis.sizes import sizes, sizes_of_effect
+from robotcast.diagnosis.unexplained import Unexplained
+from robotcast.diagnosis.wording import PLAIN, Wording
+
+UNTOUCHED = ("ignored by the model", "touches nothing")  # nothing that is computed says anything
+
+
+def sentence(
+    inquiry: Inquiry,
+    found: Found,
+    verdict: Verdict,
+    floor: Floor,
+    wording: Wording = PLAIN,
+    where: str = "",
+) -> str:
+    """Say the verdict in a sentence, and in others how far the error stays above noise, and why.
+
+    Errors are those of the trial in the middle, wrongly measured ones left out.
+
+    Parameters
+    ----------
+    where : the slice of the last model's error that holds most of it; empty when none stands out.
+    """
+    assert found.scales is not None
+    usual = found.scales.usual
+    middle = {e: float(np.median(rung.errors.waypoint[usual])) for e, rung in found.judged.items()}
+    before, after = middle[found.base.effects], middle[found.chosen]
+    unit, trials = inquiry.model.error_unit, wording.trials
+    times = f"{after / floor.percent:.1f} times what repeats differ by" if floor.percent else ""
+    blunders = _blunders(int((~usual).sum()), len(usual), wording)
+    near = _nearest(inquiry, found, verdict, wording)
+    if verdict.code is Code.NONE:
+        stays = f"the typical error on held-out {trials} stays at {before:.2f} {unit}"
+        beside = f", where repeats differ by {floor.percent:.2f}" if floor.percent else ""
+        said = (
+            "No effect of the library is confirmed"
+            if near
+            else (f"No effect of the library makes the model predict held-out {trials} better")
+        )
+        return f"{said}: {stays}{beside}.{near}{blunders}"
+    if verdict.code is Code.UNKNOWN:
+        return f"{_unknown(inquiry, verdict, before, times, where, wording)}{near}{blunders}"
+    names = " and ".join(inquiry.model.effects[name].text for name in verdict.named)
+    said = (
+        f"The model lacks this: {names}. With it the typical error on held-out {trials} falls "
+        f"from {before:.2f} to {after:.2f} {unit}."
+    )
+    more = ""
+    if verdict.left is not None:
+        more = f" That is still {times}, so more is missing that has no name here{_most(where)}."
+    return f"{said}{more}{blunders}"
+
+
+def _unknown(
+    inquiry: Inquiry, verdict: Verdict, error: float, times: str, where: str, wording: Wording
+) -> str:
+    said = "Something is missing that the library does not hold:"
+    left, effects = verdict.left, inquiry.model.effects
+    if left is not None and left.field is not None and left.enough:
+        depends_on = effects[left.field].depends_on
+        return f"{said} a force that depends on {depends_on} explains what the model misses."
+    stays = (
+        f"{said} the typical error on held-out {wording.trials} stays at {error:.2f} "
+        f"{inquiry.model.error_unit}, {times}{_most(where)}."
+    )
+    if left is None or left.field is None:
+        return stays
+    return f"{stays} A force that depends on {effects[left.field].depends_on} comes nearest."
+
+
+def _most(where: str) -> str:
+    if not where:
+        return ""
+    return f", most of it {where}" if where.startswith("in ") else f", most of it at {where}"
+
+
+def _blunders(n: int, of: int, wording: Wording) -> str:
+    if not n:
+        return ""
+    wrong = "was measured wrongly and is" if n == 1 else "were measured wrongly and are"
+    return f" {counted(n, wording.trial, wording.trials)} of {of} {wrong} left out."
+
+
+def _nearest(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording) -> str:
+    if not verdict.near or found.scales is None:
+        return ""
+    fixed = len(found.base.effects)
+    texts = " or ".join(
+        " and ".join(inquiry.model.effects[name].text for name in rung.effects[fixed:])
+        for rung in verdict.near
+    )
+    error = float(np.median(verdict.near[0].errors.waypoint[found.scales.usual]))
+    percent = f"{error:.2f} {inquiry.model.error_unit}"
+    if verdict.code is Code.UNKNOWN:
+        return f" Of the effects with a name this comes nearest: {texts}, with {percent}."
+    return (
+        f" It may be this: {texts}. With it the error is {percent}, but these {wording.trials} "
+        "do not confirm it."
+    )
+
+
+def sentence_on_too_few(inquiry: Inquiry, wording: Wording, rule: Rule) -> str:
+    """Say in one sentence that the trials confirm nothing."""
+    n, groups = len(inquiry.records), int(inquiry.groups.max()) + 1
+    return (
+        f"{counted(n, wording.trial, wording.trials)} of "
+        f"{counted(groups, wording.group, wording.groups)} "
+        f"{'is' if n == 1 else 'are'} too few to tell whether an effect is missing; "
+        f"{rule.fewest_groups} different {wording.groups} are the least."
+    )
+
+
+def unexplained(
+    inquiry: Inquiry,
+    left: Unexplained | None,
+    draw: Callable[[Inquiry, Unexplained], Mapping[str, Any] | None],
+) -> dict[str, Any] | None:
+    """Return what the missing force depends on, drawn by `draw`; None when nothing is left."""
+    if left is None:
+        return None
+    if left.field is None or left.rung is None:
+        return {
+            "depends_on": None,
+            "explains": False,
+            "text": "What is left above the noise floor has no name here.",
+            "heldout_waypoint_error_percent": None,
+            "field": None,
+        }
+    field = inquiry.model.effects[left.field]
+    like = "What is missing acts like" if left.enough else "Nothing explains it. Nearest comes"
+    return {
+        "depends_on": field.depends_on,
+        "explains": left.enough,
+        "text": f"{like} {field.text}.",
+        "heldout_waypoint_error_percent": float(left.rung.errors.waypoint.mean()),
+        "field": draw(inquiry, left),
+    }
+
+
+def ladder(found: Found) -> list[dict[str, Any]]:
+    """Return the rungs of the error ladder."""
+    usual = found.scales.usual if found.scales else slice(None)
+    return [_rung(rung, usual) for rung in found.ladder]
+
+
+def _rung(rung: Rung, usual: np.ndarray | slice) -> dict[str, Any]:
+    errors = rung.errors.waypoint
+    return {
+        "effects": list(rung.effects),
+        "heldout_typical_error_percent": float(np.median(errors[usual])),
+        "heldout_waypoint_error_percent": float(errors.mean()),
+        "heldout_final_error_percent": float(np.median(rung.errors.final)),
+        "predicted_waypoint_error_percent": rung.predicted,
+        "standard_error_percent": float(errors.std() / np.sqrt(len(errors))),
+        "p_value": rung.gain.p_value if rung.gain else None,
+        "gain_share": rung.gain.share if rung.gain else None,
+    }
+
+
+def model_parameters(inquiry: Inquiry, found: Found) -> dict[str, Any]:
+    """Return the fitted parameters of the model that the search ended with, its effects' too."""
+    if not found.judged:
+        return {}
+    top = found.top
+    own = sizes(inquiry, top.revision, top.errors.vectors)
+    names = [p.name for p in inquiry.model.parameters]
+    names += [
+        f"{e}.{p.name.rpartition('.')[2]}"
+        for e in top.effects
+        for p in inquiry.model.effects[e].parameters
+    ]
+    return {
+        "effects": list(top.effects),
+        "parameters": {name: size.as_dict() for name, size in zip(names, own, strict=True)},
+    }
+
+
+def ranking(
+    inquiry: Inquiry,
+    found: Found,
+    screens: Mapping[str, Screened],
+    verdict: Verdict | None,
+    slices: Mapping[str, list[dict[str, Any]]] = {},
+    first: Mapping[str, float] = {},
+) -> list[dict[str, Any]]:
+    """Return every effect that was tried, the most promising first.
+
+    Effects that cannot be judged stand last, each with the reason.
+
+    Parameters
+    ----------
+    slices : judged effect → the slices of the error before and after it.
+    first : judged effect → how often its set comes first in resamples.
+    """
+    named = verdict.named if verdict else ()
+    near = verdict.near if verdict else ()
+    rows = []
+    for name, one in screens.items():
+        rung = _judged(found, name)
+        row = _row(inquiry, found, named, near, name, one, rung)
+        row |= {
+            "slices": slices.get(name, []),
+            "first_in_resamples": first.get(name, 0.0 if rung else None),
+        }
+        order = (
+            one.status is not None and rung is None,
+            name not in named,
+            rung is None,
+            one.predicted,
+        )
+        rows.append((order, row))
+    return [row for _, row in sorted(rows, key=lambda pair: pair[0])]
+
+
+def _judged(found: Found, name: str) -> Rung | None:
+    """Return the judged model that tells most of an effect: the chosen one, or the best with it."""
+    if name in found.chosen:
+        return found.top
+    with_it = [r for e, r in found.judged.items() if name in e[len(found.base.effects) :]]
+    return min(with_it, key=lambda r: float(r.errors.waypoint.mean()), default=None)
+
+
+def held(inquiry: Inquiry, name: str) -> dict[str, Any]:
+    """Return the row of an effect that is held where it does nothing."""
+    return {
+        "effect": name,
+        "text": inquiry.model.effects[name].text,
+        "p_value": None,
+        "parameters": {},
+        "predicted_waypoint_error_percent": None,
+        "realised_waypoint_error_percent": None,
+        "power": None,
+        "confusable_with": [],
+        "status": "held at its null",
+        "slices": [],
+        "first_in_resamples": None,
+    }
+
+
+def _row(
+    inquiry: Inquiry,
+    found: Found,
+    named: Sequence[str],
+    near: Sequence[Rung],
+    name: str,
+    one: Screened,
+    rung: Rung | None,
+) -> dict[str, Any]:
+    tried = any(name in effects for effects in found.early)
+    status = one.status or ("tried" if tried else "screened")
+    shown: dict[str, Any] = {}
+    if rung is not None:
+        status = "confirmed" if name in named else "refitted"
+        own = sizes_of_effect(inquiry, rung.revision, rung.errors.vectors, name)
+        shown = {size.parameter.name: size.as_dict() for size in own}
+    confusable = list(found.rivals.get(name, ()))
+    confusable += [e for e, rivals in found.rivals.items() if name in rivals]
+    alike = [r.effects[-1] for r in near]
+    confusable += [e for e in alike if e != name and name in alike]
+    said = status not in UNTOUCHED
+    return {
+        "effect": name,
+        "text": inquiry.model.effects[name].text,
+        "p_value": (rung.gain.p_value if rung and rung.gain else one.p_value) if said else None,
+        "parameters": shown,
+        "predicted_waypoint_error_percent": one.predicted if said else None,
+        "realised_waypoint_error_percent": float(rung.errors.waypoint.mean()) if rung else None,
+        "power": one.power if said else None,
+        "confusable_with": confusable,
+        "status": status,
+        "slices": [],
+        "first_in_resamples": None,
+    }
+
+
+def base_parameters(inquiry: Inquiry, base: Revision, vectors: np.ndarray | None) -> dict[str, Any]:
+    """Return the sizes of the base model's parameters.
+
+    One that changes nothing may be any; one that is held has no interval.
+
+    Parameters
+    ----------
+    vectors : of the folds' fits, (k, n); None when there were none.
+    """
+    own = sizes(inquiry, base, vectors)[: len(inquiry.model.parameters)]
+    rows = {}
+    for k, size in enumerate(own):
+        parameter = size.parameter
+        row = rows[parameter.name] = size.as_dict()
+        if parameter.frozen:
+            row |= {"low": None, "high": None}
+        elif is_ignored(base, k):
+            row |= {"low": parameter.lower, "high": parameter.upper}
+    return {"parameters": rows}
+
+
+def next_rows(inquiry: Inquiry, trials: Sequence[NextTrial], wording: Wording) -> list[dict]:
+    """Return the next trials: the numbers of their action, what they separate, and why."""
+    return [
+        {
+            **one.record.factors,
+            "separates": list(one.contest.names),
+            "difference_percent": one.difference_percent,
+            "why": _why(inquiry, one, wording),
+        }
+        for one in trials
+    ]
+
+
+def _why(inquiry: Inquiry, one: NextTrial, wording: Wording) -> str:
+    apart = f"{one.difference_percent:.1f} {inquiry.model.error_unit}"
+    name, *rivals = one.contest.names
+    if rivals:
+        return f"the two predict paths that lie {apart} apart on average"
+    if name == "unknown":
+        return f"the missing force, as it was fitted, moves this {wording.trial} by {apart}"
+    text = inquiry.model.effects[name].text
+    if one.contest.rival is not None:
+        return f"{text}: with it the model predicts a path {apart} away on average"
+    return f"{text}: a little of it moves this {wording.trial} by {apart}"
+
+
+def confusion_set(found: Found, near: Sequence[Rung], verdict: Verdict | None) -> list[list[str]]:
+    """Return the sets of effects that the trials cannot tell apart, the best one first.
+
+    Parameters
+    ----------
+    near : refits that came near to being named.
+    """
+    if verdict is None or verdict.code is Code.UNKNOWN:
+        return []
+    named = [[name, *found.rivals[name]] for name in verdict.named if found.rivals.get(name)]
+    alike = [rung.effects[-1] for rung in near]
+    return [*named, alike] if len(alike) > 1 else named

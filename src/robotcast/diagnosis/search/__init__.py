@@ -1,1 +1,0 @@
-"""Which effect a model lacks: screened, refitted, judged on trials held out."""

@@ -1,0 +1,457 @@
+"""Which effects are missing: the smallest set beside which the library has nothing to add."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from robotcast.diagnosis.errors import Floor, Gain, Scales, typical, worse
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.library import Library, fit_library
+from robotcast.diagnosis.outlook import Step
+from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out
+from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.fitting.least_squares import Fit, trial_losses
+
+Effects = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A model judged on trials held out: a rung of the error ladder.
+
+    Attributes
+    ----------
+    predicted : average error that the library's slopes promised, % of the scale.
+    gain : over the base model.
+    """
+
+    revision: Revision
+    errors: HeldOut
+    predicted: float | None = None
+    gain: Gain | None = None
+
+    @property
+    def effects(self) -> Effects:
+        """The effects that act."""
+        return self.revision.effects
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search found so far.
+
+    Attributes
+    ----------
+    judged : effects → the model with them, judged on trials held out; the base model first.
+    chosen : the effects of the model that the search ended with.
+    early : effects → the fit to beginnings of the model with them.
+    library : the fit with all effects, None before it is done.
+    scales : how errors are compared, None before the base model is known.
+    rivals : effect of the chosen set → effects that do as well in its place.
+    """
+
+    judged: dict[Effects, Rung] = field(default_factory=dict)
+    chosen: Effects = ()
+    early: dict[Effects, Fit] = field(default_factory=dict)
+    library: Library | None = None
+    scales: Scales | None = None
+    rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def base(self) -> Rung:
+        """The model as it is."""
+        return next(iter(self.judged.values()))
+
+    @property
+    def top(self) -> Rung:
+        """The model with the chosen effects."""
+        return self.judged[self.chosen]
+
+    @property
+    def named(self) -> Effects:
+        """The chosen effects beside those of the base model."""
+        return self.chosen[len(self.base.effects) :]
+
+    @property
+    def ladder(self) -> tuple[Rung, ...]:
+        """The base model, the best judged model on the way, and the chosen one."""
+        if not self.judged:
+            return ()
+        rungs, fixed = [self.base], len(self.base.effects)
+        for size in range(1, len(self.named) + 1):
+            within = [
+                rung
+                for effects, rung in self.judged.items()
+                if len(effects) == fixed + size
+                and set(rungs[-1].effects) < set(effects)
+                and set(effects) <= set(self.chosen)
+            ]
+            if within:
+                rungs.append(min(within, key=lambda rung: rung.errors.waypoint.mean()))
+        return tuple(rungs)
+
+
+class Selection:
+    """A search under way; `found` is what it knows so far.
+
+    Parameters
+    ----------
+    candidates : names of the effects to try.
+    fixed : effects that act from the start.
+    tell : called before each step with what is known and what comes next.
+    """
+
+    def __init__(
+        self,
+        inquiry: Inquiry,
+        candidates: Sequence[str],
+        fixed: Sequence[str],
+        floor: Floor,
+        rule: Rule,
+        effort: Effort,
+        tell: Callable[[Found, Step, str], object],
+    ) -> None:
+        self._inquiry, self._floor, self._rule, self._effort = inquiry, floor, rule, effort
+        self._candidates, self._fixed = tuple(candidates), tuple(fixed)
+        self._tell = tell
+        self._early = inquiry.beginnings(effort.early, effort.some)
+        self.found = Found()
+
+    def run(self) -> Found:
+        """Search to the end."""
+        self._fit_base()
+        if self._candidates:
+            self._fit_library()
+            size = self._refit_beginnings()
+            self._judge(size)
+            self.found = replace(self.found, rivals=self._rivals())
+        return self.found
+
+    def _fit_base(self) -> None:
+        self._next(Step.BASE)
+        effort = self._effort
+        base = fit_base(self._inquiry, self._fixed, effort)
+        self._keep(base)
+        self._early_fit(self._fixed, base.fit.vector, None, 1)
+
+    def _fit_library(self) -> None:
+        self._next(Step.LIBRARY)
+        own = self.found.early[self._fixed]
+        library = fit_library(
+            self._early, (*self._fixed, *self._candidates), own, self._effort.library
+        )
+        self.found = replace(self.found, library=library)
+
+    def _refit_beginnings(self) -> int:
+        """Refit sets of effects to beginnings, larger ones until the library has little to add.
+
+        Returns
+        -------
+        How many effects the smallest set has beside which it has.
+        """
+        size = 0
+        while size < self._rule.most_effects and self._library_adds(self._best_early(size)):
+            size += 1
+            self._refit_size(size)
+        return size
+
+    def _library_adds(self, effects: Effects) -> bool:
+        """Tell whether the whole library predicts the beginnings better by what would matter."""
+        library, fit = self.found.library, self.found.early[effects]
+        assert library is not None
+        base = self._seen(self._fixed, self.found.early[self._fixed])
+        own, whole = self._seen(effects, fit), self._seen(library.effects, library.fit)
+        scales = replace(self._scales(self._early, [self._percent(fit)]), base=base)
+        return scales.share(own, whole) > self._rule.material
+
+    def _seen(self, effects: Effects, fit: Fit) -> float:
+        """Return the typical error that a fit to beginnings will have on others like them."""
+        usual = self._scales(self._early, [self._percent(fit)]).usual
+        rest = np.flatnonzero(usual)
+        kept = replace(fit, residual=fit.residual[rest], jacobian=fit.jacobian[rest])
+        too_small = self._early.optimism(effects, kept, rest) / max(len(rest), 1)
+        missed = trial_losses(kept.residual) + too_small
+        return typical(missed, self._floor.unit)
+
+    def _refit_size(self, size: int) -> None:
+        """Fit the likeliest sets of one size: one step each, then the best of them to the end."""
+        library = self.found.library
+        assert library is not None
+        self._next(Step.BEGINNINGS, f"{size} effect{'s' * (size > 1)} more")
+        begun: dict[Effects, Fit] = {}
+        most = self._effort.tried
+        for some in (library, *(library.starts if size == 1 else ())):
+            for effects in some.best(size, most if some is library else most - 2, self._fixed):
+                vector, kept = some.start(effects)
+                for start in self._starts(effects, vector):
+                    fit = self._begun(some, effects, start, kept)
+                    if effects not in begun or fit.loss < begun[effects].loss:
+                        begun[effects] = fit
+        for effects in sorted(begun, key=lambda e: begun[e].loss)[: self._effort.tried - 1]:
+            fit = begun[effects]
+            self._early_fit(effects, fit.vector, fit, self._effort.refit)
+
+    def _starts(self, effects: Effects, vector: np.ndarray) -> list[np.ndarray]:
+        """Return where a refit may start: the library's promise, and what smaller sets reached.
+
+        A set that was left in a worse valley than one of its parts would lose to it.
+        """
+        own, starts = len(self._inquiry.model.parameters), [vector]
+        parts = [e for e in self.found.early if set(e) < set(effects)]
+        if not parts:
+            return starts
+        part = min(parts, key=lambda e: self.found.early[e].loss)
+        start, fitted = vector.copy(), self.found.early[part].vector
+        start[:own] = fitted[:own]
+        for name in part:
+            start[self._entries(effects, name)] = fitted[self._entries(part, name)]
+        return [*starts, start]
+
+    def _entries(self, effects: Effects, name: str) -> slice:
+        first = len(self._inquiry.parameters(effects[: effects.index(name)]))
+        return slice(first, first + len(self._inquiry.model.effects[name].parameters))
+
+    def _begun(
+        self, library: Library, effects: Effects, start: np.ndarray, kept: np.ndarray
+    ) -> Fit:
+        early = self._early
+        residual = early.residuals(effects)(start[None], early.everything)[0]
+        slopes = library.fit.jacobian[:, :, kept]
+        known = Fit(start, float(trial_losses(residual).mean()), residual, slopes)
+        return early.fit(effects, start, 1, known=known)
+
+    def _early_fit(
+        self, effects: Effects, start: np.ndarray, known: Fit | None, iterations: int
+    ) -> None:
+        fit = self._early.fit(effects, start, iterations, known=known)
+        self.found.early[effects] = fit
+
+    def _best_early(self, size: int) -> Effects:
+        size += len(self._fixed)
+        fits = self.found.early
+        return min((e for e in fits if len(e) == size), key=lambda e: fits[e].loss)
+
+    def _judge(self, size: int) -> None:
+        """Fit the finalists to whole trials, judge them on trials held out, and choose."""
+        rematched = False
+        for smaller in range(size, 0, -1):
+            for effects in self._finalists(smaller):
+                self._refit(effects)
+            self._choose()
+            if self._promises(smaller):
+                if not rematched:
+                    self._rematch()
+                rematched = True
+                self._polish(smaller)
+                self._choose()
+            if len(self.found.named) == smaller:
+                break  # else one of them was needless
+            for effects in self._parts(smaller):
+                self._refit(effects)
+
+    def _finalists(self, size: int) -> list[Effects]:
+        """Return the best set of effects of one size, those level with it, and its likely rivals.
+
+        Beside them its parts that may do nearly as well: one of its effects may be needless.
+        """
+        fits, fixed = self.found.early, len(self._fixed)
+        sets = [e for e in fits if len(e) == fixed + size]
+        sets.sort(key=lambda e: fits[e].loss)
+        best = sets[0]
+        level = [e for e in sets[1:] if self._alike(fits[best], fits[e])]
+        parts = [
+            e
+            for e in fits
+            if set(e) < set(best)
+            and len(e) == fixed + size - 1
+            and size > 1
+            and self._nearly(best, e)
+        ]
+        return [best, *level[: self._effort.finalists - 1], *parts]
+
+    def _nearly(self, best: Effects, other: Effects) -> bool:
+        """Tell whether a fit to beginnings is worse by less than twice what matters."""
+        fits = self.found.early
+        base, least, more = (self._seen(e, fits[e]) for e in (self._fixed, best, other))
+        return more - least < 2 * self._rule.material * base
+
+    def _parts(self, size: int) -> list[Effects]:
+        """Return the chosen set's parts that were never fitted: one of its effects left out."""
+        fixed = len(self._fixed)
+        best = min(
+            (e for e in self.found.judged if len(e) == fixed + size),
+            key=lambda e: self.found.judged[e].revision.fit.loss,
+        )
+        return [(*self._fixed, *part) for part in combinations(best[fixed:], size - 1) if part]
+
+    def _refit(self, effects: Effects) -> None:
+        """Fit a model to whole trials and judge it on trials held out."""
+        if effects in self.found.judged or tuple(sorted(effects)) in {
+            tuple(sorted(e)) for e in self.found.judged
+        }:
+            return
+        if effects not in self.found.early:
+            start = self._of_larger(effects)
+            self._early_fit(effects, start, None, self._effort.refit - 1)
+        early = self.found.early[effects]
+        self._next(Step.REFIT, " + ".join(effects[len(self._fixed) :]))
+        inquiry, effort = self._inquiry, self._effort
+        fit = inquiry.fit(effects, early.vector, effort.refit + 1, like=early)
+        self._keep(Revision(effects, fit))
+
+    def _polish(self, size: int) -> None:
+        """Go on with the models of one size where that decides: between rivals, above the floor."""
+        found, fixed = self.found, len(self._fixed)
+        assert found.scales is not None
+        rivals = [e for e in found.judged if len(e) == fixed + size]
+        best = min(rivals, key=lambda e: found.judged[e].revision.fit.loss)
+        level = [e for e in rivals if self._undecided(found.judged[best], found.judged[e])]
+        errors = found.judged[best].errors.waypoint[found.scales.usual]
+        if len(level) < 2 and not self._floor.above(errors, 1 + self._rule.material):
+            return
+        for effects in level:
+            self._next(Step.REFIT, " + ".join(effects[fixed:]))
+            fit = found.judged[effects].revision.fit
+            early = self._early.fit(effects, fit.vector, self._effort.refit)
+            again = self._inquiry.fit(effects, early.vector, self._effort.refit + 1, like=early)
+            if early.loss < found.early[effects].loss:
+                self.found.early[effects] = early
+            if again.loss < fit.loss:
+                self._keep(Revision(effects, again))
+
+    def _promises(self, size: int) -> bool:
+        """Tell whether any judged set of one size may turn out to be worth naming."""
+        found, fixed, rule = self.found, len(self._fixed), self._rule
+        assert found.scales is not None
+        gains = [
+            found.scales.gain(found.base.errors.waypoint, rung.errors.waypoint)
+            for effects, rung in found.judged.items()
+            if len(effects) == fixed + size
+        ]
+        return any(g.p_value < rule.equal and g.share > rule.material / 2 for g in gains)
+
+    def _undecided(self, best: Rung, other: Rung) -> bool:
+        extra = trial_losses(other.revision.fit.residual) - trial_losses(best.revision.fit.residual)
+        return worse(extra, self._inquiry.groups) > self._rule.equal
+
+    def _of_larger(self, effects: Effects) -> np.ndarray:
+        """Return where a set starts that was only fitted as part of a larger one."""
+        whole = min(
+            (e for e in self.found.early if set(effects) < set(e)),
+            key=lambda e: self.found.early[e].loss,
+        )
+        fitted, own = self.found.early[whole].vector, len(self._inquiry.model.parameters)
+        parts = [fitted[:own], *(fitted[self._entries(whole, name)] for name in effects)]
+        return np.concatenate(parts)
+
+    def _rematch(self) -> None:
+        """Give the model as it is the best refit's parameters to start from.
+
+        A refit that lands in a better valley of the old parameters would else count for its
+        effects.
+        """
+        others = [r for e, r in self.found.judged.items() if len(e) > len(self._fixed)]
+        if not others:
+            return
+        self._next(Step.REMATCH)
+        best = min(others, key=lambda rung: rung.revision.fit.loss)
+        n = len(self.found.base.revision.fit.vector)
+        start = best.revision.fit.vector[:n]
+        early = self._early.fit(self._fixed, start, self._effort.refit)
+        if early.loss > self.found.early[self._fixed].loss:
+            return
+        self.found.early[self._fixed] = early
+        again = self._inquiry.fit(self._fixed, early.vector, self._effort.refit, like=early)
+        if again.loss < self.found.base.revision.fit.loss:
+            rest = dict(list(self.found.judged.items())[1:])
+            self.found = replace(self.found, judged={})
+            self._keep(Revision(self._fixed, again))
+            self.found = replace(self.found, judged={**self.found.judged, **rest})
+
+    def _choose(self) -> None:
+        """Choose the smallest model over which no larger one pays."""
+        found = self.found
+        scales = self._scales(self._inquiry, [r.errors.low for r in found.judged.values()])
+        scales = replace(scales, base=scales.typical(found.base.errors.waypoint))
+        judged = {
+            e: replace(r, gain=scales.gain(found.base.errors.waypoint, r.errors.waypoint))
+            for e, r in found.judged.items()
+        }
+        order = sorted(judged, key=lambda e: (len(e), self._cost(judged[e])))
+        chosen = order[0]
+        for effects in order:
+            chosen = effects
+            if not any(
+                len(other) > len(effects) and self._pays(scales, judged[effects], judged[other])
+                for other in order
+            ):
+                break
+        self.found = replace(found, judged=judged, chosen=chosen, scales=scales)
+
+    def _rivals(self) -> dict[str, tuple[str, ...]]:
+        """Return what could stand in the place of every chosen effect.
+
+        The fits to beginnings see the same trials, so that their losses compare them, trial by
+        trial: slopes that point the same way are not enough to confuse two effects when a refit
+        tells them apart.
+        """
+        fits, chosen = self.found.early, self.found.chosen
+        rivals: dict[str, tuple[str, ...]] = {}
+        for other in fits:
+            lost, gained = set(chosen) - set(other), set(other) - set(chosen)
+            if len(lost) == len(gained) == 1 and self._cannot_tell(chosen, other):
+                name = lost.pop()
+                rivals[name] = (*rivals.get(name, ()), *gained)
+        return rivals
+
+    def _cannot_tell(self, chosen: Effects, other: Effects) -> bool:
+        judged, fits = self.found.judged, self.found.early
+        if other in judged:
+            return self._undecided(judged[chosen], judged[other])
+        return self._alike(fits[chosen], fits[other])
+
+    def _alike(self, best: Fit, other: Fit) -> bool:
+        extra = trial_losses(other.residual) - trial_losses(best.residual)
+        return worse(extra, self._early.groups) > self._rule.equal
+
+    def _cost(self, rung: Rung) -> float:
+        """Return what sets of one size are chosen by: the loss expected on further trials.
+
+        The fits see the same trials, so that it tells more than what they miss of those held out.
+        """
+        revision = rung.revision
+        return self._inquiry.expected_loss(revision.effects, revision.fit)
+
+    def _pays(self, scales: Scales, before: Rung, after: Rung) -> bool:
+        gain = scales.gain(before.errors.waypoint, after.errors.waypoint)
+        return gain.pays(self._rule, len(self._candidates))
+
+    def _keep(self, revision: Revision) -> None:
+        errors = held_out(self._inquiry, revision, self._effort)
+        judged = {**self.found.judged, revision.effects: Rung(revision, errors)}
+        self.found = replace(self.found, judged=judged)
+        if len(judged) == 1:
+            scales = self._scales(self._inquiry, [errors.low])
+            scales = replace(scales, base=scales.typical(errors.waypoint))
+            self.found = replace(self.found, scales=scales, chosen=revision.effects)
+
+    def _percent(self, fit: Fit) -> np.ndarray:
+        early = self._early
+        return early.low_percent(early.difference_of(fit.residual, early.everything))
+
+    def _scales(self, inquiry: Inquiry, low: Sequence[np.ndarray]) -> Scales:
+        """Return how errors are compared; `low` is what models miss of each trial's best quarter.
+
+        A trial of which every model misses even that by far was measured wrongly.
+        """
+        best = np.min(low, axis=0)
+        usual = best <= self._rule.blunder * max(float(np.median(best)), self._floor.unit)
+        floor = self._floor
+        reached = self._rule.at_floor * max(floor.typical, floor.unit)
+        finished = np.inf if floor.percent is None else reached
+        return Scales(floor.unit, 1.0, finished, inquiry.groups, usual)
+
+    def _next(self, step: Step, what: str = "") -> None:
+        self._tell(self.found, step, what)

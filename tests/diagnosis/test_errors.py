@@ -1,0 +1,103 @@
+"""How large errors are, and when one model's are smaller beyond luck and by what matters."""
+
+import numpy as np
+import pytest
+
+from robotcast.diagnosis.comparison.repeats import RepeatScatter
+from robotcast.diagnosis.errors import Floor, Gain, Scales, misses, typical, worse
+from robotcast.diagnosis.rule import Rule
+
+GROUPS = np.arange(40)
+RULE = Rule()
+WHIP = ([1.0, 1.2, 0.9], [0.8, 1.1, 1.0], [10.0, 12.0, 2.0])
+
+
+def scatter(*groups: list[float]) -> RepeatScatter:
+    deviations = tuple(np.array(group) for group in groups)
+    return RepeatScatter(1.0, 1.0, np.empty(0), deviations, len(groups), 3 * len(groups))
+
+
+def errors(level: float, seed: int) -> np.ndarray:
+    """Return average errors of 40 trials [% of the scale]."""
+    return level * np.exp(0.2 * np.random.default_rng(seed).normal(size=len(GROUPS)))
+
+
+def scales(base: float, usual: np.ndarray | None = None, finished: float = np.inf) -> Scales:
+    return Scales(0.5, base, finished, GROUPS, np.ones(40, bool) if usual is None else usual)
+
+
+def test_a_clear_saving_pays_and_none_does_not() -> None:
+    clear = scales(2.0).gain(errors(2.0, 0), errors(0.6, 1))
+    assert clear.pays(RULE, 20)
+    assert clear.share == pytest.approx(0.7, abs=0.05)
+    assert not scales(2.0).gain(errors(2.0, 0), errors(2.0, 1)).pays(RULE, 1)
+
+
+def test_a_sure_but_small_saving_does_not_matter() -> None:
+    small = scales(2.0).gain(errors(2.0, 0), 0.95 * errors(2.0, 0))
+    assert small.p_value < 1e-3
+    assert not small.pays(RULE, 1) and not small.promises(RULE)
+
+
+def test_what_is_saved_late_counts_beside_what_was_missed_at_first() -> None:
+    late = scales(4.0).gain(errors(0.9, 0), errors(0.6, 1))
+    first = scales(0.9).gain(errors(0.9, 0), errors(0.6, 1))
+    assert first.pays(RULE, 20) and not late.pays(RULE, 20)
+
+
+def test_above_the_floor_what_is_left_is_what_counts() -> None:
+    left = scales(4.0, finished=0.75).gain(errors(0.9, 0), errors(0.6, 1))
+    assert left.pays(RULE, 20)
+
+
+def test_every_further_comparison_asks_for_more() -> None:
+    gain = Gain(share=0.5, p_value=0.01)
+    assert gain.pays(RULE, 4) and not gain.pays(RULE, 20) and gain.promises(RULE)
+
+
+def test_twelve_groups_can_reach_the_level() -> None:
+    """Friction that cut the error of twelve groups threefold was once lost to a fixed level."""
+    saved = 1.0 + 0.9 * np.random.default_rng(0).normal(size=12)
+    assert worse(saved, np.arange(12)) < RULE.level / 10
+
+
+def test_wrongly_measured_trials_decide_nothing() -> None:
+    before, after = errors(2.0, 0), errors(2.0, 0)
+    after[3] = 200.0
+    usual = np.arange(40) != 3
+    gain = scales(2.0, usual).gain(before, after)
+    assert gain.share == pytest.approx(0.0, abs=1e-9)
+
+
+def test_one_diverged_trial_does_not_hide_what_all_others_save() -> None:
+    saved = np.full(40, 0.5) + 0.1 * np.random.default_rng(0).normal(size=40)
+    saved[7] = -50.0
+    assert worse(saved, GROUPS) < 1e-3
+
+
+def test_a_few_whip_like_trials_hardly_move_the_typical_error() -> None:
+    calm = errors(1.0, 0)
+    whip = np.where(GROUPS < 2, 30.0, calm)
+    assert typical(misses(whip, 0.5), 0.5) < 1.3 * typical(misses(calm, 0.5), 0.5)
+    assert whip.mean() > 2 * calm.mean()
+
+
+def test_one_whip_like_action_hardly_moves_the_floor() -> None:
+    calm = Floor.of(scatter(*WHIP[:2], [1.0, 1.0, 1.1]), 0.3)
+    whip = Floor.of(scatter(*WHIP), 0.3)
+    assert whip.unit == pytest.approx(calm.unit, rel=0.1)
+
+
+def test_a_model_that_misses_like_repeats_is_at_the_floor() -> None:
+    floor, deviations = Floor.of(scatter(*WHIP), 0.3), np.concatenate(WHIP)
+    assert not floor.above(deviations, 1.2) and floor.above(1.5 * deviations, 1.2)
+
+
+def test_without_repeats_nobody_knows_what_lies_above_the_floor() -> None:
+    floor = Floor.of(RepeatScatter(None, None, np.empty(0), (), 0, 0), 0.3)
+    assert floor.percent is None and not floor.above(np.full(3, 100.0), 1.5)
+
+
+def test_a_floor_known_from_elsewhere() -> None:
+    floor = Floor.known(2.0, 0.3)
+    assert not floor.above(np.full(5, 2.9), 1.5) and floor.above(np.full(5, 3.1), 1.5)
