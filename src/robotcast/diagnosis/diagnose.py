@@ -127,7 +127,7 @@ class _Run:
         self._repeats = _repeats(case)
         self._floor, noise = _floor(case, self._repeats)
         self.inquiry = Inquiry(case.model, case.records, noise, self._simulated)
-        self._explained = Explained(self.inquiry, case.wording)
+        self._explained = Explained(self.inquiry, case.wording, case.rule)
         effects = case.model.effects
         self._fields = [name for name, e in effects.items() if e.depends_on is not None]
         held = [n for n in (*case.candidates, *case.fixed) if limits.held_at_null(effects[n])]
@@ -204,7 +204,9 @@ class _Run:
         for some in contests:
             if some and not self._next:
                 looked = partial(self._looked_further, self._further_runs)
-                self._next = next_trials(self.inquiry, some, further(), looked)
+                self._next = next_trials(
+                    self.inquiry, some, further(), self._case.rule.decides, looked
+                )
 
     def finish(self) -> dict[str, Any]:
         """Return everything, once nothing is left to do."""
@@ -295,7 +297,10 @@ class _Run:
             return {}
         judged = self._found.judged
         return report.base_parameters(
-            self.inquiry, base, self._found.base.errors.vectors if judged else None
+            self.inquiry,
+            base,
+            self._found.base.errors.vectors if judged else None,
+            self._case.rule,
         )
 
     def _notes(self, base: Revision | None) -> list[str]:
@@ -308,5 +313,5 @@ class _Run:
             return notes
         if found.judged and self._verdict:
             notes += limits.notes_on_outliers(inquiry, found, wording)
-        notes += limits.notes_on_parameters(inquiry, base, wording)
+        notes += limits.notes_on_parameters(inquiry, base, wording, case.rule)
         return notes + limits.notes_on_effects(self._held, self._idle)

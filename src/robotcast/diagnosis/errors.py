@@ -6,9 +6,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from robotcast.diagnosis.comparison.repeats import RepeatScatter
-from robotcast.diagnosis.rule import Rule
-
-FAR = 4.0  # standard deviations, as the median of deviations tells them (Tukey and McLaughlin)
+from robotcast.diagnosis.rule import RULE, Rule
 
 
 def misses(errors: np.ndarray, unit: float) -> np.ndarray:
@@ -125,7 +123,7 @@ class Scales:
         return typical(misses(errors[self.usual], self.unit), self.unit)
 
 
-def worse(extra: np.ndarray, groups: np.ndarray) -> float:
+def worse(extra: np.ndarray, groups: np.ndarray, far: float = RULE.far) -> float:
     """Return the one-sided p-value that what is extra (n_trials,) is not above zero.
 
     Groups are the sampling unit. What lies far from the bulk of them is drawn in to its edge
@@ -136,7 +134,7 @@ def worse(extra: np.ndarray, groups: np.ndarray) -> float:
         return 1.0
     mean = np.bincount(groups, extra, n) / np.bincount(groups, minlength=n)
     centre = np.median(mean)
-    edge = FAR * 1.4826 * np.median(np.abs(mean - centre))
+    edge = far * 1.4826 * np.median(np.abs(mean - centre))
     mean = np.clip(mean, centre - edge, centre + edge)
     if mean.std() == 0:
         return 1.0

@@ -11,6 +11,7 @@ from robotcast.diagnosis.comparison.misfit import padded
 from robotcast.diagnosis.comparison.slices import Slice, slice_errors
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision
+from robotcast.diagnosis.rule import Rule
 from robotcast.diagnosis.selection import Found
 from robotcast.diagnosis.wording import Wording
 
@@ -18,8 +19,8 @@ from robotcast.diagnosis.wording import Wording
 class Explained:
     """Predictions of fitted revisions beside the trials; each revision is simulated once."""
 
-    def __init__(self, inquiry: Inquiry, wording: Wording) -> None:
-        self._inquiry, self._wording = inquiry, wording
+    def __init__(self, inquiry: Inquiry, wording: Wording, rule: Rule) -> None:
+        self._inquiry, self._wording, self._rule = inquiry, wording, rule
         self._predicted: dict[tuple[tuple[str, ...], bytes], np.ndarray] = {}
         self._compared: dict[tuple[tuple[str, ...], bytes], Comparison] = {}
 
@@ -34,6 +35,7 @@ class Explained:
                 scale=model.scale,
                 error_unit=model.error_unit,
                 wording=self._wording,
+                rule=self._rule,
             )
         return self._compared[key]
 

@@ -131,12 +131,13 @@ class Library:
         return self._solved(effects)[1]
 
     def predicted(self, effects: Sequence[str]) -> float:
-        """Return the average error that the slopes promise with these effects, % of the scale."""
+        """Return the typical error that the slopes promise with these effects, % of the scale."""
         columns, step, _ = self._solved(effects)
         residual, slopes = self.weighted
         after = (residual + slopes[..., columns] @ step) / np.sqrt(self.fit.weights)[:, None]
         every = self.early.everything
-        return float(self.early.percent(self.early.difference_of(after, every), every)[0].mean())
+        percent = self.early.percent(self.early.difference_of(after, every), every)[0]
+        return float(np.median(percent))
 
     @cached_property
     def columns(self) -> dict[str, list[int]]:

@@ -12,9 +12,6 @@ from robotcast.diagnosis.rule import Rule
 from robotcast.diagnosis.selection import Found
 from robotcast.diagnosis.wording import Wording, parameter_name
 
-NEAR_A_BOUND = 0.005  # of a parameter's range
-IGNORED = 1e-4  # of the noise: a parameter whose whole range moves no trial by more is ignored
-
 
 def too_few(inquiry: Inquiry, rule: Rule) -> bool:
     """Tell whether the trials are too few to confirm anything."""
@@ -102,12 +99,14 @@ def notes_on_outliers(inquiry: Inquiry, found: Found, wording: Wording) -> list[
     return notes
 
 
-def is_ignored(base: Revision, k: int) -> bool:
+def is_ignored(base: Revision, k: int, rule: Rule) -> bool:
     """Tell whether parameter `k` of a fitted revision changes no prediction."""
-    return bool(np.abs(base.fit.jacobian[..., k]).max() < IGNORED)
+    return bool(np.abs(base.fit.jacobian[..., k]).max() < rule.ignored)
 
 
-def notes_on_parameters(inquiry: Inquiry, base: Revision, wording: Wording) -> list[str]:
+def notes_on_parameters(
+    inquiry: Inquiry, base: Revision, wording: Wording, rule: Rule
+) -> list[str]:
     """Say which parameters of the base model cannot have been fitted."""
     notes = []
     for k, parameter in enumerate(inquiry.parameters(base.effects)):
@@ -115,12 +114,12 @@ def notes_on_parameters(inquiry: Inquiry, base: Revision, wording: Wording) -> l
         name = parameter_name(parameter.name, parameter.unit)
         if parameter.frozen:
             continue
-        if is_ignored(base, k):
+        if is_ignored(base, k, rule):
             notes.append(
                 f"The model ignores {name}: changing it changes no prediction of these "
                 f"{wording.trials}."
             )
-        elif min(at, 1 - at) < NEAR_A_BOUND:
+        elif min(at, 1 - at) < rule.at_bound:
             end = parameter.upper if at > 0.5 else parameter.lower
             unit = "" if parameter.unit in ("", "1") else f" {parameter.unit}"
             notes.append(

@@ -139,6 +139,7 @@ def unexplained(
             "depends_on": None,
             "explains": False,
             "text": "What is left above the noise floor has no name here.",
+            "heldout_typical_error_percent": None,
             "heldout_waypoint_error_percent": None,
             "field": None,
         }
@@ -148,6 +149,7 @@ def unexplained(
         "depends_on": field.depends_on,
         "explains": left.enough,
         "text": f"{like} {field.text}.",
+        "heldout_typical_error_percent": float(np.median(left.rung.errors.waypoint)),
         "heldout_waypoint_error_percent": float(left.rung.errors.waypoint.mean()),
         "field": draw(inquiry, left),
     }
@@ -167,10 +169,16 @@ def _rung(rung: Rung, usual: np.ndarray | slice) -> dict[str, Any]:
         "heldout_waypoint_error_percent": float(errors.mean()),
         "heldout_final_error_percent": float(np.median(rung.errors.final)),
         "predicted_waypoint_error_percent": rung.predicted,
-        "standard_error_percent": float(errors.std() / np.sqrt(len(errors))),
+        "standard_error_percent": _error_of_middle(errors[usual]),
         "p_value": rung.gain.p_value if rung.gain else None,
         "gain_share": rung.gain.share if rung.gain else None,
     }
+
+
+def _error_of_middle(errors: np.ndarray) -> float:
+    """Return the standard error of the median, as for errors that scatter normally about it."""
+    scatter = 1.4826 * np.median(np.abs(errors - np.median(errors)))
+    return float(np.sqrt(np.pi / 2) * scatter / np.sqrt(len(errors)))
 
 
 def model_parameters(inquiry: Inquiry, found: Found) -> dict[str, Any]:
@@ -243,8 +251,8 @@ def held(inquiry: Inquiry, name: str) -> dict[str, Any]:
         "text": inquiry.model.effects[name].text,
         "p_value": None,
         "parameters": {},
-        "predicted_waypoint_error_percent": None,
-        "realised_waypoint_error_percent": None,
+        "predicted_typical_error_percent": None,
+        "realised_typical_error_percent": None,
         "power": None,
         "confusable_with": [],
         "status": "held at its null",
@@ -279,8 +287,10 @@ def _row(
         "text": inquiry.model.effects[name].text,
         "p_value": (rung.gain.p_value if rung and rung.gain else one.p_value) if said else None,
         "parameters": shown,
-        "predicted_waypoint_error_percent": one.predicted if said else None,
-        "realised_waypoint_error_percent": float(rung.errors.waypoint.mean()) if rung else None,
+        "predicted_typical_error_percent": one.predicted if said else None,
+        "realised_typical_error_percent": (
+            float(np.median(rung.errors.waypoint)) if rung else None
+        ),
         "power": one.power if said else None,
         "confusable_with": confusable,
         "status": status,
@@ -289,7 +299,9 @@ def _row(
     }
 
 
-def base_parameters(inquiry: Inquiry, base: Revision, vectors: np.ndarray | None) -> dict[str, Any]:
+def base_parameters(
+    inquiry: Inquiry, base: Revision, vectors: np.ndarray | None, rule: Rule
+) -> dict[str, Any]:
     """Return the sizes of the base model's parameters.
 
     One that changes nothing may be any; one that is held has no interval.
@@ -305,7 +317,7 @@ def base_parameters(inquiry: Inquiry, base: Revision, vectors: np.ndarray | None
         row = rows[parameter.name] = size.as_dict()
         if parameter.frozen:
             row |= {"low": None, "high": None}
-        elif is_ignored(base, k):
+        elif is_ignored(base, k, rule):
             row |= {"low": parameter.lower, "high": parameter.upper}
     return {"parameters": rows}
 

@@ -1,6 +1,36 @@
 """The numbers that decide a diagnosis, and those that say how hard it tries."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Slicing:
+    """Which parts of the trials are said to hold most of the error; no verdict hangs on these.
+
+    Attributes
+    ----------
+    level : chance that any part is named when the error depends on nothing.
+    most : parts named at most.
+    excess : of the squared error that must be more than repeats scatter.
+    beyond, times : a part's share of the error minus, and over, its share of the samples.
+    least, largest : share of the samples that a part holds.
+    fewest : trials that a part touches, and that tell what is usual.
+    outstanding : times what nine trials in ten stay below: a trial that is named alone.
+    moving : of a trial's highest speed: slower, and it has no heading.
+    steady : of its root mean square, from which a mean error has a sign.
+    """
+
+    level: float = 0.01
+    most: int = 5
+    excess: float = 0.2
+    beyond: float = 0.1
+    times: float = 1.3
+    least: float = 0.05
+    largest: float = 0.75
+    fewest: int = 3
+    outstanding: float = 3.0
+    moving: float = 0.1
+    steady: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -26,6 +56,13 @@ class Rule:
     enough_power : chance of being noticed from which an effect that was not is called absent.
     faint : of the noise: an effect that moves every trial by less touches nothing.
     distinct : of an effect's sensitivity that the model's own parameters must not imitate.
+    far : standard deviations beyond which a group's gain is drawn in before it is tested.
+    stray : times the repeats' usual deviation: so far away, a trial is no repeat.
+    discrepancy : of what a model misses in a usual trial, that may be the same in all of them
+        and shift its parameters.
+    decides : squared noise by which two models must differ on the next trials together.
+    at_bound : of a parameter's range: so near its end, a fit was pushed there.
+    ignored : of the noise: a parameter whose range moves no trial by more is ignored.
     """
 
     level: float = 0.05
@@ -42,6 +79,13 @@ class Rule:
     enough_power: float = 0.8
     faint: float = 0.02
     distinct: float = 0.05
+    far: float = 4.0
+    stray: float = 20.0
+    discrepancy: float = 0.5
+    decides: float = 4.0
+    at_bound: float = 0.005
+    ignored: float = 1e-4
+    slicing: Slicing = field(default_factory=Slicing)
 
 
 @dataclass(frozen=True)
@@ -68,3 +112,7 @@ class Effort:
     tried: int = 5
     finalists: int = 2
     seed: int = 0
+
+
+RULE = Rule()
+"""The rule where nobody sets another one."""

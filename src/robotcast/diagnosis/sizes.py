@@ -6,12 +6,12 @@ import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision
+from robotcast.diagnosis.rule import RULE
 from robotcast.fitting.least_squares import Fit, median_miss
 from robotcast.fitting.parameter import Parameter
 from robotcast.fitting.uncertainty import bread, sandwich
 
 SPREAD = 2.0  # standard errors on either side of a value
-DISCREPANCY = 0.5  # of what the model misses in a usual trial: may be its own in all of them
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def sizes(
     inquiry: Inquiry,
     revision: Revision,
     vectors: np.ndarray | None,
-    discrepancy: float = DISCREPANCY,
+    discrepancy: float = RULE.discrepancy,
 ) -> tuple[Size, ...]:
     """Return the size of every parameter, in a vector's order.
 
@@ -75,7 +75,7 @@ def sizes_of_effect(
     revision: Revision,
     vectors: np.ndarray | None,
     effect: str,
-    discrepancy: float = DISCREPANCY,
+    discrepancy: float = RULE.discrepancy,
 ) -> tuple[Size, ...]:
     """Return the size of every parameter of one of the revision's effects (see `sizes`)."""
     before = revision.effects[: revision.effects.index(effect)]

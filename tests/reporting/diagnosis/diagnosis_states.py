@@ -19,8 +19,8 @@ BOARD_TILT = {
             "value": -0.0249, "low": -0.0268, "high": -0.0231, "unit": "1", "null": 0.0,
         },
     },
-    "predicted_waypoint_error_percent": 1.31,
-    "realised_waypoint_error_percent": 1.04,
+    "predicted_typical_error_percent": 1.31,
+    "realised_typical_error_percent": 1.04,
     "power": 0.99,
     "confusable_with": [],
     "status": "confirmed",
@@ -41,8 +41,8 @@ CAMERA_OFFSET = {
         "dx": {"value": 0.001, "low": -0.002, "high": 0.004, "unit": "m", "null": 0.0},
         "dy": {"value": -0.011, "low": -0.015, "high": -0.007, "unit": "m", "null": 0.0},
     },
-    "predicted_waypoint_error_percent": 2.4,
-    "realised_waypoint_error_percent": 2.53,
+    "predicted_typical_error_percent": 2.4,
+    "realised_typical_error_percent": 2.53,
     "status": "refitted",
     "slices": [],
     "first_in_resamples": 0.03,
@@ -53,8 +53,8 @@ AIR_DRAG = {
     "text": "air slows the cable",
     "p_value": 0.00021,
     "parameters": {"C": {"value": 7.1, "low": 6.2, "high": 8.0, "unit": "1", "null": 0.0}},
-    "predicted_waypoint_error_percent": 0.93,
-    "realised_waypoint_error_percent": 0.81,
+    "predicted_typical_error_percent": 0.93,
+    "realised_typical_error_percent": 0.81,
     "power": 0.94,
     "confusable_with": ["viscous_friction"],
     "status": "confirmed",
@@ -68,7 +68,7 @@ AIR_DRAG = {
 def minor(effect: str, text: str, status: str, p_value: float | None, power: float | None):
     return {
         "effect": effect, "text": text, "p_value": p_value, "parameters": {},
-        "predicted_waypoint_error_percent": None, "realised_waypoint_error_percent": None,
+        "predicted_typical_error_percent": None, "realised_typical_error_percent": None,
         "power": power, "confusable_with": [], "status": status, "slices": [],
         "first_in_resamples": 0.0,
     }  # fmt: skip
@@ -80,7 +80,7 @@ REST = [
         "parameters": {
             "tau": {"value": 0.002, "low": -0.004, "high": 0.008, "unit": "s", "null": 0.0}
         },
-        "predicted_waypoint_error_percent": 3.02,
+        "predicted_typical_error_percent": 3.02,
     },
     minor("stribeck_friction", "friction is stronger in slow motion", "screened", 0.48, 0.91),
     minor("mass_gradient", "the cable is heavier at one end", "your casts cannot tell", 0.6, 0.21),
@@ -90,12 +90,14 @@ REST = [
 
 LADDER = [
     {
-        "effects": [], "heldout_waypoint_error_percent": 3.12,
+        "effects": [], "heldout_typical_error_percent": 3.12,
+        "heldout_waypoint_error_percent": 3.12,
         "heldout_final_error_percent": 4.05, "predicted_waypoint_error_percent": None,
         "standard_error_percent": 0.24,
     },
     {
-        "effects": ["board_tilt"], "heldout_waypoint_error_percent": 1.04,
+        "effects": ["board_tilt"], "heldout_typical_error_percent": 1.04,
+        "heldout_waypoint_error_percent": 1.04,
         "heldout_final_error_percent": 1.32, "predicted_waypoint_error_percent": 1.31,
         "standard_error_percent": 0.09,
     },
@@ -128,6 +130,7 @@ def effect() -> dict[str, Any]:
         "conclusive": True,
         "pipeline": True,
         "verdict": ["board_tilt"],
+        "code": "named",
         "sentence": "The board is not level: adding board_tilt lowers the error on held-out casts "
         "from 3.12 % to 1.04 % of cable length.",
         "confusion_set": [["board_tilt"]],
@@ -153,11 +156,12 @@ def effect() -> dict[str, Any]:
 def none() -> dict[str, Any]:
     return {
         **effect(),
-        "verdict": ["none"],
+        "verdict": ["none"], "code": "none",
         "sentence": "No effect of the library makes the model better on held-out casts: its error "
         "of 0.91 % is close to the noise floor of 0.76 %.",
         "confusion_set": [],
-        "ladder": [{**LADDER[0], "heldout_waypoint_error_percent": 0.91,
+        "ladder": [{**LADDER[0], "heldout_typical_error_percent": 0.91,
+        "heldout_waypoint_error_percent": 0.91,
                     "heldout_final_error_percent": 1.1, "standard_error_percent": 0.06}],
         "ranking": REST,
         "next_actions": [],
@@ -185,11 +189,13 @@ def near() -> dict[str, Any]:
 
 def several() -> dict[str, Any]:
     both = {**LADDER[1], "effects": ["board_tilt", "air_drag"],
+            "heldout_typical_error_percent": 0.81,
             "heldout_waypoint_error_percent": 0.81, "heldout_final_error_percent": 0.95,
             "predicted_waypoint_error_percent": 0.93, "standard_error_percent": 0.05}  # fmt: skip
     return {
         **effect(),
         "verdict": ["board_tilt", "air_drag"],
+        "code": "named",
         "sentence": "Two effects are missing: the board is not level (board_tilt) and air slows "
         "the cable (air_drag); together they lower the error from 3.12 % to 0.81 %.",
         "ladder": [*LADDER, both],
@@ -202,6 +208,7 @@ def confused() -> dict[str, Any]:
     return {
         **effect(),
         "verdict": ["board_tilt"],
+        "code": "named",
         "sentence": "Either the board is not level (board_tilt) or the camera's origin is shifted "
         "(camera_offset): in these casts both leave the same trace.",
         "confusion_set": [["board_tilt", "camera_offset"]],
@@ -232,6 +239,7 @@ def unknown() -> dict[str, Any]:
     return {
         **effect(),
         "verdict": ["unknown"],
+        "code": "unknown",
         "sentence": "Something acts on the free end that no effect of the library explains; it "
         "depends on where the free end is.",
         "confusion_set": [],
@@ -240,6 +248,7 @@ def unknown() -> dict[str, Any]:
             "text": "A force on the free end that depends on its place explains most of the error "
             "that is left. It is strongest at the edges of the board.",
             "field": pull_field(),
+            "heldout_typical_error_percent": 1.3,
             "heldout_waypoint_error_percent": 1.3,
         },
         "ladder": LADDER[:1],
@@ -268,7 +277,7 @@ def running() -> dict[str, Any]:
         "doing": "refitting board_tilt", "seconds": None, "simulated_casts": 5200,
         "ladder": LADDER[:1],
         "ranking": [
-            {**BOARD_TILT, "status": "screened", "realised_waypoint_error_percent": None,
+            {**BOARD_TILT, "status": "screened", "realised_typical_error_percent": None,
              "slices": [], "first_in_resamples": None},
             *REST,
         ],
@@ -287,7 +296,7 @@ def too_few() -> dict[str, Any]:
         **effect(),
         "verdict": ["none"],
         "sentence": "Three casts are too few to judge any effect.",
-        "conclusive": False,
+        "conclusive": False, "code": "cannot tell",
         "confusion_set": [], "casts": 3, "actions": 3, "noise_floor_percent": None,
         "notes": [
             "The set has 3 casts; at least 8 of different actions are needed to hold some back.",
@@ -306,7 +315,7 @@ def with_gaps() -> dict[str, Any]:
         **effect(),
         "noise_floor_percent": None, "casts": None, "seconds": None, "simulated_casts": None,
         "ranking": [{**BOARD_TILT, **gaps, "slices": None, "parameters": None,
-                     "realised_waypoint_error_percent": None}],
+                     "realised_typical_error_percent": None}],
         "base": None,
     }  # fmt: skip
 

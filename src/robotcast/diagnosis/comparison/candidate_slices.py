@@ -10,35 +10,35 @@ from robotcast.diagnosis.comparison.misfit import padded, sample_mask
 from robotcast.diagnosis.comparison.ranges import ranges, thirds
 from robotcast.diagnosis.comparison.slices import Slice
 from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.rule import RULE, Slicing
 from robotcast.diagnosis.wording import Wording
 
-MOVING = 0.1  # of a trial's highest speed: slower, and it has no heading
-LEAST_SHARE, MOST_SHARE = 0.05, 0.75  # of the samples
-LEAST_TRIALS = 3
 
-
-def candidate_slices(records: Sequence[Record], wording: Wording) -> list[Slice]:
+def candidate_slices(
+    records: Sequence[Record], wording: Wording, slicing: Slicing = RULE.slicing
+) -> list[Slice]:
     """Return the slices that hold neither too little nor nearly all of the samples."""
     present = sample_mask(records)
     made: list[Slice] = []
     seen: set[tuple[bytes, str]] = set()
     for family in (_phases, _places, _speeds, _headings, _factors):
-        for whole in family(records, wording):
+        for whole in family(records, wording, slicing):
             found = replace(whole, mask=whole.mask & present)
             key = (found.mask.tobytes(), found.name if found.directions is not None else "")
-            if _worth_a_look(found, present) and key not in seen:
+            if _worth_a_look(found, present, slicing) and key not in seen:
                 seen.add(key)
                 made.append(found)
     return made
 
 
-def _worth_a_look(found: Slice, present: np.ndarray) -> bool:
+def _worth_a_look(found: Slice, present: np.ndarray, slicing: Slicing) -> bool:
     share = found.mask.sum() / present.sum()
-    most = MOST_SHARE if found.directions is None else 1.0
-    return LEAST_SHARE <= share <= most and found.mask.any(axis=1).sum() >= LEAST_TRIALS
+    most = slicing.largest if found.directions is None else 1.0
+    touched = found.mask.any(axis=1).sum()
+    return slicing.least <= share <= most and touched >= slicing.fewest
 
 
-def _phases(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
+def _phases(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
     """Runs of phases that follow each other, all of them together left out."""
     names = list(dict.fromkeys(name for record in records for name in record.phases))
     number = np.full(sample_mask(records).shape, -1)
@@ -64,7 +64,7 @@ def _run(names: Sequence[str]) -> str:
     return " and ".join(f"the {name}" for name in names)
 
 
-def _places(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
+def _places(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
     """Ranges of every component of the measured signal; for two components also cells."""
     where = padded(records, [r.measured for r in records])
     for i in range(where.shape[-1]):
@@ -96,7 +96,7 @@ def _places(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
                 )
 
 
-def _speeds(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
+def _speeds(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
     speed = np.linalg.norm(_velocity(records), axis=-1)
     unit = f"{wording.axis(0).unit or 'units'}/s"
     for part in ranges(speed):
@@ -110,14 +110,14 @@ def _speeds(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
         )
 
 
-def _headings(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
+def _headings(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
     """Errors along and across the measured path, where the signal moves in the plane."""
     velocity = _velocity(records)
     if velocity.shape[-1] != 2:
         return
     speed = np.linalg.norm(velocity, axis=-1)
     fastest = np.nanmax(speed, axis=1)[:, None]
-    moving = (speed > MOVING * fastest) & (fastest > 0)
+    moving = (speed > slicing.moving * fastest) & (fastest > 0)
     along = np.divide(
         velocity, speed[..., None], out=np.zeros_like(velocity), where=moving[..., None]
     )
@@ -133,7 +133,7 @@ def _headings(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
         )
 
 
-def _factors(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
+def _factors(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
     k_max = sample_mask(records).shape[1]
     names = set.intersection(*(set(r.factors) for r in records))
     for name in (n for n in records[0].factors if n in names):

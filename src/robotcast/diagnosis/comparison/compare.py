@@ -20,6 +20,7 @@ from robotcast.diagnosis.comparison.outstanding import outstanding_trials
 from robotcast.diagnosis.comparison.repeats import RepeatScatter, repeat_scatter
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.plain import plain
+from robotcast.diagnosis.rule import RULE, Rule
 from robotcast.diagnosis.time_grid import TimeGrid
 from robotcast.diagnosis.wording import Wording
 
@@ -111,6 +112,7 @@ def compare(
     scale: float,
     error_unit: str,
     wording: Wording | None = None,
+    rule: Rule = RULE,
 ) -> Comparison:
     """Compare a prediction with the measured trials.
 
@@ -121,13 +123,14 @@ def compare(
     scale : errors are given in % of it.
     error_unit : what an error of `scale` / 100 is called, "% of cable length".
     wording : what trials, samples, axes and factors are called.
+    rule : what counts as a repeat, and which slices are named.
     """
     wording = wording or Wording()
     rng = np.random.default_rng(SEED)
     found = misfit(records, predicted, scale)
     grid = TimeGrid.of(records)
-    repeats = repeat_scatter(records, grid, scale)
-    exceptions = outstanding_trials(records, found, wording)
+    repeats = repeat_scatter(records, grid, scale, rule)
+    exceptions = outstanding_trials(records, found, wording, rule.slicing)
     pure = pure_error(records, found, _usual(exceptions, len(records)), grid, rng)
     noise = None
     if pure is not None:
@@ -143,7 +146,7 @@ def compare(
         repeats=repeats,
         share_beyond_noise=_share_beyond(found, noise),
         lack_of_fit=pure.lack_of_fit if pure else None,
-        findings=tuple(localise(records, found, noise, exceptions, wording, rng)),
+        findings=tuple(localise(records, found, noise, exceptions, wording, rng, rule.slicing)),
         course=error_over_time(found, grid, repeats),
         phases=median_phases(records),
         trends=trends(records, found),

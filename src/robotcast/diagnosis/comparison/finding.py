@@ -7,9 +7,8 @@ import numpy as np
 from robotcast.diagnosis.comparison.misfit import Misfit
 from robotcast.diagnosis.comparison.slice_sentence import heading_sentence, share_sentence
 from robotcast.diagnosis.comparison.slices import Slice
+from robotcast.diagnosis.rule import Slicing
 from robotcast.diagnosis.wording import Wording
-
-BEYOND, TIMES = 0.1, 1.3  # a share of the error minus, and over, the share of the samples
 
 
 @dataclass(frozen=True)
@@ -43,6 +42,7 @@ def find(
     used: np.ndarray,
     p_value: float | None,
     wording: Wording,
+    slicing: Slicing,
 ) -> Finding:
     """Describe what a slice holds.
 
@@ -56,7 +56,7 @@ def find(
         text = share_sentence(some, *shares, wording)
         elsewhere = found.distance[used & ~inside]
     else:
-        text = heading_sentence(some, shares[0], found, inside, wording)
+        text = heading_sentence(some, shares[0], found, inside, wording, slicing.steady)
         other = found.distance**2 - some.sizes(found) ** 2
         elsewhere = np.sqrt(np.maximum(other[inside], 0))
     to_percent = 100 / found.scale
@@ -71,7 +71,7 @@ def find(
     )
 
 
-def well_beyond(share_of_error: float, share_of_samples: float) -> bool:
+def well_beyond(share_of_error: float, share_of_samples: float, slicing: Slicing) -> bool:
     """Tell whether a share of the error is worth a sentence."""
     surplus = share_of_error - share_of_samples
-    return surplus >= BEYOND and share_of_error >= TIMES * share_of_samples
+    return surplus >= slicing.beyond and share_of_error >= slicing.times * share_of_samples

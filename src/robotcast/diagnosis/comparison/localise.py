@@ -9,11 +9,8 @@ from robotcast.diagnosis.comparison.finding import Finding, find, well_beyond
 from robotcast.diagnosis.comparison.misfit import Misfit
 from robotcast.diagnosis.comparison.slice_contrast import Contrast
 from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.rule import RULE, Slicing
 from robotcast.diagnosis.wording import Wording
-
-MOST_FINDINGS = 5
-LEVEL = 0.01  # chance that anything at all is named when the error depends on nothing
-LEAST_EXCESS = 0.2  # of the squared error that must be more than repeats scatter
 
 
 def localise(
@@ -23,6 +20,7 @@ def localise(
     exceptions: Sequence[Finding],
     wording: Wording,
     rng: np.random.Generator,
+    slicing: Slicing = RULE.slicing,
 ) -> list[Finding]:
     """Find the slices that hold most of the squared error, the weightiest first.
 
@@ -43,26 +41,27 @@ def localise(
         used &= ~finding.slice.mask
     square = found.distance**2
     excess = square if noise is None else square - noise
-    if excess[used].sum() < LEAST_EXCESS * square[used].sum():
+    if excess[used].sum() < slicing.excess * square[used].sum():
         return findings
-    candidates = candidate_slices(records, wording)
+    candidates = candidate_slices(records, wording, slicing)
     if not candidates:
         return findings
     contrast = Contrast(candidates, found, used, rng)
     remaining = square
-    while len(findings) < MOST_FINDINGS:
+    while len(findings) < slicing.most:
         weight, p_value = contrast.test(remaining)
         eligible = [
             at
-            for at in np.flatnonzero(p_value <= LEVEL).tolist()
+            for at in np.flatnonzero(p_value <= slicing.level).tolist()
             if candidates[at].kind not in {f.slice.kind for f in findings}
-            and well_beyond(*contrast.shares(at, square))
-            and well_beyond(*contrast.shares(at, excess))
+            and well_beyond(*contrast.shares(at, square), slicing)
+            and well_beyond(*contrast.shares(at, excess), slicing)
         ]
         if not eligible:
             break
         best = max(eligible, key=lambda at: weight[at])
         shares = contrast.shares(best, square)
-        findings.append(find(candidates[best], shares, found, used, float(p_value[best]), wording))
+        p = float(p_value[best])
+        findings.append(find(candidates[best], shares, found, used, p, wording, slicing))
         remaining = contrast.without(best, remaining)
     return findings

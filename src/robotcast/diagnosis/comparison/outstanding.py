@@ -10,30 +10,33 @@ from robotcast.diagnosis.comparison.misfit import Misfit
 from robotcast.diagnosis.comparison.slice_sentence import outstanding_sentence
 from robotcast.diagnosis.comparison.slices import Slice
 from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.rule import RULE, Slicing
 from robotcast.diagnosis.wording import Wording
 
-OUTSTANDING = 3.0  # times the error that nine trials in ten stay below
-FEWEST = 5  # trials, to know what is usual
 
-
-def outstanding_trials(records: Sequence[Record], found: Misfit, wording: Wording) -> list[Finding]:
+def outstanding_trials(
+    records: Sequence[Record],
+    found: Misfit,
+    wording: Wording,
+    slicing: Slicing = RULE.slicing,
+) -> list[Finding]:
     """Return one finding on the few trials that hold much of the error alone, or none."""
     square = np.where(found.present, found.distance**2, 0)
     size = np.sqrt(square.sum(axis=1) / found.present.sum(axis=1))
     usual = np.quantile(size, 0.9, method="lower")
-    rows = np.flatnonzero(size > OUTSTANDING * usual)
-    if len(records) < FEWEST or not len(rows):
+    rows = np.flatnonzero(size > slicing.outstanding * usual)
+    if len(records) <= slicing.fewest or not len(rows):
         return []
     rows = rows[np.argsort(-size[rows], kind="stable")]
     shares = (
         float(square[rows].sum() / square.sum()),
         float(found.present[rows].sum() / found.present.sum()),
     )
-    if not well_beyond(*shares):
+    if not well_beyond(*shares, slicing):
         return []
     made = _slice_of(rows, records, found.present, wording)
     sentence = outstanding_sentence(made.name, len(rows), shares[0], len(records), wording)
-    finding = find(made, shares, found, found.present, None, wording)
+    finding = find(made, shares, found, found.present, None, wording, slicing)
     return [replace(finding, sentence=sentence)]
 
 

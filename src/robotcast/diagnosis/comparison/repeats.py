@@ -9,12 +9,8 @@ from scipy.stats import t as student
 
 from robotcast.diagnosis.comparison.misfit import padded
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.rule import Rule
+from robotcast.diagnosis.rule import RULE, Rule
 from robotcast.diagnosis.time_grid import TimeGrid
-
-FAR = 20.0  # times the repeats' usual deviation: so far away, a trial is no repeat
-RULE = Rule()
-LEAST_USUAL = 0.005  # of the scale: repeats that agree better count as agreeing so well
 
 
 @dataclass(frozen=True)
@@ -59,7 +55,7 @@ def repeat_scatter(
 ) -> RepeatScatter:
     """Estimate the noise floor from the trials that share a group, in the order of the session."""
     measured = grid.place(padded(records, [r.measured for r in records]))
-    strays = _strays(records, measured, scale)
+    strays = _strays(records, measured, rule)
     groups = repeated(records, [row for row in range(len(records)) if row not in strays])
     runs = [run for rows in groups for run in _runs(rows, rule.close * len(records))]
     soon, late = _soon_and_late(groups, measured, rule.close * len(records))
@@ -127,7 +123,7 @@ def _differ(logs: np.ndarray) -> float:
     return float(student.sf(logs.mean() / max(float(spread), 1e-12), len(logs) - 1))
 
 
-def _strays(records: Sequence[Record], measured: np.ndarray, scale: float) -> list[int]:
+def _strays(records: Sequence[Record], measured: np.ndarray, rule: Rule) -> list[int]:
     """Return the rows of trials that lie far from the middle of their repeats.
 
     Of two repeats that far apart nobody knows which is wrong, so both go.
@@ -144,7 +140,9 @@ def _strays(records: Sequence[Record], measured: np.ndarray, scale: float) -> li
     deviation = np.nan_to_num(np.array(far))
     if not len(rows):
         return []
-    limit = FAR * max(float(np.median(deviation)), LEAST_USUAL * scale)
+    middle = np.concatenate([r.measured - r.measured.mean(axis=0) for r in records])
+    travel = float(np.sqrt((middle**2).sum(axis=1).mean()))
+    limit = rule.stray * max(float(np.median(deviation)), rule.least_noise * travel)
     return sorted(row for row, d in zip(rows, deviation.tolist(), strict=True) if d > limit)
 
 

@@ -6,8 +6,6 @@ from robotcast.diagnosis.comparison.misfit import Misfit
 from robotcast.diagnosis.comparison.slices import Slice
 from robotcast.diagnosis.wording import Wording
 
-STEADY = 0.5  # a mean error beyond this part of its root mean square has a sign
-
 
 def share_sentence(
     some: Slice, share_of_error: float, share_of_samples: float, wording: Wording
@@ -21,11 +19,19 @@ def share_sentence(
 
 
 def heading_sentence(
-    some: Slice, share_of_error: float, found: Misfit, used: np.ndarray, wording: Wording
+    some: Slice,
+    share_of_error: float,
+    found: Misfit,
+    used: np.ndarray,
+    wording: Wording,
+    part: float,
 ) -> str:
-    """Say whether the error lies along or across the path, and on which side if on one."""
+    """Say whether the error lies along or across the path, and on which side if on one.
+
+    A mean error beyond `part` of its root mean square has a side.
+    """
     signed = some.signed(found)[used & ~found.diverged[:, None]]
-    steady = abs(signed.mean()) > STEADY * np.sqrt((signed**2).mean())
+    steady = abs(signed.mean()) > part * np.sqrt((signed**2).mean())
     along = some.name.startswith("along")
     sides = (
         ("runs ahead", "lags behind") if along else ("passes on the left", "passes on the right")

@@ -19,7 +19,6 @@ from robotcast.diagnosis.revision import Revision
 from robotcast.progress import Progress, silent
 
 CHOSEN = 8
-DECIDES = 4.0  # squared noise by which two models must differ on the chosen trials together
 LOOKED_INTO = 60  # candidates whose predictions differ most; of these the slopes are simulated
 
 
@@ -75,6 +74,7 @@ def next_trials(
     inquiry: Inquiry,
     contests: Sequence[Contest],
     further: Further,
+    decides: float,
     progress: Progress = silent,
 ) -> list[NextTrial]:
     """Choose the trials that separate the models of all contests, the most telling first.
@@ -84,6 +84,7 @@ def next_trials(
 
     Parameters
     ----------
+    decides : squared noise by which two models must differ on the chosen trials together.
     progress : told how many trials were simulated here so far.
     """
     if not contests or not further.records:
@@ -98,7 +99,7 @@ def next_trials(
     rows = np.argsort(-shares.max(axis=0), kind="stable")[: min(LOOKED_INTO, int(usable.sum()))]
     evidence = [_Evidence(inquiry, bench, contest, rows) for contest in contests]
     known = np.all([e.known for e in evidence], axis=0)
-    open_ones = [k for k, e in enumerate(evidence) if e.value(e.best(known)) > DECIDES]
+    open_ones = [k for k, e in enumerate(evidence) if e.value(e.best(known)) > decides]
     if not open_ones:
         return []
     chosen: list[NextTrial] = []

@@ -36,9 +36,9 @@ def state_of(diagnosis: Diagnosis) -> State:
     """Return which of the page's states the diagnosis is in."""
     if not diagnosis.finished:
         return "running"
-    if diagnosis.unexplained or "unknown" in diagnosis.verdict:
+    if diagnosis.code == "unknown" or diagnosis.unexplained:
         return "unknown"
-    if not diagnosis.conclusive or not diagnosis.ladder:
+    if diagnosis.code == "cannot tell" or not diagnosis.ladder:
         return "too few"
     if diagnosis.found:
         return "confused" if rivals(diagnosis) else "found"
@@ -108,8 +108,8 @@ def _fall(diagnosis: Diagnosis) -> Tile | None:
     if not known:
         return None
     unit = diagnosis.unit
-    label = f"held-out error, {diagnosis.error_name}".rstrip(", ")
-    held = "of trials that no model was fitted to, averaged over their samples"
+    label = f"typical held-out error, {diagnosis.error_name}".rstrip(", ")
+    held = "of the trial in the middle, of those that no model was fitted to"
     if len(known) == 1:
         return Tile(error(known[0], unit), label, f"Error {held}.")
     fall = f"{error(known[0], unit)} → {error(known[-1], unit)}"
@@ -140,7 +140,7 @@ def _chance(ranked: list[Ranked]) -> Tile | None:
     known = [r.p_value for r in ranked if r.p_value is not None]
     if not known:
         return None
-    why = "How often chance alone would make the error look this much like the effect."
+    why = "How often chance alone would lower the error on held-out trials by as much."
     return Tile(odds(max(known)), "by chance alone", why)
 
 

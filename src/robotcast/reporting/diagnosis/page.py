@@ -95,7 +95,7 @@ def _source(read: Diagnosis) -> str:
 
 def _ladder(read: Diagnosis) -> Markup | None:
     trials = read.words["trials"]
-    axis = f"average error on held-out {trials} [{read.unit} {read.error_name}".rstrip() + "]"
+    axis = f"typical error on held-out {trials} [{read.unit} {read.error_name}".rstrip() + "]"
     return ladder(read.ladder, read.noise_floor, read.unit, axis) if read.ladder else None
 
 

@@ -97,6 +97,7 @@ class Diagnosis:
     Attributes
     ----------
     verdict : effect ids, or ("none",), or ("unknown",); empty while it is not known.
+    code : "none", "named", "unknown" or "cannot tell"; empty while it is not known.
     output : the folder of the diagnosis, empty when not known.
     overrides : what was overridden of the simulator, for commands that go on with it.
     nearest : effects that came near to the verdict, where it names none.
@@ -112,6 +113,7 @@ class Diagnosis:
     conclusive: bool
     pipeline: bool
     verdict: tuple[str, ...]
+    code: str
     sentence: str
     model: tuple[str, ...]
     confusion_sets: tuple[tuple[str, ...], ...]
@@ -156,6 +158,7 @@ def read_diagnosis(plain: Mapping[str, Any]) -> Diagnosis:
         conclusive=bool(plain.get("conclusive", True)),
         pipeline=bool(plain.get("pipeline")),
         verdict=tuple(plain.get("verdict") or ()),
+        code=str(plain.get("code") or ""),
         sentence=str(plain.get("sentence") or ""),
         model=_model(plain),
         confusion_sets=tuple(tuple(s) for s in plain.get("confusion_set") or ()),
@@ -192,7 +195,7 @@ def _model(plain: Mapping[str, Any]) -> tuple[str, ...]:
 def _field_rung(plain: Mapping[str, Any]) -> Rung | None:
     """Return the rung of the fitted field, which no model has climbed yet."""
     unexplained = plain.get("unexplained") or {}
-    reached = _finite(unexplained.get("heldout_waypoint_error_percent"))
+    reached = _typical(unexplained)
     if reached is None:
         return None
     depends_on = unexplained.get("depends_on") or "anything"
@@ -204,14 +207,13 @@ def _rungs(plain: Sequence[Mapping[str, Any]], further: Rung | None, unit: str) 
     before: frozenset[str] | None = None
     for entry in plain:
         effects = frozenset(entry.get("effects") or ())
-        final = _finite(entry.get("heldout_final_error_percent"))
         rungs.append(
             Rung(
                 label=_label(effects, before),
-                realised=_finite(entry.get("heldout_waypoint_error_percent")),
+                realised=_typical(entry),
                 standard_error=_finite(entry.get("standard_error_percent")),
                 predicted=_finite(entry.get("predicted_waypoint_error_percent")),
-                detail=f"final error {error(final, unit)}" if final is not None else "",
+                detail=_detail(entry, unit),
                 kind="base" if before is None else "model",
                 compared_to=rungs[-1].realised if rungs else None,
             )
@@ -220,6 +222,17 @@ def _rungs(plain: Sequence[Mapping[str, Any]], further: Rung | None, unit: str) 
     if further and rungs:
         rungs.append(replace(further, compared_to=rungs[-1].realised))
     return tuple(rungs)
+
+
+def _typical(entry: Mapping[str, Any]) -> float | None:
+    """Return the held-out error of the trial in the middle."""
+    return _finite(entry.get("heldout_typical_error_percent"))
+
+
+def _detail(entry: Mapping[str, Any], unit: str) -> str:
+    means = (("mean", "heldout_waypoint_error_percent"), ("final", "heldout_final_error_percent"))
+    known = ((name, _finite(entry.get(key))) for name, key in means)
+    return ", ".join(f"{name} {error(value, unit)}" for name, value in known if value is not None)
 
 
 def _label(effects: frozenset[str], before: frozenset[str] | None) -> str:
@@ -237,8 +250,8 @@ def _ranked(plain: Mapping[str, Any]) -> Ranked:
         status=str(plain.get("status") or ""),
         p_value=_finite(plain.get("p_value")),
         power=_finite(plain.get("power")),
-        predicted=_finite(plain.get("predicted_waypoint_error_percent")),
-        realised=_finite(plain.get("realised_waypoint_error_percent")),
+        predicted=_finite(plain.get("predicted_typical_error_percent")),
+        realised=_finite(plain.get("realised_typical_error_percent")),
         first_in_resamples=_finite(plain.get("first_in_resamples")),
         sizes=_sizes(plain.get("parameters")),
         confusable_with=tuple(plain.get("confusable_with") or ()),
@@ -272,7 +285,7 @@ def _unexplained(plain: Mapping[str, Any] | None) -> Unexplained | None:
     return Unexplained(
         depends_on=str(plain.get("depends_on") or ""),
         text=str(plain.get("text") or ""),
-        heldout=_finite(plain.get("heldout_waypoint_error_percent")),
+        heldout=_typical(plain),
         field=_field(plain.get("field")),
         explains=bool(plain.get("explains", True)),
     )
