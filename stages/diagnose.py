@@ -70,10 +70,15 @@ def case_of(config: DictConfig, measured: MeasurementSet) -> Case:
     def make_simulator(effects: Sequence[Effect]) -> Simulator:
         return instantiate(config.simulator.model, cable=measured.cable, effects=list(effects))
 
-    tuned = getattr(make_simulator(()), "tunes", ())
+    bare = make_simulator(())
+    tuned, lacks = (getattr(bare, name, ()) for name in ("tunes", "lacks"))
     left_out = {*config.exclude, *config.effects, *tuned}
     build_effects((*config.effects, *config.exclude))  # a name that nobody knows is refused here
-    candidates = [name for name in known_effects() if name not in left_out]
+    candidates = [
+        effect.name
+        for effect in build_effects(name for name in known_effects() if name not in left_out)
+        if not any(effect.acts_through(hook) for hook in lacks)
+    ]
     effects = (*build_effects((*config.effects, *candidates)), *build_fields())
     model = CastModel(measured, make_simulator, effects, held=config.simulator.weighed)
     return Case(

@@ -13,6 +13,9 @@ import pytest
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
+from robotcast.casts.action import Action
+from robotcast.casts.limits import PlanLimits
+from robotcast.casts.plan import PlannedCast, plan_action
 from robotcast.effects.effect import Effect
 from robotcast.effects.motion import CableMotion
 from robotcast.hidden_effects.mechanisms import LIBRARY, make_effect
@@ -43,8 +46,15 @@ LOOKS = {
     "camera_scale": {"k": 0.02},
     "camera_rotation": {"phi": 0.05},
     "camera_offset": {"dx": 0.01, "dy": -0.02},
+    "lens_distortion": {"k": -0.1, "x0": 0.75, "y0": 0.02},
+    "camera_clock": {"k": 0.03},
 }
-GRIPS = {"tool_lag": {"tau": 0.04}, "wrist_offset": {"beta": 0.2}}
+GRIPS = {
+    "tool_lag": {"tau": 0.04},
+    "wrist_offset": {"beta": 0.2},
+    "tool_offset": {"dx": 0.01, "dy": -0.004},
+}
+IN_SOME_CASTS = {"cable_slip": {"s": 0.02, "v": 1.0}, "friction_drift": {"k": 0.5}}
 MAKES = {
     "board_tilt": {"sx": 0.02, "sy": -0.01},
     "mass_gradient": {"k": 0.4},
@@ -123,7 +133,7 @@ def built(effect: HiddenEffect, truth: CableTruth = TRUTH) -> mujoco.MjSpec:
 
 
 def test_every_effect_that_is_compared_stands_here():
-    compared = {*FORCES, *LOOKS, *GRIPS, *MAKES}
+    compared = {*FORCES, *LOOKS, *GRIPS, *MAKES, *IN_SOME_CASTS}
     assert compared == {name for name, one in LIBRARY.items() if one.same_law}
     assert set(LIBRARY) - compared == OTHER_LAW
 
@@ -176,6 +186,28 @@ def test_the_cable_is_held_where_the_library_holds_it(name):
         given = values(GRIPS[name])
         held.append(library(name).held_pose(pose[None], memory, STEP_S, **given)[0])
     np.testing.assert_allclose(effect.hold(path, STEP_S)[:, [0, 1, 3]], held, atol=1e-9)
+
+
+def cast(vmax_m_s: float = 1.0) -> PlannedCast:
+    action = Action(0.6, 0.6, -0.6, 0.7, 0.4, vmax_m_s)
+    return plan_action(action, r0_m=0.6, limits=PlanLimits())
+
+
+@pytest.mark.parametrize("vmax", [0.8, 1.2])
+def test_the_cable_slips_in_the_librarys_casts(vmax):
+    given = IN_SOME_CASTS["cable_slip"]
+    longer = make_effect("cable_slip", given).dragged(CABLE, cast(vmax)).length_m - CABLE.length_m
+    own = library("cable_slip").in_cast(np.array([[vmax]]), **values(given))
+    np.testing.assert_allclose(longer, own["s"][0, 0], atol=1e-5)
+
+
+@pytest.mark.parametrize("number", [0, 20, 51])
+def test_friction_drifts_over_a_session_as_the_librarys(number):
+    given, cable = IN_SOME_CASTS["friction_drift"], moving()
+    own = library("friction_drift").in_cast(np.array([[number / 51]]), **values(given))
+    x, y = library("friction_drift").force(cable, **own)
+    on_rig = force_on_rig(make_effect("friction_drift", given).in_cast(cast(), number), cable)
+    np.testing.assert_allclose(on_rig, np.stack([x[0], y[0]], axis=1), rtol=1e-5, atol=1e-9)
 
 
 def test_gravity_leans_by_the_librarys_slopes():

@@ -1,9 +1,12 @@
 """What every effect of conf/effect/ must do inside every simulator."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hydra.errors import InstantiationException
 
+from robotcast.casts.tool_motion import ToolMotion
 from robotcast.simulators.bullet.simulator import BulletSimulator
 from robotcast.simulators.chain.hybrid import HybridSimulator
 from robotcast.simulators.chain.segmented import SegmentedSimulator
@@ -13,16 +16,20 @@ from tests.simulators.conftest import CONFIGURATION, configured, load_effect, no
 NAMES = sorted(path.stem for path in (CONFIGURATION / "effect").glob("*.yaml"))
 TUNED = {kind.name: kind.tunes for kind in (SegmentedSimulator, HybridSimulator, BulletSimulator)}
 SLOW = {BulletSimulator.name: pytest.mark.slow}
+NOT_OFFERED = {kind: {*tunes} for kind, tunes in TUNED.items()}
+NOT_OFFERED[BulletSimulator.name] |= {
+    name for name in NAMES if any(map(load_effect(name).acts_through, BulletSimulator.lacks))
+}
 OFFERED = [
     pytest.param(kind, name, marks=SLOW.get(kind, ()))
     for kind in TUNED
     for name in NAMES
-    if name not in TUNED[kind]
+    if name not in NOT_OFFERED[kind]
 ]
 
 
 def test_the_library_is_complete() -> None:
-    assert len(NAMES) >= 18
+    assert len(NAMES) >= 23
 
 
 @pytest.mark.parametrize(("kind", "name"), OFFERED)
@@ -34,8 +41,9 @@ def test_null_changes_no_bit_and_a_probe_moves_the_end(
     own = with_effect.parameters[len(bare.parameters) :]
     null = nominal(with_effect)
     probe = nominal(with_effect, **{p.name: p.probes[-1] for p in own if p.null is not None})
-    expected = bare.simulate(casts[:2], nominal(bare)).waypoints_m[0]
-    got = with_effect.simulate(casts[:2], np.vstack([null, probe])).waypoints_m
+    fast = [replace(cast, factors={"vmax": 2.0, "order": 1.0}) for cast in casts[:2]]
+    expected = bare.simulate(fast, nominal(bare)).waypoints_m[0]
+    got = with_effect.simulate(fast, np.vstack([null, probe])).waypoints_m
     np.testing.assert_array_equal(got[0], expected)
     assert np.nanmax(np.abs(got[1] - expected)) > 1e-4
 
@@ -43,7 +51,7 @@ def test_null_changes_no_bit_and_a_probe_moves_the_end(
 @pytest.mark.parametrize("kind", TUNED)
 def test_all_effects_at_null_change_no_bit(kind: str, casts: list[SimulatedCast]) -> None:
     bare = configured(kind)
-    loaded = configured(kind, *[name for name in NAMES if name not in TUNED[kind]])
+    loaded = configured(kind, *[name for name in NAMES if name not in NOT_OFFERED[kind]])
     np.testing.assert_array_equal(
         loaded.simulate(casts[:2], nominal(loaded)).waypoints_m,
         bare.simulate(casts[:2], nominal(bare)).waypoints_m,
@@ -63,3 +71,36 @@ def test_an_effect_that_a_simulator_cannot_carry_is_refused() -> None:
     own.name = "hot_rubber"
     with pytest.raises(ValueError, match=r"hot_rubber acts through damping_time.*cannot carry"):
         BulletSimulator(bullet.cable, bullet.parameters, bullet.settings, [own])
+
+
+def test_a_slipped_cable_reaches_as_much_farther(casts: list[SimulatedCast]) -> None:
+    """In fast casts only, whatever the arm does; a cast whose speed nobody knows is not one."""
+    simulator, still = configured("segmented", "cable_slip"), np.zeros((2, 3))
+    at_rest = ToolMotion(np.array([0.0, 1.0]), still)
+    reach = []
+    for known in ({"vmax": 1.4}, {"vmax": 0.6}, {}):
+        cast = SimulatedCast(at_rest, np.array([0.0, 0.5]), factors=known)
+        vector = nominal(simulator, **{"cable_slip.s": 0.02, "cable_slip.v": 1.0})
+        reach.append(float(simulator.simulate([cast], vector).waypoints_m[0, 0, -1, 0]))
+    np.testing.assert_allclose(reach[0] - reach[2], 0.02, atol=1e-4)
+    np.testing.assert_allclose(reach[1], reach[2], atol=1e-6)
+
+
+def test_friction_that_drifts_grows_with_the_order_of_the_cast(
+    casts: list[SimulatedCast],
+) -> None:
+    """The first cast is as without, the last as with so much more friction everywhere."""
+    bare, drifting = configured("segmented"), configured("segmented", "friction_drift")
+    friction = bare.parameters[0].nominal
+    first, last = (replace(casts[0], factors={"order": order}) for order in (0.0, 1.0))
+    got = drifting.simulate([first, last], nominal(drifting, **{"friction_drift.k": 0.5}))
+    for seen, own in zip(got.waypoints_m[0], (friction, 1.5 * friction), strict=True):
+        alike = bare.simulate([casts[0]], nominal(bare, friction=own)).waypoints_m[0, 0]
+        np.testing.assert_allclose(seen, alike, atol=1e-3)
+
+
+def test_a_lens_that_distorts_is_undone(casts: list[SimulatedCast]) -> None:
+    lens, rng = load_effect("lens_distortion"), np.random.default_rng(0)
+    places = rng.uniform(0.3, 1.2, (1, 20, 2))
+    given = {"k": np.array([[-0.1]]), "x0": np.array([[0.8]]), "y0": np.array([[0.1]])}
+    np.testing.assert_allclose(lens.unseen(lens.seen(places, **given), **given), places, atol=1e-6)

@@ -63,6 +63,7 @@ class Rule:
     decides : squared noise by which two models must differ on the next trials together.
     at_bound : of a parameter's range: so near its end, a fit was pushed there.
     ignored : of the noise: a parameter whose range moves no trial by more is ignored.
+    slicing : how the parts of the trials are found that hold most of the error.
     """
 
     level: float = 0.05
@@ -100,6 +101,7 @@ class Effort:
     early, some : share of every trial, and how many trials, that the search for a start sees:
         chaos comes late.
     tried, finalists : sets of effects of one size that are refitted to beginnings, and to all.
+    seed : of the cut into folds, and of the starts.
     """
 
     base: int = 2

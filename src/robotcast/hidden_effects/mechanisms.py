@@ -9,15 +9,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.rigs.virtual.hidden.board import Grain, RoughEnd, RoughPatch, SlowGrip, TiltedBoard
+from robotcast.rigs.virtual.hidden.board import (
+    Grain,
+    RoughEnd,
+    RoughPatch,
+    SlowGrip,
+    TiltedBoard,
+    WearingBoard,
+)
 from robotcast.rigs.virtual.hidden.camera import (
+    DistortingCamera,
+    FastClock,
     MisscaledCamera,
     ShiftedCamera,
     SlowCamera,
     TurnedCamera,
 )
 from robotcast.rigs.virtual.hidden.effect import HiddenEffect
-from robotcast.rigs.virtual.hidden.grip import LooseGrip, TurnedGrip
+from robotcast.rigs.virtual.hidden.grip import LooseClamp, LooseGrip, ShiftedGrip, TurnedGrip
 from robotcast.rigs.virtual.hidden.make import CurvedCable, SoftCore, UnevenMass
 from robotcast.rigs.virtual.hidden.medium import Air, Oil
 from robotcast.rigs.virtual.hidden.outside import (
@@ -29,6 +38,8 @@ from robotcast.rigs.virtual.hidden.outside import (
 )
 
 Parameters = dict[str, float]
+
+SESSION = 52  # casts over which friction drifts, as many as the benchmark's sets hold
 
 
 @dataclass(frozen=True)
@@ -82,6 +93,15 @@ def _spot(random: np.random.Generator) -> Parameters:
 
 def _patch(random: np.random.Generator) -> Parameters:
     return {"k": 1.0, **_spot(random), "w": float(random.uniform(0.15, 0.3))}
+
+
+def _lens(random: np.random.Generator) -> Parameters:
+    x, y = random.uniform(0.7, 0.85), random.uniform(-0.05, 0.05)
+    return {"k": float(random.choice([-1.0, 1.0])), "x0": float(x), "y0": float(y)}
+
+
+def _clamp(random: np.random.Generator) -> Parameters:
+    return {"s": 1.0, "v": float(random.uniform(0.7, 1.1))}
 
 
 def _band(random: np.random.Generator) -> Parameters:
@@ -141,6 +161,17 @@ LIBRARY: Mapping[str, Mechanism] = {
     ),
     "camera_offset": Mechanism(
         lambda dx, dy: ShiftedCamera(dx, dy), _direction("dx", "dy"), ("dx", "dy"), 0.01, 0.1
+    ),
+    "lens_distortion": Mechanism(
+        lambda k, x0, y0: DistortingCamera(k, x0, y0), _lens, ("k",), 0.05, 0.3
+    ),
+    "camera_clock": Mechanism(lambda k: FastClock(k), _signed("k"), ("k",), 0.01, 0.1),
+    "cable_slip": Mechanism(lambda s, v: LooseClamp(s, v), _clamp, ("s",), 0.01, 0.04),
+    "friction_drift": Mechanism(
+        lambda k: WearingBoard(k, SESSION), _positive("k"), ("k",), 0.4, 0.8
+    ),
+    "tool_offset": Mechanism(
+        lambda dx, dy: ShiftedGrip(dx, dy), _direction("dx", "dy"), ("dx", "dy"), 0.01, 0.05
     ),
 }
 """Effects that a diagnosis can name."""

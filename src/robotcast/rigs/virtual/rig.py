@@ -116,11 +116,20 @@ class VirtualRig:
         headings_rad : ndarray of shape (segments,), how the cable lies at the start, in place
             of a draw from the resets' scatter.
         """
-        run, path = self.begin(planned, number, headings_rad=headings_rad)
-        cable = run.drive(self._held(path), moving_s=planned.end_s + 5 * self.arm.lag_s)
+        rig = self._in_cast(planned, number)
+        run, path = rig.begin(planned, number, headings_rad=headings_rad)
+        cable = run.drive(rig._held(path), moving_s=planned.end_s + 5 * self.arm.lag_s)
         steps = np.arange(len(path)) * self.truth.step_s
         tool = ToolMotion(steps, path[:, [0, 1, 3]])
         return Truth(cable, ToolMotion(cable.t_s, tool.at(cable.t_s)))
+
+    def _in_cast(self, planned: PlannedCast, number: int) -> "VirtualRig":
+        """Return the rig with its hidden effects as they are in one cast."""
+        cable = self.cable
+        for effect in self.hidden:
+            cable = effect.dragged(cable, planned)
+        hidden = tuple(effect.in_cast(planned, number) for effect in self.hidden)
+        return replace(self, cable=cable, hidden=hidden)
 
     def begin(
         self, planned: PlannedCast, number: int, *, headings_rad: np.ndarray | None = None

@@ -42,14 +42,13 @@ from robotcast.simulators.bullet.tasks import Setup, Task
 from robotcast.simulators.checks import all_parameters
 from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast
 
-LACKS = ("damping_time", "extra_length")  # hooks of effects, see above
-
 
 class BulletSimulator:
     """Capsules on a plane in PyBullet, in worker processes with a physics client each."""
 
     name = "bullet"
     tunes = ("bending_damping",)  # as the capsules' angular damping
+    lacks = ("damping_time", "extra_length")  # hooks of effects, see above
 
     def __init__(
         self,
@@ -59,7 +58,7 @@ class BulletSimulator:
         effects: Sequence[Effect] = (),
     ) -> None:
         self.parameters = all_parameters(
-            self.name, PARAMETERS, parameters, effects, self.tunes, LACKS
+            self.name, PARAMETERS, parameters, effects, self.tunes, self.lacks
         )
         self.cable = cable
         self.effects = tuple(effects)

@@ -1,10 +1,11 @@
 """What can be wrong with the board: its level and its friction."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
+from robotcast.casts.plan import PlannedCast
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.virtual.cable import CableTruth
 from robotcast.rigs.virtual.hidden.effect import Built, Pieces, Rubbing
@@ -93,3 +94,21 @@ class Grain(Built):
                 friction=[truth.friction, across, 0, 0, 0],
                 solref=[truth.contact_s, 1],
             )
+
+
+@dataclass(frozen=True)
+class WearingBoard(Rubbing):
+    """Friction grows over a session of `casts`, by k from the first cast to the last.
+
+    `done` is how far the session has come, 0 to 1.
+    """
+
+    k: float
+    casts: int
+    done: float = 0.0
+
+    def in_cast(self, planned: PlannedCast, number: int) -> "WearingBoard":
+        return replace(self, done=number / max(self.casts - 1, 1))
+
+    def roughness(self, pieces: Pieces) -> np.ndarray:
+        return np.full(len(pieces.place_m), 1 + self.k * self.done)

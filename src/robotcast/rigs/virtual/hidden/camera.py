@@ -47,3 +47,26 @@ class ShiftedCamera(Seeing):
 
     def seen_m(self, place_m: np.ndarray) -> np.ndarray:
         return place_m + np.array([self.dx_m, self.dy_m])
+
+
+@dataclass(frozen=True)
+class DistortingCamera(Seeing):
+    """The camera shows every place 1 + k ρ² times as far from the middle of its picture."""
+
+    k: float
+    x_m: float
+    y_m: float
+
+    def seen_m(self, place_m: np.ndarray) -> np.ndarray:
+        apart = place_m - np.array([self.x_m, self.y_m])
+        return place_m + self.k * np.sum(apart**2, axis=1, keepdims=True) * apart
+
+
+@dataclass(frozen=True)
+class FastClock(Seeing):
+    """The camera's second is 1 / (1 + k) of a second."""
+
+    k: float
+
+    def seen_s(self, stamp_s: np.ndarray) -> np.ndarray:
+        return stamp_s / (1 + self.k)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from robotcast.casts.plan import PlannedCast
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.virtual.cable import CableTruth
 
@@ -31,6 +32,14 @@ class Pieces:
 
 class HiddenEffect:
     """Something that the virtual rig does and no model was told."""
+
+    def in_cast(self, planned: PlannedCast, number: int) -> "HiddenEffect":
+        """Return the effect as it is in cast `number` of a session."""
+        return self
+
+    def dragged(self, cable: Cable, planned: PlannedCast) -> Cable:
+        """Return the cable as it hangs out of the gripper in a cast."""
+        return cable
 
 
 class Built(HiddenEffect, ABC):

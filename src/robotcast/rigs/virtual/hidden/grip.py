@@ -1,10 +1,12 @@
 """What can be wrong between the arm's log and the cable: lag and a turned gripper."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotcast.rigs.virtual.hidden.effect import Holding
+from robotcast.casts.plan import PlannedCast
+from robotcast.measurements.measurement_set import Cable
+from robotcast.rigs.virtual.hidden.effect import HiddenEffect, Holding
 from robotcast.rigs.virtual.lag import lagged
 
 
@@ -33,3 +35,31 @@ class TurnedGrip(Holding):
         turned = path.copy()
         turned[:, 3] += self.angle_rad
         return turned
+
+
+@dataclass(frozen=True)
+class ShiftedGrip(Holding):
+    """The cable is held beside the logged point, in the tool's frame."""
+
+    dx_m: float
+    dy_m: float
+
+    def hold(self, path: np.ndarray, step_s: float) -> np.ndarray:
+        c, s = np.cos(path[:, 3]), np.sin(path[:, 3])
+        shifted = path.copy()
+        shifted[:, 0] += c * self.dx_m - s * self.dy_m
+        shifted[:, 1] += s * self.dx_m + c * self.dy_m
+        return shifted
+
+
+@dataclass(frozen=True)
+class LooseClamp(HiddenEffect):
+    """In casts faster than `above_m_s` the cable has slid out of the gripper by `slip_m`."""
+
+    slip_m: float
+    above_m_s: float
+
+    def dragged(self, cable: Cable, planned: PlannedCast) -> Cable:
+        if planned.action.vmax_m_s <= self.above_m_s:
+            return cable
+        return replace(cable, length_m=cable.length_m + self.slip_m)
