@@ -189,6 +189,16 @@ def test_two_effects_that_act_together_are_both_named() -> None:
     assert sizes["late_clock.tau"]["low"] < 0.06 < sizes["late_clock.tau"]["high"]
 
 
+def test_windows_of_one_log_are_held_out_together_and_are_no_repeats() -> None:
+    records = [
+        replace(r, group=k, held_out_with=k // 3)
+        for k, r in enumerate(pushes(groups=36, repeats=1, tilt=TILTED))
+    ]
+    said = diagnosed(records, floor=0.5)
+    assert said["verdict"] == ["tilt"] and said["actions"] == 12
+    assert said["comparison"]["repeats"]["groups"] == 0
+
+
 def test_a_session_that_drifts_is_said_to() -> None:
     rng = np.random.default_rng(1)
     factors = [{"speed": rng.uniform(0.4, 1.2), "heading": rng.uniform(-1, 1)} for _ in range(20)]

@@ -9,6 +9,7 @@ import pytest
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.writer import write_measurement_set
 
 
 def test_a_set_is_read_as_it_stands(set_folder: Path) -> None:
@@ -21,6 +22,26 @@ def test_a_set_is_read_as_it_stands(set_folder: Path) -> None:
     assert measured.trials[1].action == Action(0.5, 0.6, -0.8, 0.7, 0.4, 1.5)
     np.testing.assert_array_equal(measured.trials[1].tool.t_s, [0, 0.008])
     np.testing.assert_array_equal(measured.trials[1].tool.pose[1], [0.59, 0.02, 0.2])
+
+
+def test_further_numbers_of_a_cast_are_its_factors(set_folder: Path) -> None:
+    """Names and half-filled columns are none; the order in the session comes by itself."""
+    path = set_folder / "actions.csv"
+    frame = pl.read_csv(path)
+    n = frame.height
+    frame.with_columns(
+        pl.Series("board_celsius", [20.0 + k for k in range(n)]),
+        pl.Series("operator", ["ada"] * n),
+        pl.Series("half", [None, *range(n - 1)]),
+    ).write_csv(path)
+    trials = read_measurement_set(set_folder).trials
+    assert [t.factors["board_celsius"] for t in trials] == [20.0 + k for k in range(n)]
+    assert [t.factors["order"] for t in trials] == [k / max(n - 1, 1) for k in range(n)]
+    assert not {"operator", "half"} & set(trials[0].factors)
+    write_measurement_set(read_measurement_set(set_folder), set_folder.parent / "copy")
+    copied = read_measurement_set(set_folder.parent / "copy").trials
+    assert [t.logged for t in copied] == [t.logged for t in trials]
+    assert trials[0].factors["vmax"] == trials[0].action.vmax_m_s
 
 
 def test_gaps_are_kept(set_folder: Path) -> None:

@@ -1,7 +1,7 @@
 """The verdict: one rule, as docs/decision.md states it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from robotcast.diagnosis.errors import Floor
@@ -62,7 +62,8 @@ def decide(found: Found, floor: Floor, rule: Rule, look: Callable[[Rung], Unexpl
     if not named:
         missing = unfinished or left.enough
         return Verdict(Code.UNKNOWN if missing else Code.NONE, (), near, left if missing else None)
-    if left.rung and scales.gain(top.errors.waypoint, left.rung.errors.waypoint).pays(rule, 1):
+    beside = replace(scales, base=scales.typical(top.errors.waypoint))
+    if left.rung and beside.gain(top.errors.waypoint, left.rung.errors.waypoint).pays(rule, 1):
         return Verdict(Code.UNKNOWN, (), (top,), left)
     if unfinished and _explained(found, floor) < rule.mostly:
         return Verdict(Code.UNKNOWN, (), (top,), left)

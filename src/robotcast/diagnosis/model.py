@@ -17,6 +17,8 @@ class Record:
     ----------
     trial : its number in the data.
     group : trials of one action share it; they are repeats, and no split cuts them apart.
+    held_out_with : what else no split may cut apart, as windows of one log, shares this number;
+        by default the group.
     times_s : ndarray of shape (k,).
     measured : ndarray of shape (k, d), in the model's unit.
     factors : name → commanded number, to look for patterns in the error.
@@ -29,6 +31,7 @@ class Record:
     measured: np.ndarray
     factors: Mapping[str, float] = field(default_factory=dict)
     phases: Mapping[str, float] = field(default_factory=dict)
+    held_out_with: int | None = None
 
 
 class Candidate(Protocol):
@@ -74,6 +77,9 @@ class Model(Protocol):
         self, records: Sequence[Record], active: Sequence[str], vectors: np.ndarray
     ) -> np.ndarray:
         """Predict the signals of every trial, at its `times_s`, under every parameter vector.
+
+        It is called for one batch at a time, never from several threads, and also for the
+        beginnings of trials.
 
         Parameters
         ----------

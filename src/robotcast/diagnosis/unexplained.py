@@ -54,7 +54,7 @@ def look_for_the_unknown(
     field, fit = contest.best(fields)
     tell(inquiry.model.effects[field].text)
     effects = (*below.effects, field)
-    revision = Revision(effects, inquiry.fit(effects, fit.vector, 1, like=fit))
+    revision = Revision(effects, inquiry.fit(effects, fit.vector, effort.refit, like=fit))
     rung = Rung(revision, held_out(inquiry, revision, effort))
     saved = scales.gain(below.errors.waypoint, rung.errors.waypoint)
     return Unexplained(below, field, rung, saved, saved.pays(rule, len(fields)))

@@ -98,7 +98,7 @@ def _trials(actions: Table, waypoints: Table, tools: list[ToolMotion]) -> tuple[
     rows = _rows_by_trial(waypoints)
     xy_m = np.stack([waypoints.columns["x"], waypoints.columns["y"]], axis=1)
     numbers, ids = actions.columns["trial"].tolist(), actions.columns["action"].tolist()
-    order = np.argsort(np.argsort(numbers)) / max(len(numbers) - 1, 1)
+    order = (np.argsort(np.argsort(numbers)) / max(len(numbers) - 1, 1)).tolist()
     return tuple(
         Trial(
             trial=trial,
@@ -107,10 +107,10 @@ def _trials(actions: Table, waypoints: Table, tools: list[ToolMotion]) -> tuple[
             tool=tool,
             waypoints_s=waypoints.columns["t"][rows[trial]],
             waypoints_m=xy_m[rows[trial]],
-            logged={"order": place},
+            logged={n: float(v[row]) for n, v in actions.others.items()} | {"order": order[row]},
         )
-        for trial, action_id, action, tool, place in zip(
-            numbers, ids, _actions(actions), tools, order.tolist(), strict=True
+        for row, (trial, action_id, action, tool) in enumerate(
+            zip(numbers, ids, _actions(actions), tools, strict=True)
         )
     )
 

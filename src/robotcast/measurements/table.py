@@ -1,7 +1,7 @@
 """One table of a measurement set: its file, its columns as numbers, where a row stands."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -24,11 +24,13 @@ class Table:
     columns : name → ndarray of shape (n_rows,).
     rows : ndarray of shape (n_rows,); where each row stands in the file: the line of a CSV file
         (the header is line 1), the row of a Parquet file (the first is row 1).
+    others : further columns that hold a finite number in every row, by name.
     """
 
     path: Path
     columns: dict[str, np.ndarray]
     rows: np.ndarray
+    others: dict[str, np.ndarray] = field(default_factory=dict)
 
     def place(self, index: int) -> str:
         """Say where row `index` stands, as messages name it."""
@@ -53,7 +55,7 @@ def find_table(folder: Path, name: str) -> Path | None:
 
 
 def read_table(path: Path, names: tuple[str, ...]) -> Table:
-    """Read the columns `names` of `path`; other columns are ignored.
+    """Read the columns `names` of `path`; others are kept where they hold numbers.
 
     Raises
     ------
@@ -65,7 +67,20 @@ def read_table(path: Path, names: tuple[str, ...]) -> Table:
     else:
         frame, rows = _read_parquet(path, names)
     columns = {name: _numbers(path, frame[name], rows) for name in names}
-    return Table(path, columns, rows)
+    return Table(path, columns, rows, _others(frame, names))
+
+
+def _others(frame: pl.DataFrame, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+    found = {}
+    for name in (name for name in frame.columns if name not in names):
+        cells = frame[name]
+        if cells.dtype == pl.String:
+            cells = cells.str.strip_chars()
+        if cells.dtype.is_numeric() or cells.dtype == pl.String:
+            values = cells.cast(pl.Float64, strict=False).to_numpy().astype(float)
+            if np.isfinite(values).all():
+                found[name] = values
+    return found
 
 
 def _place(path: Path, row: int) -> str:

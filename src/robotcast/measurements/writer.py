@@ -37,13 +37,25 @@ def write_measurement_set(
     with atomic_folder(folder) as unfinished:
         (unfinished / "rig.yaml").write_text(rig_file_text(facts), encoding="utf-8")
         for name, rows in _tables(measured).items():
-            _write_table(unfinished, name, rows, table_format)
+            columns = [*TABLE_COLUMNS[name], *(_logged(measured) if name == "actions" else ())]
+            _write_table(unfinished, name, columns, rows, table_format)
+
+
+def _logged(measured: MeasurementSet) -> list[str]:
+    """Return what was logged with every cast beside its action; the order is never written."""
+    names = set.intersection(*(set(t.logged) for t in measured.trials))
+    return sorted(names - {"order"})
 
 
 def _tables(measured: MeasurementSet) -> dict[str, np.ndarray]:
-    trials = measured.trials
+    trials, logged = measured.trials, _logged(measured)
     tables = {
-        "actions": np.stack([np.r_[t.trial, t.action_id, t.action.as_array()] for t in trials]),
+        "actions": np.stack(
+            [
+                np.r_[t.trial, t.action_id, t.action.as_array(), [t.logged[n] for n in logged]]
+                for t in trials
+            ]
+        ),
         "waypoints": np.concatenate([_rows(t.trial, t.waypoints_s, t.waypoints_m) for t in trials]),
     }
     if not measured.tool_planned:
@@ -55,11 +67,11 @@ def _rows(trial: int, t_s: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.column_stack([np.full(len(t_s), trial), t_s, values])
 
 
-def _write_table(folder: Path, name: str, rows: np.ndarray, table_format: TableFormat) -> None:
-    whole = [
-        pl.col(column).cast(pl.Int64) for column in TABLE_COLUMNS[name] if column in WHOLE_COLUMNS
-    ]
-    frame = pl.DataFrame(rows, schema=list(TABLE_COLUMNS[name])).with_columns(whole)
+def _write_table(
+    folder: Path, name: str, columns: list[str], rows: np.ndarray, table_format: TableFormat
+) -> None:
+    whole = [pl.col(column).cast(pl.Int64) for column in columns if column in WHOLE_COLUMNS]
+    frame = pl.DataFrame(rows, schema=columns).with_columns(whole)
     if table_format == "csv":
         frame.write_csv(folder / f"{name}.csv")
     else:
