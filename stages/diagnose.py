@@ -76,7 +76,7 @@ def case_of(config: DictConfig, measured: MeasurementSet) -> Case:
     build_effects((*config.effects, *config.exclude))  # a name that nobody knows is refused here
     candidates = [
         effect.name
-        for effect in build_effects(name for name in known_effects() if name not in left_out)
+        for effect in build_effects([n for n in known_effects() if n not in left_out])
         if not any(effect.acts_through(hook) for hook in lacks)
     ]
     effects = (*build_effects((*config.effects, *candidates)), *build_fields())

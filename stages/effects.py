@@ -1,6 +1,6 @@
 """Making the configured effects: every file in conf/effect/ is one."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 
 from hydra.utils import instantiate
@@ -15,7 +15,7 @@ def known_effects() -> list[str]:
     return sorted(path.stem for path in (Path(CONFIGURATION) / "effect").glob("*.yaml"))
 
 
-def build_effects(names: Iterable[str]) -> tuple[Effect, ...]:
+def build_effects(names: Sequence[str]) -> tuple[Effect, ...]:
     """Make the named effects, in this order."""
     known = known_effects()
     unknown = [name for name in names if name not in known]
