@@ -102,13 +102,11 @@ def test_a_broken_line_is_refused_by_name(tmp_path) -> None:
 def test_what_a_diagnosis_promised_is_found_by_its_effects() -> None:
     diagnosis = {
         "ladder": [
-            {"effects": [], "predicted_waypoint_error_percent": None},
-            {"effects": ["board_tilt"], "predicted_waypoint_error_percent": 1.31},
-            {"effects": ["board_tilt", "air_drag"], "predicted_waypoint_error_percent": 0.93},
+            {"effects": [], "heldout_waypoint_error_percent": 3.1},
+            {"effects": ["board_tilt"], "heldout_waypoint_error_percent": 1.31},
+            {"effects": ["board_tilt", "air_drag"], "heldout_waypoint_error_percent": 0.93},
         ],
-        "ranking": [{"effect": "tool_lag", "predicted_waypoint_error_percent": 3.0}],
     }
     assert predicted_error(diagnosis, ["air_drag", "board_tilt"]) == 0.93
-    assert predicted_error(diagnosis, ["tool_lag"]) == 3.0
     assert predicted_error(diagnosis, []) is None
     assert predicted_error(diagnosis, ["camera_scale"]) is None

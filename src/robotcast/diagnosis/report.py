@@ -168,7 +168,6 @@ def _rung(rung: Rung, usual: np.ndarray | slice) -> dict[str, Any]:
         "heldout_typical_error_percent": float(np.median(errors[usual])),
         "heldout_waypoint_error_percent": float(errors.mean()),
         "heldout_final_error_percent": float(np.median(rung.errors.final)),
-        "predicted_waypoint_error_percent": rung.predicted,
         "standard_error_percent": _error_of_middle(errors[usual]),
         "p_value": rung.gain.p_value if rung.gain else None,
         "gain_share": rung.gain.share if rung.gain else None,

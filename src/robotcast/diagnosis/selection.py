@@ -23,13 +23,11 @@ class Rung:
 
     Attributes
     ----------
-    predicted : average error that the library's slopes promised, % of the scale.
     gain : over the base model.
     """
 
     revision: Revision
     errors: HeldOut
-    predicted: float | None = None
     gain: Gain | None = None
 
     @property

@@ -118,14 +118,11 @@ def split_identity(tuning: MeasurementSet, heldout: MeasurementSet) -> str:
 def predicted_error(diagnosis: Mapping[str, Any], effects: Sequence[str]) -> float | None:
     """Return the held-out error in % that a diagnosis promised for a model with `effects`.
 
-    Its ladder is asked first, then, for a single effect, its ranking.
+    That is what its own refit reached; None where no rung of its ladder has these effects.
     """
     for rung in diagnosis.get("ladder") or ():
-        if set(rung.get("effects") or ()) == set(effects):
-            return rung.get("predicted_waypoint_error_percent")
-    for ranked in diagnosis.get("ranking") or ():
-        if [ranked.get("effect")] == list(effects):
-            return ranked.get("predicted_waypoint_error_percent")
+        if effects and set(rung.get("effects") or ()) == set(effects):
+            return rung.get("heldout_waypoint_error_percent")
     return None
 
 

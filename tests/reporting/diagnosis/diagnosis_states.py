@@ -92,13 +92,13 @@ LADDER = [
     {
         "effects": [], "heldout_typical_error_percent": 3.12,
         "heldout_waypoint_error_percent": 3.12,
-        "heldout_final_error_percent": 4.05, "predicted_waypoint_error_percent": None,
+        "heldout_final_error_percent": 4.05,
         "standard_error_percent": 0.24,
     },
     {
         "effects": ["board_tilt"], "heldout_typical_error_percent": 1.04,
         "heldout_waypoint_error_percent": 1.04,
-        "heldout_final_error_percent": 1.32, "predicted_waypoint_error_percent": 1.31,
+        "heldout_final_error_percent": 1.32,
         "standard_error_percent": 0.09,
     },
 ]  # fmt: skip
@@ -191,7 +191,7 @@ def several() -> dict[str, Any]:
     both = {**LADDER[1], "effects": ["board_tilt", "air_drag"],
             "heldout_typical_error_percent": 0.81,
             "heldout_waypoint_error_percent": 0.81, "heldout_final_error_percent": 0.95,
-            "predicted_waypoint_error_percent": 0.93, "standard_error_percent": 0.05}  # fmt: skip
+            "standard_error_percent": 0.05}  # fmt: skip
     return {
         **effect(),
         "verdict": ["board_tilt", "air_drag"],

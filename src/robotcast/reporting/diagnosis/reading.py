@@ -212,7 +212,6 @@ def _rungs(plain: Sequence[Mapping[str, Any]], further: Rung | None, unit: str) 
                 label=_label(effects, before),
                 realised=_typical(entry),
                 standard_error=_finite(entry.get("standard_error_percent")),
-                predicted=_finite(entry.get("predicted_waypoint_error_percent")),
                 detail=_detail(entry, unit),
                 kind="base" if before is None else "model",
                 compared_to=rungs[-1].realised if rungs else None,
