@@ -1,5 +1,6 @@
 """The verdict: one rule, as docs/decision.md states it."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -62,7 +63,8 @@ def decide(found: Found, floor: Floor, rule: Rule, look: Callable[[Rung], Unexpl
     if not named:
         missing = unfinished or left.enough
         return Verdict(Code.UNKNOWN if missing else Code.NONE, (), near, left if missing else None)
-    beside = replace(scales, base=scales.typical(top.errors.waypoint))
+    excess = scales.typical(top.errors.waypoint) - max(floor.typical, floor.unit)
+    beside = replace(scales, base=max(excess, 0.0), finished=math.inf)
     if left.rung and beside.gain(top.errors.waypoint, left.rung.errors.waypoint).pays(rule, 1):
         return Verdict(Code.UNKNOWN, (), (top,), left)
     if unfinished and _explained(found, floor) < rule.mostly:
