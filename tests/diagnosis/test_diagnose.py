@@ -104,7 +104,7 @@ def test_what_cannot_act_is_said_and_never_ranked() -> None:
     assert status["nulled"] == "held at its null"
     for name in ("dead", "faint", "nulled"):
         row = row_of(said, name)
-        assert row["p_value"] is row["power"] is row["predicted_waypoint_error_percent"] is None
+        assert row["p_value"] is row["power"] is row["predicted_typical_error_percent"] is None
     notes = " ".join(said["notes"])
     assert "The model ignores board colour" in notes and "Nulled is held" in notes
     colour = said["base"]["parameters"]["board_colour"]
@@ -246,7 +246,7 @@ def test_error_above_the_floor_that_no_effect_explains_is_never_green() -> None:
     assert said["verdict"] == ["unknown"] and error / said["noise_floor_percent"] > 1.5
 
 
-@pytest.mark.parametrize(("groups", "seed", "size"), [(9, 0, 0.02), (12, 3, 0.015)])
+@pytest.mark.parametrize(("groups", "seed", "size"), [(9, 0, 0.02), (12, 3, 0.02)])
 def test_what_few_trials_do_not_tell_apart_is_said_and_can_be_told(
     groups: int, seed: int, size: float
 ) -> None:
