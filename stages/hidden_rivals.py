@@ -138,7 +138,7 @@ def _sizes(question: Question, found: Told) -> dict[str, Any]:
     inquiry, rung = question.inquiry, found.rung
     every = [
         (size.parameter.name, size.as_dict())
-        for size in sizes(inquiry, rung.revision, rung.errors.vectors)
+        for size in sizes(inquiry, rung.revision, rung.errors.vectors, question.rule.discrepancy)
     ]
     first = len(inquiry.model.parameters)
     plain: dict[str, Any] = {"base": {"parameters": dict(every[:first])}, "sizes": []}

@@ -23,7 +23,9 @@ def errors(level: float, seed: int) -> np.ndarray:
 
 
 def scales(base: float, usual: np.ndarray | None = None, finished: float = np.inf) -> Scales:
-    return Scales(0.5, base, finished, GROUPS, np.ones(40, bool) if usual is None else usual)
+    return Scales(
+        0.5, base, finished, GROUPS, np.ones(40, bool) if usual is None else usual, RULE.far
+    )
 
 
 def test_a_clear_saving_pays_and_none_does_not() -> None:
@@ -58,7 +60,7 @@ def test_every_further_comparison_asks_for_more() -> None:
 def test_twelve_groups_can_reach_the_level() -> None:
     """Friction that cut the error of twelve groups threefold was once lost to a fixed level."""
     saved = 1.0 + 0.9 * np.random.default_rng(0).normal(size=12)
-    assert worse(saved, np.arange(12)) < RULE.level / 10
+    assert worse(saved, np.arange(12), RULE.far) < RULE.level / 10
 
 
 def test_wrongly_measured_trials_decide_nothing() -> None:
@@ -72,7 +74,7 @@ def test_wrongly_measured_trials_decide_nothing() -> None:
 def test_one_diverged_trial_does_not_hide_what_all_others_save() -> None:
     saved = np.full(40, 0.5) + 0.1 * np.random.default_rng(0).normal(size=40)
     saved[7] = -50.0
-    assert worse(saved, GROUPS) < 1e-3
+    assert worse(saved, GROUPS, RULE.far) < 1e-3
 
 
 def test_a_few_whip_like_trials_hardly_move_the_typical_error() -> None:

@@ -31,10 +31,10 @@ def test_sizes_of_one_effect_among_several() -> None:
     effects = ("late_clock", "tilt")
     vector = inquiry.nominal(effects)
     revision = Revision(effects, inquiry.fit(effects, vector, 1))
-    own = [s.parameter.name for s in sizes_of_effect(inquiry, revision, None, "tilt")]
+    own = [s.parameter.name for s in sizes_of_effect(inquiry, revision, None, "tilt", 0.5)]
     assert own == ["ax", "ay"]
-    first = sizes_of_effect(inquiry, revision, None, "late_clock")
-    assert np.isclose(first[0].value, sizes(inquiry, revision, None)[2].value)
+    first = sizes_of_effect(inquiry, revision, None, "late_clock", 0.5)
+    assert np.isclose(first[0].value, sizes(inquiry, revision, None, 0.5)[2].value)
 
 
 def test_intervals_are_wider_where_the_model_lacks_something() -> None:

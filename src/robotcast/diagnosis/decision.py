@@ -44,40 +44,42 @@ class Verdict:
         return ["unknown" if self.code is Code.UNKNOWN else "none"]
 
 
-def decide(found: Found, floor: Floor, rule: Rule, look: Callable[[Rung], Unexplained]) -> Verdict:
+def decide(found: Found, floor: Floor, rule: Rule, look: Callable[[], Unexplained]) -> Verdict:
     """Decide what a search found.
 
     Parameters
     ----------
-    look : looks for the force of no name that a model lacks.
+    look : looks for the force of no name that the base model lacks.
     """
-    top, base, scales = found.top, found.base, found.scales
+    top, scales = found.top, found.scales
     assert scales is not None
     near = _near(found, rule)
     named = found.named
+    if not named and floor.percent is None:
+        return Verdict(Code.CANNOT_TELL, (), near)
     if not _worth_a_look(found, floor, rule):
         code = Code.NAMED if named else Code.NONE
         return Verdict(code, named, () if named else near)
-    left = look(base)
+    left = look()
     unfinished = floor.above(top.errors.waypoint[scales.usual], rule.at_floor)
     if not named:
-        missing = unfinished or left.enough
-        return Verdict(Code.UNKNOWN if missing else Code.NONE, (), near, left if missing else None)
+        far = floor.above(top.errors.waypoint[scales.usual], rule.beyond)
+        if left.enough or far:
+            return Verdict(Code.UNKNOWN, (), near, left)
+        return Verdict(Code.NONE, (), near, Unexplained() if unfinished else None)
     excess = scales.typical(top.errors.waypoint) - max(floor.typical, floor.unit)
     beside = replace(scales, base=max(excess, 0.0), finished=math.inf)
     if left.rung and beside.gain(top.errors.waypoint, left.rung.errors.waypoint).pays(rule, 1):
         return Verdict(Code.UNKNOWN, (), (top,), left)
     if unfinished and _explained(found, floor) < rule.mostly:
         return Verdict(Code.UNKNOWN, (), (top,), left)
-    return Verdict(Code.NAMED, named, (), Unexplained(top) if unfinished else None)
+    return Verdict(Code.NAMED, named, (), Unexplained() if unfinished else None)
 
 
 def _worth_a_look(found: Found, floor: Floor, rule: Rule) -> bool:
     """Tell whether the model misses more than repeats differ by, by what would matter."""
     scales, errors = found.scales, found.top.errors.waypoint
     assert scales is not None
-    if floor.percent is None:
-        return False
     return floor.above(errors[scales.usual], 1 + rule.material)
 
 

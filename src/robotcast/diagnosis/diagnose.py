@@ -23,7 +23,7 @@ from robotcast.diagnosis.plain import plain
 from robotcast.diagnosis.revision import Revision, fit_base
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.diagnosis.screen import Screened, screen
-from robotcast.diagnosis.selection import Found, Rung, Selection
+from robotcast.diagnosis.selection import Found, Selection
 from robotcast.diagnosis.stability import first_in_resamples
 from robotcast.diagnosis.time_grid import TimeGrid
 from robotcast.diagnosis.unexplained import Unexplained, look_for_the_unknown
@@ -169,9 +169,8 @@ class _Run:
         if self._candidates:
             self._step(self._found, Step.LIBRARY)
             early = self.inquiry.beginnings(effort.early, effort.some)
-            effects = (*case.fixed, *self._candidates)
             begun = early.fit(case.fixed, self._base.fit.vector, 1)
-            library = fit_library(early, effects, begun, effort.library)
+            library = fit_library(early, case.fixed, self._candidates, begun, effort.library)
             self._found = replace(self._found, library=library)
             self._screen(case.fixed)
         self._verdict = Verdict(Code.CANNOT_TELL)
@@ -182,16 +181,10 @@ class _Run:
             looked = ((name, screen(library, acting, name, rule)) for name in self._candidates)
             self._screens = dict(looked)
 
-    def _look(self, below: Rung) -> Unexplained:
-        case = self._case
+    def _look(self) -> Unexplained:
+        case, tell = self._case, partial(self._step, self._found, Step.FIELDS)
         return look_for_the_unknown(
-            self.inquiry,
-            below,
-            self._found,
-            self._fields,
-            case.effort,
-            case.rule,
-            partial(self._step, self._found, Step.FIELDS),
+            self.inquiry, self._found, self._fields, case.effort, case.rule, tell
         )
 
     def choose_next(self, further: Callable[[], Further]) -> None:
@@ -273,19 +266,21 @@ class _Run:
             "nearest": [n for rung in near for n in rung.effects[len(case.fixed) :]],
             "unexplained": report.unexplained(inquiry, left, case.draw),
             "notes": self._notes(base),
-            "ladder": report.ladder(found),
+            "ladder": report.ladder(found, verdict),
             "ranking": [
-                *report.ranking(inquiry, found, self._screens, verdict, slices, stability),
+                *report.ranking(
+                    inquiry, found, self._screens, verdict, case.rule, slices, stability
+                ),
                 *(report.held(inquiry, name) for name in self._held),
             ],
             "next_actions": report.next_rows(inquiry, self._next, case.wording),
             "base": self._base_parameters(base),
-            "model": report.model_parameters(inquiry, found),
+            "model": report.model_parameters(inquiry, found, verdict, case.rule),
             "comparison": self._explained.comparison(base).as_dict() if base else None,
         }
 
     def _sentence(self, verdict: Verdict) -> str:
-        if verdict.code is Code.CANNOT_TELL:
+        if limits.too_few(self.inquiry, self._case.rule):
             return report.sentence_on_too_few(self.inquiry, self._case.wording, self._case.rule)
         found, words = self._found, self._case.wording
         top = self._explained.comparison(found.top.revision)

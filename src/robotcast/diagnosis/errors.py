@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from robotcast.diagnosis.comparison.repeats import RepeatScatter
-from robotcast.diagnosis.rule import RULE, Rule
+from robotcast.diagnosis.rule import Rule
 
 
 def misses(errors: np.ndarray, unit: float) -> np.ndarray:
@@ -98,6 +98,7 @@ class Scales:
     finished : typical error up to which a model stands at the floor; infinite when not known.
     groups : of every trial, numbered from 0; the sampling units.
     usual : bool (n_trials,), trials that were not measured wrongly.
+    far : see `worse`.
     """
 
     unit: float
@@ -105,13 +106,15 @@ class Scales:
     finished: float
     groups: np.ndarray
     usual: np.ndarray
+    far: float
 
     def gain(self, before: np.ndarray, after: np.ndarray) -> Gain:
         """Compare two models' errors (n_trials,)."""
         missed = [misses(errors[self.usual], self.unit) for errors in (before, after)]
         first, second = (typical(one, self.unit) for one in missed)
         groups = np.unique(self.groups[self.usual], return_inverse=True)[1]
-        return Gain(self.share(first, second), worse(missed[0] - missed[1], groups))
+        p_value = worse(missed[0] - missed[1], groups, self.far)
+        return Gain(self.share(first, second), p_value)
 
     def share(self, before: float, after: float) -> float:
         """Return the fall of a typical error as `Gain` has it."""
@@ -123,11 +126,15 @@ class Scales:
         return typical(misses(errors[self.usual], self.unit), self.unit)
 
 
-def worse(extra: np.ndarray, groups: np.ndarray, far: float = RULE.far) -> float:
+def worse(extra: np.ndarray, groups: np.ndarray, far: float) -> float:
     """Return the one-sided p-value that what is extra (n_trials,) is not above zero.
 
     Groups are the sampling unit. What lies far from the bulk of them is drawn in to its edge
     before a t-test (Tukey and McLaughlin 1963): one diverged run would else drown all others.
+
+    Parameters
+    ----------
+    far : standard deviations from the middle to the edge.
     """
     n = int(groups.max(initial=-1)) + 1
     if n < 3:

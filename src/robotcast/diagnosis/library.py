@@ -22,24 +22,21 @@ from robotcast.fitting.least_squares import Fit
 EDGE = 0.01  # of a range, from which a start keeps clear
 
 
-def fit_library(early: Inquiry, effects: Sequence[str], base: Fit, iterations: int) -> "Library":
+def fit_library(
+    early: Inquiry, fixed: Sequence[str], candidates: Sequence[str], base: Fit, iterations: int
+) -> "Library":
     """Fit the model with all effects to beginnings of trials.
 
     Parameters
     ----------
     early : the inquiry into the beginnings.
+    fixed : effects of the base model.
     base : fit of the base model to them, where the other start is.
     """
-    effects = tuple(effects)
-    nominal = early.nominal(effects)
-    fixed = len(base.vector)
-    at = fixed
-    for name in effects[_acting(early, effects, fixed) :]:
-        n = len(early.model.effects[name].parameters)
-        nominal[at : at + n] = _best_place(early, effects, base, name)
-        at += n
-    tuned = nominal.copy()
-    tuned[:fixed] = base.vector
+    effects = (*fixed, *candidates)
+    places = [_best_place(early, (*fixed, name), base) for name in candidates]
+    nominal = np.concatenate([early.nominal(fixed), *places])
+    tuned = np.concatenate([base.vector, *places])
     begun = [early.fit(effects, start, 0, central=False) for start in (nominal, tuned)]
     fits = [early.fit(effects, fit.vector, 2, known=fit) for fit in begun]
     best = min(fits, key=lambda fit: fit.loss)
@@ -48,20 +45,14 @@ def fit_library(early: Inquiry, effects: Sequence[str], base: Fit, iterations: i
     return Library(early, effects, best, starts)
 
 
-def _acting(early: Inquiry, effects: Sequence[str], n: int) -> int:
-    """Return how many of the effects act in a model with n parameters."""
-    return next(k for k in range(len(effects) + 1) if len(early.parameters(effects[:k])) == n)
-
-
-def _best_place(early: Inquiry, effects: Sequence[str], base: Fit, name: str) -> np.ndarray:
-    """Return an effect's unit values, its strengths at null, at the place that promises most.
+def _best_place(early: Inquiry, acting: tuple[str, ...], base: Fit) -> np.ndarray:
+    """Return the last effect's unit values, strengths at null, at the place that promises most.
 
     Parameters that are no strengths say where or how it acts; away from its null they are
     fitted, but at null nothing tells them. So each combination of their probes is tried with the
     effect's strengths at their largest probes.
     """
-    acting = (*effects[: _acting(early, effects, len(base.vector))], name)
-    own = early.model.effects[name].parameters
+    own = early.model.effects[acting[-1]].parameters
     null = early.nominal(acting)[len(base.vector) :]
     others = [k for k, p in enumerate(own) if p.null is None and len(p.probes) > 1]
     if not others:

@@ -45,7 +45,7 @@ def sentence(
     times = f"{after / floor.percent:.1f} times what repeats differ by" if floor.percent else ""
     blunders = _blunders(int((~usual).sum()), len(usual), wording)
     near = _nearest(inquiry, found, verdict, wording)
-    if verdict.code is Code.NONE:
+    if verdict.code in (Code.NONE, Code.CANNOT_TELL):
         stays = f"the typical error on held-out {trials} stays at {before:.2f} {unit}"
         beside = f", where repeats differ by {floor.percent:.2f}" if floor.percent else ""
         said = (
@@ -53,7 +53,7 @@ def sentence(
             if near
             else (f"No effect of the library makes the model predict held-out {trials} better")
         )
-        return f"{said}: {stays}{beside}.{near}{blunders}"
+        return f"{said}: {stays}{beside}.{_left(verdict, times, where)}{near}{blunders}"
     if verdict.code is Code.UNKNOWN:
         return f"{_unknown(inquiry, verdict, before, times, where, wording)}{near}{blunders}"
     names = " and ".join(inquiry.model.effects[name].text for name in verdict.named)
@@ -65,6 +65,14 @@ def sentence(
     if verdict.left is not None:
         more = f" That is still {times}, so more is missing that has no name here{_most(where)}."
     return f"{said}{more}{blunders}"
+
+
+def _left(verdict: Verdict, times: str, where: str) -> str:
+    if verdict.code is Code.CANNOT_TELL:
+        return " Nothing was repeated, so nobody can say how much of it is noise."
+    if verdict.left is None:
+        return ""
+    return f" That is {times}{_most(where)}, and nothing that was tried explains it."
 
 
 def _unknown(
@@ -155,10 +163,11 @@ def unexplained(
     }
 
 
-def ladder(found: Found) -> list[dict[str, Any]]:
-    """Return the rungs of the error ladder."""
+def ladder(found: Found, verdict: Verdict | None) -> list[dict[str, Any]]:
+    """Return the rungs of the error ladder: the base model alone where no effect is named."""
     usual = found.scales.usual if found.scales else slice(None)
-    return [_rung(rung, usual) for rung in found.ladder]
+    rungs = found.ladder if verdict is None or verdict.named else found.ladder[:1]
+    return [_rung(rung, usual) for rung in rungs]
 
 
 def _rung(rung: Rung, usual: np.ndarray | slice) -> dict[str, Any]:
@@ -180,12 +189,14 @@ def _error_of_middle(errors: np.ndarray) -> float:
     return float(np.sqrt(np.pi / 2) * scatter / np.sqrt(len(errors)))
 
 
-def model_parameters(inquiry: Inquiry, found: Found) -> dict[str, Any]:
-    """Return the fitted parameters of the model that the search ended with, its effects' too."""
-    if not found.judged:
+def model_parameters(
+    inquiry: Inquiry, found: Found, verdict: Verdict | None, rule: Rule
+) -> dict[str, Any]:
+    """Return the fitted parameters of the model with the named effects, theirs too."""
+    if verdict is None or not found.judged:
         return {}
-    top = found.top
-    own = sizes(inquiry, top.revision, top.errors.vectors)
+    top = found.top if verdict.named else found.base
+    own = sizes(inquiry, top.revision, top.errors.vectors, rule.discrepancy)
     names = [p.name for p in inquiry.model.parameters]
     names += [
         f"{e}.{p.name.rpartition('.')[2]}"
@@ -203,6 +214,7 @@ def ranking(
     found: Found,
     screens: Mapping[str, Screened],
     verdict: Verdict | None,
+    rule: Rule,
     slices: Mapping[str, list[dict[str, Any]]] = {},
     first: Mapping[str, float] = {},
 ) -> list[dict[str, Any]]:
@@ -220,7 +232,7 @@ def ranking(
     rows = []
     for name, one in screens.items():
         rung = _judged(found, name)
-        row = _row(inquiry, found, named, near, name, one, rung)
+        row = _row(inquiry, found, named, near, name, one, rung, rule)
         row |= {
             "slices": slices.get(name, []),
             "first_in_resamples": first.get(name, 0.0 if rung else None),
@@ -268,13 +280,14 @@ def _row(
     name: str,
     one: Screened,
     rung: Rung | None,
+    rule: Rule,
 ) -> dict[str, Any]:
     tried = any(name in effects for effects in found.early)
     status = one.status or ("tried" if tried else "screened")
     shown: dict[str, Any] = {}
     if rung is not None:
         status = "confirmed" if name in named else "refitted"
-        own = sizes_of_effect(inquiry, rung.revision, rung.errors.vectors, name)
+        own = sizes_of_effect(inquiry, rung.revision, rung.errors.vectors, name, rule.discrepancy)
         shown = {size.parameter.name: size.as_dict() for size in own}
     confusable = list(found.rivals.get(name, ()))
     confusable += [e for e, rivals in found.rivals.items() if name in rivals]
@@ -309,7 +322,7 @@ def base_parameters(
     ----------
     vectors : of the folds' fits, (k, n); None when there were none.
     """
-    own = sizes(inquiry, base, vectors)[: len(inquiry.model.parameters)]
+    own = sizes(inquiry, base, vectors, rule.discrepancy)[: len(inquiry.model.parameters)]
     rows = {}
     for k, size in enumerate(own):
         parameter = size.parameter

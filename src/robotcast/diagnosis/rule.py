@@ -43,6 +43,8 @@ class Rule:
     equal : p-value above which two models explain the trials equally well.
     material : of the base model's typical error: what takes away less does not matter.
     at_floor : times what repeats differ by: up to there a model is as good as its data.
+    beyond : times what repeats differ by: above, something is missing whatever explains it. Below
+        it may be what two honest models of one thing differ by.
     most_effects : the most that are named together; more would explain anything.
     mostly : of what the base model misses beyond the floor: effects that take away less of it
         explain too little to be named where the rest stays above the floor.
@@ -70,6 +72,7 @@ class Rule:
     equal: float = 0.05
     material: float = 0.2
     at_floor: float = 1.5
+    beyond: float = 3.0
     most_effects: int = 3
     mostly: float = 0.5
     fewest_groups: int = 8

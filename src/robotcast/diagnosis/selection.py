@@ -132,14 +132,13 @@ class Selection:
         effort = self._effort
         base = fit_base(self._inquiry, self._fixed, effort)
         self._keep(base)
+        self._choose()
         self._early_fit(self._fixed, base.fit.vector, None, 1)
 
     def _fit_library(self) -> None:
         self._next(Step.LIBRARY)
         own = self.found.early[self._fixed]
-        library = fit_library(
-            self._early, (*self._fixed, *self._candidates), own, self._effort.library
-        )
+        library = fit_library(self._early, self._fixed, self._candidates, own, self._effort.library)
         self.found = replace(self.found, library=library)
 
     def _refit_beginnings(self) -> int:
@@ -286,9 +285,7 @@ class Selection:
 
     def _refit(self, effects: Effects) -> None:
         """Fit a model to whole trials and judge it on trials held out."""
-        if effects in self.found.judged or tuple(sorted(effects)) in {
-            tuple(sorted(e)) for e in self.found.judged
-        }:
+        if effects in self.found.judged:
             return
         if effects not in self.found.early:
             start = self._of_larger(effects)
@@ -332,7 +329,7 @@ class Selection:
 
     def _undecided(self, best: Rung, other: Rung) -> bool:
         extra = trial_losses(other.revision.fit.residual) - trial_losses(best.revision.fit.residual)
-        return worse(extra, self._inquiry.groups) > self._rule.equal
+        return worse(extra, self._inquiry.groups, self._rule.far) > self._rule.equal
 
     def _of_larger(self, effects: Effects) -> np.ndarray:
         """Return where a set starts that was only fitted as part of a larger one."""
@@ -363,10 +360,7 @@ class Selection:
         self.found.early[self._fixed] = early
         again = self._inquiry.fit(self._fixed, early.vector, self._effort.refit, like=early)
         if again.loss < self.found.base.revision.fit.loss:
-            rest = dict(list(self.found.judged.items())[1:])
-            self.found = replace(self.found, judged={})
             self._keep(Revision(self._fixed, again))
-            self.found = replace(self.found, judged={**self.found.judged, **rest})
 
     def _choose(self) -> None:
         """Choose the smallest model over which no larger one pays."""
@@ -412,7 +406,7 @@ class Selection:
 
     def _alike(self, best: Fit, other: Fit) -> bool:
         extra = trial_losses(other.residual) - trial_losses(best.residual)
-        return worse(extra, self._early.groups) > self._rule.equal
+        return worse(extra, self._early.groups, self._rule.far) > self._rule.equal
 
     def _cost(self, rung: Rung) -> float:
         """Return what sets of one size are chosen by: the loss expected on further trials.
@@ -430,10 +424,6 @@ class Selection:
         errors = held_out(self._inquiry, revision, self._effort)
         judged = {**self.found.judged, revision.effects: Rung(revision, errors)}
         self.found = replace(self.found, judged=judged)
-        if len(judged) == 1:
-            scales = self._scales(self._inquiry, [errors.low])
-            scales = replace(scales, base=scales.typical(errors.waypoint))
-            self.found = replace(self.found, scales=scales, chosen=revision.effects)
 
     def _percent(self, fit: Fit) -> np.ndarray:
         early = self._early
@@ -449,7 +439,7 @@ class Selection:
         floor = self._floor
         reached = self._rule.at_floor * max(floor.typical, floor.unit)
         finished = np.inf if floor.percent is None else reached
-        return Scales(floor.unit, 1.0, finished, inquiry.groups, usual)
+        return Scales(floor.unit, 1.0, finished, inquiry.groups, usual, self._rule.far)
 
     def _next(self, step: Step, what: str = "") -> None:
         self._tell(self.found, step, what)

@@ -6,7 +6,6 @@ import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.revision import Revision
-from robotcast.diagnosis.rule import RULE
 from robotcast.fitting.least_squares import Fit, median_miss
 from robotcast.fitting.parameter import Parameter
 from robotcast.fitting.uncertainty import bread, sandwich
@@ -44,7 +43,7 @@ def sizes(
     inquiry: Inquiry,
     revision: Revision,
     vectors: np.ndarray | None,
-    discrepancy: float = RULE.discrepancy,
+    discrepancy: float,
 ) -> tuple[Size, ...]:
     """Return the size of every parameter, in a vector's order.
 
@@ -75,7 +74,7 @@ def sizes_of_effect(
     revision: Revision,
     vectors: np.ndarray | None,
     effect: str,
-    discrepancy: float = RULE.discrepancy,
+    discrepancy: float,
 ) -> tuple[Size, ...]:
     """Return the size of every parameter of one of the revision's effects (see `sizes`)."""
     before = revision.effects[: revision.effects.index(effect)]

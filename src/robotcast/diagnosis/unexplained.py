@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.diagnosis.errors import Gain
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.library import Library
 from robotcast.diagnosis.revision import Revision, held_out
@@ -20,93 +19,82 @@ class Unexplained:
 
     Attributes
     ----------
-    below : the model that leaves it.
     field : its name among the model's effects, None when there are no fields to try.
     rung : the model with it.
-    gain : over the model without it, on held-out trials.
     enough : whether the field takes away so much that what is missing must be like it.
     """
 
-    below: Rung
     field: str | None = None
     rung: Rung | None = None
-    gain: Gain | None = None
     enough: bool = False
 
 
 def look_for_the_unknown(
     inquiry: Inquiry,
-    below: Rung,
     found: Found,
     fields: Sequence[str],
     effort: Effort,
     rule: Rule,
     tell: Callable[[str], object],
 ) -> Unexplained:
-    """Fit the likeliest fields on top of a model: to beginnings first, the best then to all.
+    """Fit the likeliest fields on top of the base model: to beginnings, and the best one to all.
 
     Between them decides what they miss of the beginnings, and what their parameters cost.
     """
-    scales = found.scales
+    base, scales = found.base, found.scales
     if not fields or scales is None:
-        return Unexplained(below)
-    contest = _Contest(inquiry, below, found.early, effort, tell)
-    field, fit = contest.best(fields)
+        return Unexplained()
+    early = inquiry.beginnings(effort.early, effort.some)
+    field, fit = _Contest(early, base.effects, found.early[base.effects], effort, tell).best(fields)
     tell(inquiry.model.effects[field].text)
-    effects = (*below.effects, field)
+    effects = (*base.effects, field)
     revision = Revision(effects, inquiry.fit(effects, fit.vector, effort.refit, like=fit))
     rung = Rung(revision, held_out(inquiry, revision, effort))
-    saved = scales.gain(below.errors.waypoint, rung.errors.waypoint)
-    return Unexplained(below, field, rung, saved, saved.pays(rule, len(fields)))
+    saved = scales.gain(base.errors.waypoint, rung.errors.waypoint)
+    return Unexplained(field, rung, saved.pays(rule, len(fields)))
 
 
+@dataclass(frozen=True)
 class _Contest:
-    """Fits fields on top of a model, beside the beginnings of some trials."""
+    """Fits fields on top of a model that was fitted to the beginnings of some trials."""
 
-    def __init__(
-        self,
-        inquiry: Inquiry,
-        below: Rung,
-        known: dict[Effects, Fit],
-        effort: Effort,
-        tell: Callable[[str], object],
-    ) -> None:
-        self._early = inquiry.beginnings(effort.early, effort.some)
-        self._effects, self._effort, self._tell = below.effects, effort, tell
-        start = known[below.effects].vector if below.effects in known else below.revision.fit.vector
-        self._fit = self._early.fit(below.effects, start, 1)
+    early: Inquiry
+    effects: Effects
+    fit: Fit
+    effort: Effort
+    tell: Callable[[str], object]
 
     def best(self, fields: Sequence[str]) -> tuple[str, Fit]:
         """Return the field that explains the beginnings best for its parameters, with its fit."""
-        self._tell("every field")
+        self.tell("every field")
         together = self._together(fields)
-        sets = together.best(1, min(self._effort.finalists + 1, len(fields)), self._effects)
+        sets = together.best(1, min(self.effort.finalists + 1, len(fields)), self.effects)
         judged = []
         for effects in sets:
-            self._tell(self._early.model.effects[effects[-1]].text)
+            self.tell(self.early.model.effects[effects[-1]].text)
             vector, kept = together.start(effects)
-            residual = self._early.residuals(effects)(vector[None], self._early.everything)[0]
+            residual = self.early.residuals(effects)(vector[None], self.early.everything)[0]
             loss = float(trial_losses(residual).mean())
             known = Fit(vector, loss, residual, together.fit.jacobian[:, :, kept])
-            fit = self._early.fit(effects, vector, self._effort.refit, known=known)
-            cost = self._early.expected_loss(effects, fit)
+            fit = self.early.fit(effects, vector, self.effort.refit, known=known)
+            cost = self.early.expected_loss(effects, fit)
             judged.append((cost, effects[-1], fit))
         _, field, fit = min(judged, key=lambda one: one[0])
         return field, fit
 
     def _together(self, fields: Sequence[str]) -> Library:
         """Return all fields beside each other, each known by its slopes where it does nothing."""
-        early, fit = self._early, self._fit
+        early, fit = self.early, self.fit
         parts = [fit.jacobian]
         for name in fields:
-            effects = (*self._effects, name)
+            effects = (*self.effects, name)
             null = early.nominal(effects)
             null[: len(fit.vector)] = fit.vector
             steps = early.steps(effects)[len(fit.vector) :]
             rows = null + np.hstack([np.zeros((len(steps), len(fit.vector))), np.diag(steps)])
             moved = early.residuals(effects)(rows, early.everything) - fit.residual
             parts.append(np.moveaxis(moved / steps[:, None, None], 0, -1))
-        everything = (*self._effects, *fields)
+        everything = (*self.effects, *fields)
         vector = early.nominal(everything)
         vector[: len(fit.vector)] = fit.vector
         whole = Fit(vector, fit.loss, fit.residual, np.concatenate(parts, axis=-1))

@@ -8,7 +8,7 @@ from robotcast.reporting.diagnosis.reading import Diagnosis, Ranked
 from robotcast.reporting.names import effect_name
 from robotcast.reporting.numbers import error, odds, share
 
-State = Literal["running", "too few", "unknown", "none", "near", "confused", "found"]
+State = Literal["running", "too few", "unknown", "none", "near", "open", "confused", "found"]
 
 ENOUGH_POWER = 0.8
 
@@ -18,6 +18,7 @@ KICKERS: dict[State, str] = {
     "unknown": "Something is missing that has no name here",
     "none": "Nothing is missing that these {trials} could show",
     "near": "Not confirmed",
+    "open": "No effect confirmed, and more than noise is left",
     "confused": "Missing effect found, hardly told from another",
     "found": "Missing effect found",
 }
@@ -36,13 +37,15 @@ def state_of(diagnosis: Diagnosis) -> State:
     """Return which of the page's states the diagnosis is in."""
     if not diagnosis.finished:
         return "running"
-    if diagnosis.code == "unknown" or diagnosis.unexplained:
+    if diagnosis.code == "unknown" or (diagnosis.found and diagnosis.unexplained):
         return "unknown"
-    if diagnosis.code == "cannot tell" or not diagnosis.ladder:
+    if not diagnosis.conclusive or not diagnosis.ladder:
         return "too few"
     if diagnosis.found:
         return "confused" if rivals(diagnosis) else "found"
-    return "near" if diagnosis.nearest else "none"
+    if diagnosis.nearest:
+        return "near"
+    return "open" if diagnosis.unexplained or diagnosis.code == "cannot tell" else "none"
 
 
 def kicker(diagnosis: Diagnosis, state: State) -> str:
@@ -54,6 +57,8 @@ def kicker(diagnosis: Diagnosis, state: State) -> str:
         return f"{len(diagnosis.found)} missing effects found"
     if state == "near":
         return f"Not confirmed: {' or '.join(effect_name(e) for e in diagnosis.nearest)}"
+    if state == "open" and diagnosis.noise_floor is None:
+        return "No effect confirmed, and the noise is unknown"
     if state == "unknown" and diagnosis.found:
         return "An effect found, and more that has no name here"
     return KICKERS[state].format(trials=diagnosis.words["trials"])

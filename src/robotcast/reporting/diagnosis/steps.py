@@ -37,6 +37,7 @@ def next_steps(diagnosis: Diagnosis, state: State) -> tuple[Step, ...]:
         "unknown": _write_an_effect,
         "none": _carry_on,
         "near": _confirm,
+        "open": _look_on,
         "confused": _tell_apart,
         "found": _add,
     }
@@ -180,6 +181,25 @@ def _confirm(diagnosis: Diagnosis) -> list[Step]:
         return [Step(f"Measure more {trials}, with repeats: it may be {nearest}. Then {again}")]
     text = f"Run these {trials}, on which {nearest} would show most. Then {again}"
     return [Step(text, link=_all_of_them(diagnosis), trials=3)]
+
+
+def _look_on(diagnosis: Diagnosis) -> list[Step]:
+    """Say what to do where error is left that nothing explains, or that nobody can judge."""
+    words = diagnosis.words
+    if diagnosis.noise_floor is None:
+        text = f"Repeat five {words['groups']} three times each, so that the noise floor is known."
+        steps = [Step(f"{text} Then diagnose again with the new {words['trials']} in the set.")]
+    else:
+        text = (
+            "Use the model where an error of this size does no harm. What is left may be what any "
+            "model of this make misses, or something that has no name here."
+        )
+        steps = [Step(text)]
+    if diagnosis.comparison:
+        steps.append(Step("See where the error that is left lies:", link=("#where", "where")))
+    if diagnosis.next_trials:
+        steps.append(Step("Measure more where it may show:", link=("#next", _next(diagnosis))))
+    return steps
 
 
 def _carry_on(diagnosis: Diagnosis) -> list[Step]:
