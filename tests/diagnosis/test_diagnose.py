@@ -12,6 +12,7 @@ import pytest
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.further.next_trials import Further
 from robotcast.diagnosis.model import Record
+from robotcast.reporting.diagnosis.page import diagnosis_page
 from tests.diagnosis.sliding_puck import (
     DEAD,
     DRAG_PER_S,
@@ -243,7 +244,27 @@ def test_the_next_trials_would_move_what_is_hardly_seen() -> None:
 def test_error_above_the_floor_that_no_effect_explains_is_never_green() -> None:
     said = diagnosed(pushes(groups=9, tilt=(0.0, 0.02)), SHIFT)
     error = said["ladder"][-1]["heldout_typical_error_percent"]
-    assert said["verdict"] == ["unknown"] and error / said["noise_floor_percent"] > 1.5
+    assert 1.5 < error / said["noise_floor_percent"] < 3
+    assert said["verdict"] == ["none"] and "times what repeats differ by" in said["sentence"]
+    page = diagnosis_page(said)
+    assert 'class="is-open"' in page and "Nothing is missing" not in page
+    assert "Use the model as it is" not in page
+
+
+def test_without_repeats_nobody_is_told_that_nothing_is_missing() -> None:
+    said = diagnosed(pushes(groups=30, repeats=1))
+    assert said["verdict"] == ["none"] and said["code"] == "cannot tell"
+    page = diagnosis_page(said)
+    assert 'class="is-open"' in page and "the noise is unknown" in page
+
+
+def test_a_named_effect_that_the_verdict_drops_stands_on_no_ladder() -> None:
+    field = replace(SHEAR, text="a shear of the board", depends_on="place")
+    model, records = Puck(TURN, field), pushes(shift=(0.15, 0.1))
+    said = diagnose(Case(model, records, ["turn"], wording=WORDS), lambda known: None)
+    assert said["code"] == "unknown"
+    assert [rung["effects"] for rung in said["ladder"]] == [[]]
+    assert said["model"]["effects"] == []
 
 
 @pytest.mark.parametrize(("groups", "seed", "size"), [(9, 0, 0.02), (12, 3, 0.02)])
