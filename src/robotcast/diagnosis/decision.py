@@ -67,13 +67,26 @@ def decide(found: Found, floor: Floor, rule: Rule, look: Callable[[], Unexplaine
         if left.enough or far:
             return Verdict(Code.UNKNOWN, (), near, left)
         return Verdict(Code.NONE, (), near, Unexplained() if unfinished else None)
-    excess = scales.typical(top.errors.waypoint) - max(floor.typical, floor.unit)
-    beside = replace(scales, base=max(excess, 0.0), finished=math.inf)
-    if left.rung and beside.gain(top.errors.waypoint, left.rung.errors.waypoint).pays(rule, 1):
+    if _refuted(found, floor, left, rule):
         return Verdict(Code.UNKNOWN, (), (top,), left)
     if unfinished and _explained(found, floor) < rule.mostly:
         return Verdict(Code.UNKNOWN, (), (top,), left)
     return Verdict(Code.NAMED, named, (), Unexplained() if unfinished else None)
+
+
+def _refuted(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> bool:
+    """Tell whether a field alone takes away most of what the named effects leave above the floor.
+
+    Effects that imitate what is missing do less than a force like it.
+    """
+    scales, top = found.scales, found.top.errors.waypoint
+    assert scales is not None
+    if left.rung is None:
+        return False
+    excess = scales.typical(top) - max(floor.typical, floor.unit)
+    beside = replace(scales, base=max(excess, 0.0), finished=math.inf)
+    gain = beside.gain(top, left.rung.errors.waypoint)
+    return gain.share > rule.mostly and gain.p_value < rule.level / left.tried
 
 
 def _worth_a_look(found: Found, floor: Floor, rule: Rule) -> bool:

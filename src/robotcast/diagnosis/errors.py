@@ -88,14 +88,14 @@ class Gain:
 class Scales:
     """What errors are compared by.
 
-    A model that stands at the floor is only improved by what matters beside what was missed at
-    first. Above it something is missing still, and what takes away part of what is left matters.
+    A model near the floor is only improved by what matters beside what was missed at first. Far
+    above it something is missing still, and what takes away part of what is left matters.
 
     Attributes
     ----------
     unit : see `Floor`.
     base : typical error of the base model, % of the scale.
-    finished : typical error up to which a model stands at the floor; infinite when not known.
+    finished : typical error up to which a model stands near the floor; infinite when not known.
     groups : of every trial, numbered from 0; the sampling units.
     usual : bool (n_trials,), trials that were not measured wrongly.
     far : see `worse`.

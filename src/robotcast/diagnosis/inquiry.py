@@ -132,7 +132,7 @@ class Inquiry:
         trials: np.ndarray | None = None,
         known: Fit | None = None,
         like: Fit | None = None,
-        central: bool = True,
+        stepping: Stepping = STEPPING,
     ) -> Fit:
         """Fit the model with these effects (see `fit_robustly`), to all trials by default."""
         return fit_robustly(
@@ -145,7 +145,7 @@ class Inquiry:
             like=like,
             free=self.free(active),
             prior=self.prior(active),
-            stepping=replace(STEPPING, central=central),
+            stepping=stepping,
         )
 
     def expected_loss(self, active: Sequence[str], fit: Fit) -> float:

@@ -10,13 +10,13 @@ held by a prior).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
 
-from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.inquiry import STEPPING, Inquiry
 from robotcast.fitting.least_squares import Fit
 
 EDGE = 0.01  # of a range, from which a start keeps clear
@@ -37,7 +37,8 @@ def fit_library(
     places = [_best_place(early, (*fixed, name), base) for name in candidates]
     nominal = np.concatenate([early.nominal(fixed), *places])
     tuned = np.concatenate([base.vector, *places])
-    begun = [early.fit(effects, start, 0, central=False) for start in (nominal, tuned)]
+    one_sided = replace(STEPPING, central=False)
+    begun = [early.fit(effects, start, 0, stepping=one_sided) for start in (nominal, tuned)]
     fits = [early.fit(effects, fit.vector, 2, known=fit) for fit in begun]
     best = min(fits, key=lambda fit: fit.loss)
     best = early.fit(effects, best.vector, iterations - 2, known=best)

@@ -1,11 +1,11 @@
 """A revision of the model: the effects that act and the fit of its parameters."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.inquiry import STEPPING, Inquiry
 from robotcast.diagnosis.rule import Effort
 from robotcast.fitting.ensemble import ensemble_start
 from robotcast.fitting.least_squares import Fit
@@ -89,11 +89,13 @@ def held_out(inquiry: Inquiry, revision: Revision, effort: Effort) -> HeldOut:
     whole, effects = revision.fit, revision.effects
     n = len(inquiry.records)
     waypoint, final, low = np.empty((3, n))
-    vectors = []
+    vectors, near = [], replace(STEPPING, most=1)
     for fold in folds(inquiry.groups, effort.folds, effort.seed):
         rest = np.setdiff1d(inquiry.everything, fold)
         known = Fit(whole.vector, whole.loss, whole.residual[rest], whole.jacobian[rest])
-        fit = inquiry.fit(effects, whole.vector, effort.fold, trials=rest, known=known)
+        fit = inquiry.fit(
+            effects, whole.vector, effort.fold, trials=rest, known=known, stepping=near
+        )
         vectors.append(fit.vector)
         missed = inquiry.differences(effects, fit.vector[None], fold)[0]
         waypoint[fold], final[fold] = inquiry.percent(missed, fold)

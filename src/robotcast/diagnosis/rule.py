@@ -46,8 +46,9 @@ class Rule:
     beyond : times what repeats differ by: above, something is missing whatever explains it. Below
         it may be what two honest models of one thing differ by.
     most_effects : the most that are named together; more would explain anything.
-    mostly : of what the base model misses beyond the floor: effects that take away less of it
-        explain too little to be named where the rest stays above the floor.
+    mostly : of what a model misses beyond the floor: effects that take away less of it explain
+        too little to be named where the rest stays above the floor; a field that takes away more
+        of what they leave refutes them.
     fewest_groups : different trials below which nothing can be held back and tested.
     blunder : times the typical error: a trial of which even the best quarter is missed by more
         was measured wrongly.

@@ -155,13 +155,17 @@ class Selection:
         return size
 
     def _library_adds(self, effects: Effects) -> bool:
-        """Tell whether the whole library predicts the beginnings better by what would matter."""
+        """Tell whether the whole library predicts the beginnings better by what would matter.
+
+        Above the floor what matters is a part of what is left: it is worth a further look.
+        """
         library, fit = self.found.library, self.found.early[effects]
         assert library is not None
         base = self._seen(self._fixed, self.found.early[self._fixed])
         own, whole = self._seen(effects, fit), self._seen(library.effects, library.fit)
-        scales = replace(self._scales(self._early, [self._percent(fit)]), base=base)
-        return scales.share(own, whole) > self._rule.material
+        reached = self._rule.at_floor * max(self._floor.typical, self._floor.unit)
+        least = base if own <= reached or self._floor.percent is None else own
+        return own - whole > self._rule.material * least
 
     def _seen(self, effects: Effects, fit: Fit) -> float:
         """Return the typical error that a fit to beginnings will have on others like them."""
@@ -177,16 +181,17 @@ class Selection:
         library = self.found.library
         assert library is not None
         self._next(Step.BEGINNINGS, f"{size} effect{'s' * (size > 1)} more")
-        begun: dict[Effects, Fit] = {}
+        looked: dict[Effects, Fit] = {}
         most = self._effort.tried
         for some in (library, *(library.starts if size == 1 else ())):
             for effects in some.best(size, most if some is library else most - 2, self._fixed):
                 vector, kept = some.start(effects)
                 for start in self._starts(effects, vector):
-                    fit = self._begun(some, effects, start, kept)
-                    if effects not in begun or fit.loss < begun[effects].loss:
-                        begun[effects] = fit
-        for effects in sorted(begun, key=lambda e: begun[e].loss)[: self._effort.tried - 1]:
+                    fit = self._look(some, effects, start, kept)
+                    if effects not in looked or fit.loss < looked[effects].loss:
+                        looked[effects] = fit
+        begun = {e: self._early.fit(e, fit.vector, 1, known=fit) for e, fit in looked.items()}
+        for effects in sorted(begun, key=lambda e: begun[e].loss)[: most - 1]:
             fit = begun[effects]
             self._early_fit(effects, fit.vector, fit, self._effort.refit)
 
@@ -210,14 +215,11 @@ class Selection:
         first = len(self._inquiry.parameters(effects[: effects.index(name)]))
         return slice(first, first + len(self._inquiry.model.effects[name].parameters))
 
-    def _begun(
-        self, library: Library, effects: Effects, start: np.ndarray, kept: np.ndarray
-    ) -> Fit:
-        early = self._early
-        residual = early.residuals(effects)(start[None], early.everything)[0]
+    def _look(self, library: Library, effects: Effects, start: np.ndarray, kept: np.ndarray) -> Fit:
+        """Return the beginnings as a start predicts them, with the library's slopes."""
+        residual = self._early.residuals(effects)(start[None], self._early.everything)[0]
         slopes = library.fit.jacobian[:, :, kept]
-        known = Fit(start, float(trial_losses(residual).mean()), residual, slopes)
-        return early.fit(effects, start, 1, known=known)
+        return Fit(start, float(trial_losses(residual).mean()), residual, slopes)
 
     def _early_fit(
         self, effects: Effects, start: np.ndarray, known: Fit | None, iterations: int
@@ -243,30 +245,30 @@ class Selection:
                 rematched = True
                 self._polish(smaller)
                 self._choose()
-            if len(self.found.named) == smaller:
-                break  # else one of them was needless
-            for effects in self._parts(smaller):
-                self._refit(effects)
+            if len(self.found.named) < smaller:
+                continue  # one of them was needless, or none helps
+            if not self._needless(smaller):
+                break
 
     def _finalists(self, size: int) -> list[Effects]:
-        """Return the best set of effects of one size, those level with it, and its likely rivals.
-
-        Beside them its parts that may do nearly as well: one of its effects may be needless.
-        """
+        """Return the best set of effects of one size on the beginnings, and those level with it."""
         fits, fixed = self.found.early, len(self._fixed)
-        sets = [e for e in fits if len(e) == fixed + size]
-        sets.sort(key=lambda e: fits[e].loss)
-        best = sets[0]
-        level = [e for e in sets[1:] if self._alike(fits[best], fits[e])]
-        parts = [
-            e
-            for e in fits
-            if set(e) < set(best)
-            and len(e) == fixed + size - 1
-            and size > 1
-            and self._nearly(best, e)
-        ]
-        return [best, *level[: self._effort.finalists - 1], *parts]
+        sets = sorted((e for e in fits if len(e) == fixed + size), key=lambda e: fits[e].loss)
+        level = [e for e in sets[1:] if self._alike(fits[sets[0]], fits[e])]
+        return [sets[0], *level[: self._effort.finalists - 1]]
+
+    def _needless(self, size: int) -> bool:
+        """Tell whether one of the chosen effects is, refitting what is left without each."""
+        chosen = self.found.chosen
+        parts = [(*self._fixed, *part) for part in combinations(self.found.named, size - 1)]
+        for effects in parts:
+            if effects not in self.found.early:
+                self._early_fit(effects, self._of_larger(effects), None, 1)
+        best = min(parts, key=lambda e: self.found.early[e].loss)
+        if self._nearly(chosen, best):
+            self._refit(best)
+            self._choose()
+        return len(self.found.named) < size
 
     def _nearly(self, best: Effects, other: Effects) -> bool:
         """Tell whether a fit to beginnings is worse by less than twice what matters."""
@@ -274,26 +276,14 @@ class Selection:
         base, least, more = (self._seen(e, fits[e]) for e in (self._fixed, best, other))
         return more - least < 2 * self._rule.material * base
 
-    def _parts(self, size: int) -> list[Effects]:
-        """Return the chosen set's parts that were never fitted: one of its effects left out."""
-        fixed = len(self._fixed)
-        best = min(
-            (e for e in self.found.judged if len(e) == fixed + size),
-            key=lambda e: self.found.judged[e].revision.fit.loss,
-        )
-        return [(*self._fixed, *part) for part in combinations(best[fixed:], size - 1) if part]
-
     def _refit(self, effects: Effects) -> None:
         """Fit a model to whole trials and judge it on trials held out."""
         if effects in self.found.judged:
             return
-        if effects not in self.found.early:
-            start = self._of_larger(effects)
-            self._early_fit(effects, start, None, self._effort.refit - 1)
         early = self.found.early[effects]
         self._next(Step.REFIT, " + ".join(effects[len(self._fixed) :]))
         inquiry, effort = self._inquiry, self._effort
-        fit = inquiry.fit(effects, early.vector, effort.refit + 1, like=early)
+        fit = inquiry.fit(effects, early.vector, effort.refit, like=early)
         self._keep(Revision(effects, fit))
 
     def _polish(self, size: int) -> None:
@@ -371,16 +361,23 @@ class Selection:
             e: replace(r, gain=scales.gain(found.base.errors.waypoint, r.errors.waypoint))
             for e, r in found.judged.items()
         }
-        order = sorted(judged, key=lambda e: (len(e), self._cost(judged[e])))
-        chosen = order[0]
-        for effects in order:
-            chosen = effects
-            if not any(
-                len(other) > len(effects) and self._pays(scales, judged[effects], judged[other])
-                for other in order
-            ):
+        chosen = self._fixed
+        for size in sorted({len(effects) for effects in judged}):
+            chosen = self._simplest([judged[e] for e in judged if len(e) == size])
+            larger = [rung for effects, rung in judged.items() if len(effects) > size]
+            if not any(self._pays(scales, judged[chosen], rung) for rung in larger):
                 break
         self.found = replace(found, judged=judged, chosen=chosen, scales=scales)
+
+    def _simplest(self, rungs: Sequence[Rung]) -> Effects:
+        """Return the set with the least expected loss, or one as good with fewer strengths."""
+        cost = {rung.effects: self._cost(rung) for rung in rungs}
+        best = min(rungs, key=lambda rung: cost[rung.effects])
+        level = [r for r in rungs if r is best or self._undecided(best, r)]
+        return min(level, key=lambda r: (self._strengths(r), cost[r.effects])).effects
+
+    def _strengths(self, rung: Rung) -> int:
+        return sum(p.null is not None for p in self._inquiry.parameters(rung.effects))
 
     def _rivals(self) -> dict[str, tuple[str, ...]]:
         """Return what could stand in the place of every chosen effect.
@@ -409,7 +406,7 @@ class Selection:
         return worse(extra, self._early.groups, self._rule.far) > self._rule.equal
 
     def _cost(self, rung: Rung) -> float:
-        """Return what sets of one size are chosen by: the loss expected on further trials.
+        """Return the loss expected on further trials.
 
         The fits see the same trials, so that it tells more than what they miss of those held out.
         """
@@ -437,8 +434,8 @@ class Selection:
         best = np.min(low, axis=0)
         usual = best <= self._rule.blunder * max(float(np.median(best)), self._floor.unit)
         floor = self._floor
-        reached = self._rule.at_floor * max(floor.typical, floor.unit)
-        finished = np.inf if floor.percent is None else reached
+        known = self._rule.beyond * max(floor.typical, floor.unit)
+        finished = np.inf if floor.percent is None else known
         return Scales(floor.unit, 1.0, finished, inquiry.groups, usual, self._rule.far)
 
     def _next(self, step: Step, what: str = "") -> None:

@@ -22,11 +22,13 @@ class Unexplained:
     field : its name among the model's effects, None when there are no fields to try.
     rung : the model with it.
     enough : whether the field takes away so much that what is missing must be like it.
+    tried : how many fields were looked at.
     """
 
     field: str | None = None
     rung: Rung | None = None
     enough: bool = False
+    tried: int = 1
 
 
 def look_for_the_unknown(
@@ -39,19 +41,22 @@ def look_for_the_unknown(
 ) -> Unexplained:
     """Fit the likeliest fields on top of the base model: to beginnings, and the best one to all.
 
-    Between them decides what they miss of the beginnings, and what their parameters cost.
+    What they miss of the beginnings, and what their parameters cost, decides between them, and
+    whether the best one may do better than the chosen effects.
     """
     base, scales = found.base, found.scales
     if not fields or scales is None:
         return Unexplained()
-    early = inquiry.beginnings(effort.early, effort.some)
+    early, known = inquiry.beginnings(effort.early, effort.some), found.early[found.chosen]
     field, fit = _Contest(early, base.effects, found.early[base.effects], effort, tell).best(fields)
-    tell(inquiry.model.effects[field].text)
     effects = (*base.effects, field)
+    if early.expected_loss(effects, fit) > early.expected_loss(found.chosen, known):
+        return Unexplained()
+    tell(inquiry.model.effects[field].text)
     revision = Revision(effects, inquiry.fit(effects, fit.vector, effort.refit, like=fit))
     rung = Rung(revision, held_out(inquiry, revision, effort))
     saved = scales.gain(base.errors.waypoint, rung.errors.waypoint)
-    return Unexplained(field, rung, saved.pays(rule, len(fields)))
+    return Unexplained(field, rung, saved.pays(rule, len(fields)), len(fields))
 
 
 @dataclass(frozen=True)
