@@ -16,10 +16,9 @@ from stage import bar, console, output_folder, require, stage, typed
 from robotcast.cast_model.model import CastModel
 from robotcast.cast_model.records import cast_records
 from robotcast.cast_model.wording import CAST_WORDING
-from robotcast.diagnosis.comparison.compare import Comparison, compare
+from robotcast.diagnosis.compare import Comparison, compare
 from robotcast.diagnosis.diagnose import Case, floor_and_noise
-from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.revision import fit_base
+from robotcast.diagnosis.inquiry import Inquiry, fit_base
 from robotcast.effects.active import parameters_of
 from robotcast.effects.effect import Effect
 from robotcast.files import write_text

@@ -21,7 +21,7 @@ from robotcast.cast_model.records import cast_records
 from robotcast.cast_model.wording import CAST_WORDING
 from robotcast.casts.action_file import write_actions
 from robotcast.diagnosis.diagnose import Case, diagnose
-from robotcast.diagnosis.further.next_trials import Further
+from robotcast.diagnosis.next_trials import Further
 from robotcast.effects.effect import Effect
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import MeasurementSet

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
+from robotcast.diagnosis.decision import Unexplained, strengths
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.unexplained import Unexplained, strengths
 from robotcast.effects.fields import AlongMotionField, PlaceField
 
 BOARD_X_M, BOARD_Y_M = (0.4, 1.3, 10), (-0.8, 0.8, 13)

@@ -5,8 +5,8 @@ import numpy as np
 from robotcast.cast_model.model import CastModel
 from robotcast.casts.action import Action, action_factors
 from robotcast.casts.plan import PlanLimits, plan_actions
-from robotcast.diagnosis.further.next_trials import Further
 from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.next_trials import Further
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.simulators.simulator import SimulatedCast
 

@@ -7,10 +7,9 @@ from itertools import combinations
 import numpy as np
 
 from robotcast.diagnosis.errors import Floor, Gain, Scales, typical, worse
-from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.inquiry import HeldOut, Inquiry, Revision, fit_base, held_out
 from robotcast.diagnosis.library import Library, fit_library
 from robotcast.diagnosis.outlook import Step
-from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.least_squares import Fit, trial_losses
 
@@ -163,7 +162,7 @@ class Selection:
         assert library is not None
         base = self._seen(self._fixed, self.found.early[self._fixed])
         own, whole = self._seen(effects, fit), self._seen(library.effects, library.fit)
-        reached = self._rule.at_floor * max(self._floor.typical, self._floor.unit)
+        reached = self._rule.at_floor * self._floor.reach
         least = base if own <= reached or self._floor.percent is None else own
         return own - whole > self._rule.material * least
 
@@ -315,7 +314,7 @@ class Selection:
             for effects, rung in found.judged.items()
             if len(effects) == fixed + size
         ]
-        return any(g.p_value < rule.equal and g.share > rule.material / 2 for g in gains)
+        return any(g.p_value < rule.equal and g.matters(rule, 0.5) for g in gains)
 
     def _undecided(self, best: Rung, other: Rung) -> bool:
         extra = trial_losses(other.revision.fit.residual) - trial_losses(best.revision.fit.residual)
@@ -433,10 +432,7 @@ class Selection:
         """
         best = np.min(low, axis=0)
         usual = best <= self._rule.blunder * max(float(np.median(best)), self._floor.unit)
-        floor = self._floor
-        known = self._rule.beyond * max(floor.typical, floor.unit)
-        finished = np.inf if floor.percent is None else known
-        return Scales(floor.unit, 1.0, finished, inquiry.groups, usual, self._rule.far)
+        return Scales(self._floor, 1.0, inquiry.groups, usual, self._rule)
 
     def _next(self, step: Step, what: str = "") -> None:
         self._tell(self.found, step, what)
