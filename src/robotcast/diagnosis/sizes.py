@@ -37,7 +37,9 @@ def first_in_resamples(found: Found, groups: np.ndarray, seed: int) -> dict[str,
     missed = np.array(
         [
             drawn
-            @ _mean_of_groups(misses(found.judged[e].errors.waypoint, found.scales.floor.unit), groups)
+            @ _mean_of_groups(
+                misses(found.judged[e].errors.waypoint, found.scales.floor.unit), groups
+            )
             for e in (found.base.effects, *sets)
         ]
     )
