@@ -42,7 +42,9 @@ def own_effect(monkeypatch: pytest.MonkeyPatch) -> Effect:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not CASTING.exists(), reason="needs ../shared/data/casting")
-def test_the_effect_of_the_guide_explains_what_the_library_does_not_hold(own_effect: Effect) -> None:
+def test_the_guides_effect_explains_what_the_library_does_not_hold(
+    own_effect: Effect,
+) -> None:
     measured = read_measurement_set(CASTING)
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
         config = compose("config")

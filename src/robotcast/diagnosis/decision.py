@@ -1,7 +1,7 @@
 """The verdict: one rule, as docs/decision.md states it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -167,6 +167,8 @@ def decide(found: Found, floor: Floor, rule: Rule, look: Callable[[], Unexplaine
     unfinished = floor.above(top.errors.waypoint[scales.usual], rule.at_floor)
     if not named:
         far = floor.above(top.errors.waypoint[scales.usual], rule.beyond)
+        if left.enough and (known := _name_for(found, floor, left, rule)):
+            return Verdict(Code.NAMED, known)
         if left.enough or far:
             return Verdict(Code.UNKNOWN, (), near, left)
         return Verdict(Code.NONE, (), near, Unexplained() if unfinished else None)
@@ -175,6 +177,26 @@ def decide(found: Found, floor: Floor, rule: Rule, look: Callable[[], Unexplaine
     if unfinished and _explained(found, floor) < rule.mostly:
         return Verdict(Code.UNKNOWN, (), (top,), left)
     return Verdict(Code.NAMED, named, (), Unexplained() if unfinished else None)
+
+
+def _name_for(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> tuple[str, ...]:
+    """Return the effects that do as well as a field that pays; empty when none do.
+
+    The field proves that something is missing, so that they need only be likely to help, reach
+    the floor, and not be refuted by it.
+    """
+    scales, base = found.scales, found.base.errors.waypoint
+    assert scales is not None
+    likely = []
+    for rung in found.judged.values():
+        gain = scales.gain(base, rung.errors.waypoint)
+        if gain.matters(rule, 0.5) and gain.p_value < rule.equal:
+            likely.append((len(rung.effects), scales.typical(rung.errors.waypoint), rung.effects))
+    if not likely:
+        return ()
+    known = replace(found, chosen=min(likely)[2])
+    unfinished = floor.above(known.top.errors.waypoint[scales.usual], rule.at_floor)
+    return () if unfinished or _refuted(known, floor, left, rule) else known.named
 
 
 def _refuted(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> bool:

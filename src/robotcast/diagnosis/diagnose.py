@@ -154,8 +154,10 @@ class _Run:
         )
         self._found = selection.run()
         self._base = self._found.base.revision
-        self._screen(self._found.chosen)
         self._verdict = decide(self._found, self._floor, case.rule, self._look)
+        if self._verdict.named:
+            self._found = selection.choose((*case.fixed, *self._verdict.named))
+        self._screen(self._found.chosen)
 
     def look_only(self) -> None:
         """Fit the model and look at every effect, where nothing can be held back for a test."""

@@ -123,7 +123,12 @@ class Selection:
             self.fit_library()
             size = self.shortlist()
             self.judge(size)
-            self.found = replace(self.found, rivals=self._rivals())
+        return self.choose(self.found.chosen)
+
+    def choose(self, effects: Effects) -> Found:
+        """Take a judged model for the chosen one, and look for what could stand in its place."""
+        self.found = replace(self.found, chosen=effects)
+        self.found = replace(self.found, rivals=self._rivals() if self._candidates else {})
         return self.found
 
     def fit_base(self) -> None:
@@ -145,12 +150,17 @@ class Selection:
     def shortlist(self) -> int:
         """Refit sets of effects to beginnings, larger ones until the library has little to add.
 
+        Single effects are tried wherever the model as it is stands above the floor: the library's
+        fit may have ended in a valley.
+
         Returns
         -------
         How many effects the smallest set has beside which it has.
         """
-        size = 0
-        while size < self._rule.most_effects and self._library_adds(self._best_early(size)):
+        size, wanted = 0, self._above(self.found.base)
+        while size < self._rule.most_effects and (
+            (wanted and not size) or self._library_adds(self._best_early(size))
+        ):
             size += 1
             self._refit_size(size)
         return size
@@ -238,6 +248,9 @@ class Selection:
 
     def judge(self, size: int) -> None:
         """Fit the finalists to whole trials, judge them on trials held out, and choose."""
+        if self._above(self.found.base):
+            assert self.found.library is not None
+            self._rematch(self.found.library.fit)
         rematched = False
         for smaller in range(size, 0, -1):
             for effects in self._finalists(smaller):
@@ -245,7 +258,7 @@ class Selection:
             self._choose()
             if self._promises(smaller):
                 if not rematched:
-                    self._rematch()
+                    self._rematch(self._best_refit(smaller))
                 rematched = True
                 self._polish(smaller)
                 self._choose()
@@ -297,8 +310,7 @@ class Selection:
         rivals = [e for e in found.judged if len(e) == fixed + size]
         best = min(rivals, key=lambda e: found.judged[e].revision.fit.loss)
         level = [e for e in rivals if self._undecided(found.judged[best], found.judged[e])]
-        errors = found.judged[best].errors.waypoint[found.scales.usual]
-        if len(level) < 2 and not self._floor.above(errors, 1 + self._rule.material):
+        if len(level) < 2 and not self._above(found.judged[best]):
             return
         for effects in level:
             self._next(Step.REFIT, " + ".join(effects[fixed:]))
@@ -335,19 +347,24 @@ class Selection:
         parts = [fitted[:own], *(fitted[self._entries(whole, name)] for name in effects)]
         return np.concatenate(parts)
 
-    def _rematch(self) -> None:
-        """Give the model as it is the best refit's parameters to start from.
+    def _above(self, rung: Rung) -> bool:
+        """Tell whether a model stands above the floor by what would matter."""
+        assert self.found.scales is not None
+        errors = rung.errors.waypoint[self.found.scales.usual]
+        return self._floor.above(errors, 1 + self._rule.material)
 
-        A refit that lands in a better valley of the old parameters would else count for its
-        effects.
+    def _best_refit(self, size: int) -> Fit:
+        n = len(self._fixed) + size
+        fits = [r.revision.fit for e, r in self.found.judged.items() if len(e) == n]
+        return min(fits, key=lambda fit: fit.loss)
+
+    def _rematch(self, other: Fit) -> None:
+        """Give the model as it is the old parameters of a fit with more effects to start from.
+
+        One that lands in a better valley of them would else count for its effects.
         """
-        others = [r for e, r in self.found.judged.items() if len(e) > len(self._fixed)]
-        if not others:
-            return
         self._next(Step.REMATCH)
-        best = min(others, key=lambda rung: rung.revision.fit.loss)
-        n = len(self.found.base.revision.fit.vector)
-        start = best.revision.fit.vector[:n]
+        start = other.vector[: len(self.found.base.revision.fit.vector)]
         early = self._early.fit(self._fixed, start, self._effort.refit)
         if early.loss > self.found.early[self._fixed].loss:
             return
