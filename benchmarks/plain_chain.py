@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 
 from robotcast.measurements.measurement_set import Cable, Trial
-from robotcast.simulators.chain.model import TOOL_ARMATURE, chain_model
-from robotcast.simulators.chain.segmented import SegmentedSettings
-from robotcast.simulators.geometry import GRAVITY_M_S2, TOOL_DOFS, ChainGeometry, capsule_inertia
-from robotcast.simulators.tool_path import ToolPaths
+from robotcast.simulators.batch import ToolPaths
+from robotcast.simulators.chain import GRAVITY_M_S2, TOOL_DOFS, ChainGeometry, capsule_inertia
+from robotcast.simulators.mujoco_cables import SegmentedSettings
+from robotcast.simulators.mujoco_chain import TOOL_ARMATURE, chain_model
 
 
 class PlainChain:

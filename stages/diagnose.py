@@ -14,11 +14,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 from stage import bar, console, output_folder, require, stage, typed
 
-from robotcast.cast_model.field_drawing import draw_field
-from robotcast.cast_model.further import further_casts
-from robotcast.cast_model.model import CastModel
-from robotcast.cast_model.records import cast_records
-from robotcast.cast_model.wording import CAST_WORDING
+from robotcast.cast_model import CAST_WORDING, CastModel, cast_records, draw_field, further_casts
 from robotcast.casts.action_file import write_actions
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.further.next_trials import Further
