@@ -36,14 +36,7 @@ CAST_WORDING = Wording(
         Axis("x", "m", "far from the robot", "near the robot"),
         Axis("y", "m", "on the left", "on the right"),
     ),
-    factor_units={
-        "theta1": "rad",
-        "r1": "m",
-        "theta2": "rad",
-        "r2": "m",
-        "alpha": "rad",
-        "vmax": "m/s",
-    },
+    factor_units=dict(theta1="rad", r1="m", theta2="rad", r2="m", alpha="rad", vmax="m/s"),
 )
 
 

@@ -132,7 +132,18 @@ class BulletRun:
         """Go on as before: a run of one simulation that goes on goes on whole."""
 
     def step(self, state: CableState, next_pose: np.ndarray) -> None:
-        moments = self._moments(state) if self._effects.acting else None
+        moments = None
+        if self._effects.acting:
+            moments = self._effects.act(
+                state,
+                self._time_s,
+                self._step_s,
+                (self._bending * self._geometry.bends_m)[None],
+                mass_kg=self._points_kg,
+                friction_n=self._friction_n,
+                bend_rad=self._bends[None],
+                bend_rate_rad_s=np.diff(self._turning[:-1, 2])[None],
+            )
         for part in range(self._parts):
             if part:
                 self._place()
@@ -148,19 +159,6 @@ class BulletRun:
             self._chain.step()
         self._time_s += self._step_s
         self._look()
-
-    def _moments(self, state: CableState) -> np.ndarray | None:
-        """Let the effects act on the points; return their moments in the joints, if any."""
-        return self._effects.act(
-            state,
-            mass_kg=self._points_kg,
-            friction_n=self._friction_n,
-            bend_rad=self._bends[None],
-            bend_rate_rad_s=np.diff(self._turning[:-1, 2])[None],
-            stiffness_n_m2=(self._bending * self._geometry.bends_m)[None],
-            time_s=self._time_s,
-            step_s=self._step_s,
-        )
 
     def _look(self) -> None:
         self._place()

@@ -27,7 +27,7 @@ simulator):
   shorter, so effects that damp bending are refused.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache, partial
 from typing import Any
 
@@ -59,6 +59,20 @@ def physics_client() -> PhysicsClient:
     return PhysicsClient()
 
 
+def _board(friction: float, step_s: float, iterations: int) -> PhysicsClient:
+    """Return this process's physics client, emptied of all but the board."""
+    client = physics_client()
+    client.resetSimulation()
+    client.setGravity(0.0, 0.0, -GRAVITY_M_S2)
+    client.setPhysicsEngineParameter(
+        fixedTimeStep=step_s, numSolverIterations=iterations, deterministicOverlappingPairs=1
+    )
+    plane = client.createMultiBody(0.0, client.createCollisionShape(pybullet.GEOM_PLANE))
+    client.changeDynamics(plane, -1, lateralFriction=friction)
+    client.setCollisionFilterGroupMask(plane, -1, _PLANE, _CABLE)
+    return client
+
+
 class BulletChain:
     """The bodies: the held end, one capsule a segment, and the endpoint.
 
@@ -87,28 +101,41 @@ class BulletChain:
         step_s: float,
         iterations: int,
     ) -> None:
-        client = self._client = physics_client()
-        self._radius_m, self._values, self._step_s = radius_m, values, step_s
-        client.resetSimulation()
-        client.setGravity(0.0, 0.0, -GRAVITY_M_S2)
-        client.setPhysicsEngineParameter(
-            fixedTimeStep=step_s, numSolverIterations=iterations, deterministicOverlappingPairs=1
-        )
-        plane = client.createMultiBody(0.0, client.createCollisionShape(pybullet.GEOM_PLANE))
-        client.changeDynamics(plane, -1, lateralFriction=values["dynamic_friction"])
-        client.setCollisionFilterGroupMask(plane, -1, _PLANE, _CABLE)
-        turned = client.getQuaternionFromEuler([0.0, 0.0, yaw_rad])
-        self._held = self._add_held(pose)
-        self._bodies = [self._held]
+        client = self._client = _board(values["dynamic_friction"], step_s, iterations)
+        self._radius_m, self._step_s = radius_m, step_s
+        # spinning and rolling friction are lengths, multiplied by the other's lateral friction; of
+        # damping, Bullet takes the share of the speed that is lost in a second
+        rough = {
+            "spinningFriction": values["spinning_friction_m"],
+            "rollingFriction": values["rolling_friction_m"],
+            "linearDamping": -np.expm1(-values["linear_damping_per_s"]),
+            "angularDamping": -np.expm1(-values["angular_damping_per_s"]),
+        }
+        self._bodies: list[int] = []
+        self._add(HELD_KG, -1, pose, pose[2], [HELD_KG] * 3, linearDamping=0.0, angularDamping=0.0)
         heading = np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
         near = pose[:2] + geometry.stub_m * np.array([np.cos(pose[2]), np.sin(pose[2])])
         joint = geometry.stub_m  # of the body before, to its far end
         for length, mass in zip(geometry.lengths_m, capsules_kg, strict=True):
-            body = self._add_capsule(near + 0.5 * length * heading, turned, length, mass)
-            self._join(body, pybullet.JOINT_POINT2POINT, joint, -0.5 * length)
+            shape = client.createCollisionShape(
+                pybullet.GEOM_CAPSULE,
+                radius=radius_m,
+                height=length,
+                collisionFrameOrientation=_ALONG_X,
+            )
+            across = float(capsule_inertia(np.array(mass), np.array(length), radius_m))
+            along = 0.5 * mass * radius_m**2
+            centre = near + 0.5 * length * heading
+            lateral = values["lateral_friction"]
+            inertia = (along, across, across)
+            self._add(mass, shape, centre, yaw_rad, inertia, lateralFriction=lateral, **rough)
+            self._join(pybullet.JOINT_POINT2POINT, joint, -0.5 * length)
             near, joint = near + length * heading, 0.5 * length
-        endpoint = self._add_endpoint(near, turned, values["endpoint_mass_kg"])
-        self._join(endpoint, pybullet.JOINT_FIXED, joint, 0.0)
+        shape = client.createCollisionShape(pybullet.GEOM_SPHERE, radius=radius_m)
+        mass = values["endpoint_mass_kg"]
+        inertia = (0.4 * mass * radius_m**2,) * 3
+        self._add(mass, shape, near, yaw_rad, inertia, lateralFriction=1.0, **rough)
+        self._join(pybullet.JOINT_FIXED, joint, 0.0)
         self._pose, self._velocity = client.getBasePositionAndOrientation, client.getBaseVelocity
         self._torque, self._force = client.applyExternalTorque, client.applyExternalForce
         self._reset_velocity, self.step = client.resetBaseVelocity, client.stepSimulation
@@ -126,7 +153,7 @@ class BulletChain:
     def drive(self, velocity: np.ndarray, turning: np.ndarray) -> None:
         """Set how fast the held end moves (3,) and turns (3,) in the next step."""
         held_up = velocity + np.array([0.0, 0.0, GRAVITY_M_S2 * self._step_s])
-        self._reset_velocity(self._held, held_up.tolist(), turning.tolist())
+        self._reset_velocity(self._bodies[0], held_up.tolist(), turning.tolist())
 
     def turn(self, torques: np.ndarray) -> None:
         """Apply torques (n + 1, 3) [N m] in the next step; the first, on the held end, is moot."""
@@ -140,72 +167,33 @@ class BulletChain:
         ):
             self._force(body, -1, [x, y, 0.0], at, pybullet.WORLD_FRAME)
 
-    def _add_held(self, pose: np.ndarray) -> int:
-        turned = self._client.getQuaternionFromEuler([0.0, 0.0, pose[2]])
-        body = self._add(HELD_KG, -1, pose, turned)
-        self._client.changeDynamics(
-            body,
-            -1,
-            mass=HELD_KG,
-            localInertiaDiagonal=[HELD_KG] * 3,
-            linearDamping=0.0,
-            angularDamping=0.0,
-        )
-        return body
-
-    def _add_capsule(
-        self, centre: np.ndarray, turned: tuple[float, ...], length_m: float, mass_kg: float
-    ) -> int:
-        shape = self._client.createCollisionShape(
-            pybullet.GEOM_CAPSULE,
-            radius=self._radius_m,
-            height=length_m,
-            collisionFrameOrientation=_ALONG_X,
-        )
-        across = float(capsule_inertia(np.array(mass_kg), np.array(length_m), self._radius_m))
-        inertia = (0.5 * mass_kg * self._radius_m**2, across, across)
-        body = self._add(mass_kg, shape, centre, turned)
-        self._lay(body, mass_kg, inertia, self._values["lateral_friction"])
-        return body
-
-    def _add_endpoint(self, centre: np.ndarray, turned: tuple[float, ...], mass_kg: float) -> int:
-        shape = self._client.createCollisionShape(pybullet.GEOM_SPHERE, radius=self._radius_m)
-        body = self._add(mass_kg, shape, centre, turned)
-        self._lay(body, mass_kg, (0.4 * mass_kg * self._radius_m**2,) * 3, 1.0)
-        return body
-
-    def _lay(self, body: int, mass_kg: float, inertia: tuple[float, ...], lateral: float) -> None:
-        """Make a body touch the plane, and lose speed.
-
-        Spinning and rolling friction are lengths, multiplied by the other body's lateral friction.
-        Of damping, Bullet takes the share of the speed that is lost in a second.
-        """
-        self._client.changeDynamics(
-            body,
-            -1,
-            lateralFriction=lateral,
-            spinningFriction=self._values["spinning_friction_m"],
-            rollingFriction=self._values["rolling_friction_m"],
-            linearDamping=-np.expm1(-self._values["linear_damping_per_s"]),
-            angularDamping=-np.expm1(-self._values["angular_damping_per_s"]),
-            mass=mass_kg,  # without it Bullet would take 0 beside the inertia
-            localInertiaDiagonal=inertia,
-        )
-        self._client.setCollisionFilterGroupMask(body, -1, _CABLE, _PLANE)
-
     def _add(
-        self, mass_kg: float, shape: int, centre: np.ndarray, turned: tuple[float, ...]
-    ) -> int:
+        self,
+        mass_kg: float,
+        shape: int,
+        centre: np.ndarray,
+        yaw_rad: float,
+        inertia: Sequence[float],
+        **dynamics: float,
+    ) -> None:
         at = (centre[0], centre[1], self._radius_m)
-        return self._client.createMultiBody(
+        turned = self._client.getQuaternionFromEuler([0.0, 0.0, yaw_rad])
+        body = self._client.createMultiBody(
             mass_kg, shape, -1, at, turned, useMaximalCoordinates=True
         )
-
-    def _join(self, body: int, kind: int, before_m: float, own_m: float) -> None:
-        """Join a body to the last, at these places along their axes."""
-        places = [0.0, 0.0, 1.0], [before_m, 0.0, 0.0], [own_m, 0.0, 0.0]
-        self._client.createConstraint(self._bodies[-1], -1, body, -1, kind, *places)
+        # without the mass Bullet would take 0 beside the inertia
+        self._client.changeDynamics(
+            body, -1, mass=mass_kg, localInertiaDiagonal=inertia, **dynamics
+        )
+        if shape >= 0:
+            self._client.setCollisionFilterGroupMask(body, -1, _CABLE, _PLANE)
         self._bodies.append(body)
+
+    def _join(self, kind: int, before_m: float, own_m: float) -> None:
+        """Join the last two bodies, at these places along their axes."""
+        before, body = self._bodies[-2:]
+        places = [0.0, 0.0, 1.0], [before_m, 0.0, 0.0], [own_m, 0.0, 0.0]
+        self._client.createConstraint(before, -1, body, -1, kind, *places)
 
 
 @njit(cache=True)

@@ -5,7 +5,7 @@ yaw, then one hinge angle per segment, followed by a stretch where the segment s
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -138,45 +138,28 @@ class ChainEffects:
     def act(
         self,
         state: CableState,
-        *,
-        mass_kg: np.ndarray,
-        friction_n: np.ndarray,
-        bend_rad: np.ndarray,
-        bend_rate_rad_s: np.ndarray,
-        stiffness_n_m2: np.ndarray,
         time_s: float,
         step_s: float,
+        stiffness_n_m2: np.ndarray,
+        **rest: np.ndarray,
     ) -> np.ndarray | None:
-        """Add the effects' forces to `state.force_n`; return their moments (n_sim, n), if any."""
+        """Add the effects' forces to `state.force_n`; return their moments (n_sim, n), if any.
+
+        `rest` : what else `CableMotion` holds of points and hinges.
+        """
         heading = np.concatenate([state.heading, state.heading[:, :, -1:]], axis=2)
-
-        def motion(memory: dict[str, np.ndarray]) -> CableMotion:
-            return CableMotion(
-                self._cable,
-                time_s,
-                step_s,
-                self._geometry.lengths_m,
-                *state.position_m,
-                *state.velocity_m_s,
-                *state.slip,
-                *heading,
-                mass_kg=mass_kg,
-                friction_n=friction_n,
-                bend_rad=bend_rad,
-                bend_rate_rad_s=bend_rate_rad_s,
-                bends_m=self._geometry.bends_m,
-                memory=memory,
-            )
-
+        points = (*state.position_m, *state.velocity_m_s, *state.slip, *heading)
+        lengths_m, rest["bends_m"] = self._geometry.lengths_m, self._geometry.bends_m
+        motion = partial(CableMotion, self._cable, time_s, step_s, lengths_m, *points, **rest)
         for hook, values, memory in self._active.each("force"):
-            x, y = hook(motion(memory), **values)
+            x, y = hook(motion(memory=memory), **values)
             np.add(state.force_n[0], x, out=state.force_n[0])
             np.add(state.force_n[1], y, out=state.force_n[1])
         if self.acting == ["force"]:
             return None
-        moments = np.zeros(bend_rad.shape)
+        moments = np.zeros(rest["bend_rad"].shape)
         for hook, values, memory in self._active.each("rest_curvature"):
-            moments += stiffness_n_m2 * hook(motion(memory), **values)
+            moments += stiffness_n_m2 * hook(motion(memory=memory), **values)
         for hook, values, memory in self._active.each("bending_moment"):
-            moments += hook(motion(memory), **values)
+            moments += hook(motion(memory=memory), **values)
         return moments

@@ -41,10 +41,6 @@ class Generated:
     diverged: np.ndarray
 
 
-def _exactly(told: ToolMotion) -> ToolMotion:
-    return told
-
-
 def generate_casts(
     simulator: Simulator,
     vector: np.ndarray,
@@ -52,7 +48,7 @@ def generate_casts(
     plan: Callable[[np.ndarray], Sequence[PlannedCast]],
     *,
     settle_s: float,
-    follow: Callable[[ToolMotion], ToolMotion] = _exactly,
+    follow: Callable[[ToolMotion], ToolMotion] = lambda told: told,
     reach_m: np.ndarray | None = None,
     progress: Progress = silent,
 ) -> Generated:
@@ -76,9 +72,11 @@ def generate_casts(
             tool, last_s = follow(planned.tool), np.array([planned.end_s + settle_s])
             start_m = None if reach_m is None else tool.pose[0, :2] + reach_m
             casts.append(SimulatedCast(tool, last_s, start_m, action_factors(action)))
-        prediction = simulator.simulate(
-            casts, vector, progress=_part_of(progress, first, len(actions))
-        )
+
+        def partly(done: int, total: int, note: str = "", first: int = first) -> None:
+            progress(first + done, len(actions), note)
+
+        prediction = simulator.simulate(casts, vector, progress=partly)
         endpoints_m[part] = prediction.waypoints_m[0, :, 0]
         diverged[part] = prediction.diverged[0]
     return Generated(actions, endpoints_m, diverged)
@@ -91,13 +89,6 @@ def mean_reach(casts: Iterable[Cast]) -> np.ndarray | None:
     """
     seen = [cast.start_m - cast.tool.pose[0, :2] for cast in casts if cast.start_m is not None]
     return np.mean(seen, axis=0) if seen else None
-
-
-def _part_of(progress: Progress, first: int, whole: int) -> Progress:
-    def report(done: int, total: int, note: str = "") -> None:
-        progress(first + done, whole, note)
-
-    return report
 
 
 @dataclass(frozen=True)

@@ -230,13 +230,13 @@ class ChainRun(ABC):
         if self._effects.acting:
             moments = self._effects.act(
                 state,
+                self._time_s,
+                self._step_s,
+                self._stiffness_n_m2,
                 mass_kg=self._points_kg,
                 friction_n=self._friction_n,
                 bend_rad=self._qpos[:, self._hinges],
                 bend_rate_rad_s=self._qvel[:, self._hinges],
-                stiffness_n_m2=self._stiffness_n_m2,
-                time_s=self._time_s,
-                step_s=self._step_s,
             )
         self._damp()
         apply_forces(

@@ -46,21 +46,9 @@ def chain_state(
     points = np.empty((4, *points_kg.shape), np.float32)
     lag = np.empty((2, *points_kg.shape), np.float32)
     first = earlier is None
-    _place(
-        qpos,
-        qvel,
-        stepped if first else earlier,
-        first,
-        axes[0],
-        axes[1],
-        np.float32(geometry.stub_m),
-        geometry.half_m,
-        geometry.hinges,
-        geometry.slides,
-        stepped,
-        points,
-        lag,
-    )
+    before = stepped if first else earlier
+    cut = np.float32(geometry.stub_m), geometry.half_m, geometry.hinges, geometry.slides
+    _place(qpos, qvel, before, first, *axes, *cut, stepped, points, lag)
     slip, force = np.empty_like(lag), np.empty_like(lag)
     _rub(points, lag, points_kg, friction_n, np.float32(sliding_speed_m_s**2), slip, force)
     return CableState(axes[:, :, 1:], points[:2], points[2:], slip, force), stepped
