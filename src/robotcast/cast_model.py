@@ -9,7 +9,6 @@ import numpy as np
 
 from robotcast.casts.action import Action, action_factors
 from robotcast.casts.plan import PlanLimits, plan_actions
-from robotcast.casts.tool_motion import ToolMotion
 from robotcast.diagnosis.further.next_trials import Further
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Record
@@ -112,10 +111,17 @@ def _record(trial: Trial) -> Record:
 
 
 def _phases(trial: Trial) -> dict[str, float]:
-    """Return when each phase of the motion starts [s]."""
-    tool = trial.tool
-    stop_s = _stop_s(tool)
-    turn_s = _turn_s(tool, stop_s)
+    """Return when each phase of the motion starts [s].
+
+    The tool turns back at the extreme of its angle about the base, before it comes to rest.
+    """
+    t_s, pose = trial.tool.t_s, trial.tool.pose
+    speed = np.linalg.norm(np.gradient(pose[:, :2], t_s, axis=0), axis=1)
+    stop_s = float(t_s[np.flatnonzero(speed > STOPPED_M_S).max(initial=0)])
+    angle = np.unwrap(np.arctan2(pose[:, 1], pose[:, 0]))
+    final = np.sign(angle[-1] - angle[0]) or 1.0
+    moving_tool = t_s <= stop_s
+    turn_s = float(t_s[moving_tool][np.argmin(final * angle[moving_tool])])
     from_end_m = np.linalg.norm(trial.waypoints_m - trial.endpoint_m, axis=1)
     moving = np.flatnonzero(from_end_m > STILL_M)
     rest_s = trial.waypoints_s[min(moving[-1] + 1, len(from_end_m) - 1)] if moving.size else stop_s
@@ -128,21 +134,7 @@ def _phases(trial: Trial) -> dict[str, float]:
     }
 
 
-def _stop_s(tool: ToolMotion) -> float:
-    """Return when the tool comes to rest."""
-    speed = np.linalg.norm(np.gradient(tool.pose[:, :2], tool.t_s, axis=0), axis=1)
-    return float(tool.t_s[np.flatnonzero(speed > STOPPED_M_S).max(initial=0)])
-
-
-def _turn_s(tool: ToolMotion, stop_s: float) -> float:
-    """Return when the tool turns back: the extreme of its angle about the base on the way."""
-    angle = np.unwrap(np.arctan2(tool.pose[:, 1], tool.pose[:, 0]))
-    final = np.sign(angle[-1] - angle[0]) or 1.0
-    on_the_way = tool.t_s <= stop_s
-    return float(tool.t_s[on_the_way][np.argmin(final * angle[on_the_way])])
-
-
-def further_casts(
+def candidate_casts(
     model: CastModel,
     measured: MeasurementSet,
     feasible: np.ndarray,
@@ -152,7 +144,7 @@ def further_casts(
 ) -> Further:
     """Return casts of actions drawn from the feasible ones (m, 6), half of them mirrored.
 
-    The arm is taken to do what it is told, and the cable to start straight. A cast is watched
+    The arm is taken to follow its plan, and the cable to start straight. A cast is watched
     for as long after its end as the measured ones were at most.
     """
     if not len(feasible):
@@ -162,10 +154,10 @@ def further_casts(
     mirrored = random.permutation(len(rows)) < len(rows) // 2
     actions = [Action.from_array(row) for row in rows]
     actions = [a.mirrored() if m else a for a, m in zip(actions, mirrored, strict=True)]
-    told = np.array([action.as_array() for action in actions])
+    rows = np.array([action.as_array() for action in actions])
     coast_s = max(float(t.waypoints_s[-1] - t.tool.t_s[-1]) for t in measured.trials)
     casts, records = {}, []
-    for number, planned in enumerate(plan_actions(told, r0_m=measured.r0_m, limits=limits)):
+    for number, planned in enumerate(plan_actions(rows, r0_m=measured.r0_m, limits=limits)):
         times_s = np.arange(0.0, planned.end_s + max(coast_s, 0.0), measured.period_s)
         nowhere = np.full((len(times_s), 2), np.nan)
         factors = action_factors(planned.action.as_array() + 0.0)  # no −0

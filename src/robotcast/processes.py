@@ -6,6 +6,7 @@ send, of a module and not of the main script, which the processes do not import.
 """
 
 import fcntl
+import multiprocessing.connection
 import os
 import pickle
 import signal
@@ -182,17 +183,9 @@ def _die_with_parent() -> None:
     by the parent-death signal: that one comes when the thread ends that started the process. Not
     by a thread that watches the pipe: a library's call may keep it from running.
     """
-    parent = parent_process()
-    if parent is None:
-        return
-    pipe = parent.sentinel
+    pipe = parent_process().sentinel  # type: ignore[union-attr]
     fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
     fcntl.fcntl(pipe, fcntl.F_SETSIG, signal.SIGKILL)
-    flags = fcntl.fcntl(pipe, fcntl.F_GETFL)
-    fcntl.fcntl(pipe, fcntl.F_SETFL, flags | os.O_ASYNC | os.O_NONBLOCK)
-    try:
-        ended_already = os.read(pipe, 1) == b""
-    except BlockingIOError:
-        return
-    if ended_already:
-        os._exit(1)
+    fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
+    if multiprocessing.connection.wait([pipe], 0):
+        os._exit(1)  # it has ended already

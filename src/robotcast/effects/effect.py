@@ -25,42 +25,26 @@ class CableMotion:
 
     Points run from the hand to the free end: one for every piece of cable, at its centre, then
     the endpoint. Arrays of them are (n_sim, n_points).
-
-    Attributes
-    ----------
-    cable : what its owner measured of it.
-    time_s : since the start of the cast.
-    step_s : until the next instant.
-    lengths_m : ndarray of shape (n_points − 1,), of the pieces.
-    x, y : position [m].
-    vx, vy : velocity [m/s].
-    slip_x, slip_y : the way each point slides, v / √(v² + ε²): a unit vector but near rest.
-    tx, ty : unit vector along the cable; of the endpoint, along the last piece.
-    mass_kg : of the points.
-    friction_n : μ m g of the points.
-    bend_rad, bend_rate_rad_s : ndarrays of shape (n_sim, n_hinges), positive to the left.
-    bends_m : ndarray of shape (n_hinges,), the length of cable whose bending a hinge carries.
-    memory : what an effect wants to find again at the next step; arrays with n_sim rows.
     """
 
-    cable: Cable
-    time_s: float
-    step_s: float
-    lengths_m: np.ndarray
-    x: np.ndarray
+    cable: Cable  # what its owner measured of it
+    time_s: float  # since the start of the cast
+    step_s: float  # until the next instant
+    lengths_m: np.ndarray  # (n_points − 1,) of the pieces
+    x: np.ndarray  # position [m]
     y: np.ndarray
-    vx: np.ndarray
+    vx: np.ndarray  # velocity [m/s]
     vy: np.ndarray
-    slip_x: np.ndarray
+    slip_x: np.ndarray  # the way a point slides, v / √(v² + ε²): a unit vector but near rest
     slip_y: np.ndarray
-    tx: np.ndarray
+    tx: np.ndarray  # unit vector along the cable; of the endpoint, along the last piece
     ty: np.ndarray
     mass_kg: np.ndarray
-    friction_n: np.ndarray
-    bend_rad: np.ndarray
+    friction_n: np.ndarray  # μ m g
+    bend_rad: np.ndarray  # (n_sim, n_hinges), positive to the left
     bend_rate_rad_s: np.ndarray
-    bends_m: np.ndarray
-    memory: Memory
+    bends_m: np.ndarray  # (n_hinges,), the length of cable whose bending a hinge carries
+    memory: Memory  # what an effect wants to find again at the next step; arrays with n_sim rows
 
     @property
     def curvature(self) -> np.ndarray:

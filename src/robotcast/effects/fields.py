@@ -6,7 +6,6 @@ with one strength each, an acceleration in m/s², so that heavy and light parts 
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -16,11 +15,6 @@ Forces = tuple[np.ndarray, np.ndarray]
 STRONGEST_M_S2 = 4.0
 PROBE_M_S2 = 0.25
 PRIOR_SD = 0.1  # of the range: what no cast passes stays where it is
-
-
-def _strength(unit: str = "m/s²", most: float = STRONGEST_M_S2, probe: float = PROBE_M_S2) -> dict:
-    span = {"unit": unit, "lower": -most, "upper": most}
-    return span | {"null_at": 0.0, "probes": [probe], "prior_sd": PRIOR_SD}
 
 
 class _Field(Effect):
@@ -34,10 +28,13 @@ class _Field(Effect):
         depends_on: str,
         *,
         endpoint: bool = False,
-        **numbers: Any,
+        unit: str = "m/s²",
+        most: float = STRONGEST_M_S2,
+        probe: float = PROBE_M_S2,
     ) -> None:
-        strengths = {f"c{k}": _strength(**numbers) for k in range(n)}
-        super().__init__(name, text, strengths, depends_on)
+        strength = {"unit": unit, "lower": -most, "upper": most, "null_at": 0.0}
+        strength |= {"probes": [probe], "prior_sd": PRIOR_SD}
+        super().__init__(name, text, {f"c{k}": strength for k in range(n)}, depends_on)
         self.endpoint = endpoint
 
     def acts_on(self, cable: CableMotion) -> np.ndarray:

@@ -56,24 +56,14 @@ effects, of which it applies what acts on the cable."""
 
 @dataclass(frozen=True)
 class Settings:
-    """Numerical settings of every simulator, not tuned.
+    """Numerical settings of every simulator, not tuned."""
 
-    Attributes
-    ----------
-    segments : number of segments (the paper's segmented cable: 18).
-    step_s : integration step; runs that diverge with it are run again with half of it.
-    sliding_speed_m_s : ε of the slip v/√(v² + ε²) of regularised Coulomb friction.
-    batch_size : simulations stepped side by side.
-    processes : worker processes, 0 for all cores; the result does not depend on it.
-    patience_s : a process that takes longer over one batch hangs.
-    """
-
-    segments: int = 18
-    step_s: float = 0.004
-    sliding_speed_m_s: float = 0.01
-    batch_size: int = 512
-    processes: int = 0
-    patience_s: float = PATIENCE_S
+    segments: int = 18  # of the cable, as in the paper's segmented one
+    step_s: float = 0.004  # runs that diverge with it are run again with half of it
+    sliding_speed_m_s: float = 0.01  # ε of the slip v/√(v² + ε²) of regularised Coulomb friction
+    batch_size: int = 512  # simulations stepped side by side
+    processes: int = 0  # worker processes, 0 for all cores; the result does not depend on it
+    patience_s: float = PATIENCE_S  # a process that takes longer over one batch hangs
 
 
 SettingsT = TypeVar("SettingsT", bound=Settings)
@@ -175,19 +165,13 @@ def _dealt(pairs: np.ndarray, most: int, parts: int) -> list[np.ndarray]:
 
 @dataclass(frozen=True)
 class _Batch:
-    """Simulations that are stepped side by side, with all that a process needs for them.
-
-    Attributes
-    ----------
-    casts : different ones; `which` (n_sim,) says which of them each simulation is of.
-    vectors : ndarray of shape (n_sim, n), the parameters of the simulator.
-    """
+    """Simulations that are stepped side by side, with all that a process needs for them."""
 
     start: Start
     step_s: float
-    casts: Sequence[SimulatedCast]
-    which: np.ndarray
-    vectors: np.ndarray
+    casts: Sequence[SimulatedCast]  # different ones
+    which: np.ndarray  # (n_sim,), of which of them each simulation is
+    vectors: np.ndarray  # (n_sim, n), the parameters of the simulator
     active: ActiveEffects
 
 
@@ -290,8 +274,10 @@ def tool_paths(tools: Sequence[ToolMotion], times_s: np.ndarray) -> np.ndarray:
         rise, start, end = np.diff(pose, axis=0) / span_s, slope[:-1], slope[1:]
         square = (3 * rise - 2 * start - end) / span_s
         cube = (start + end - 2 * rise) / span_s**2
-        times = np.clip(times_s, first_s, last_s)
+        moving = int(np.searchsorted(times_s, last_s))  # as many times
+        times = np.maximum(times_s[:moving], first_s)
         k = np.searchsorted(t_s, times, "right") - 1
         since = (times - t_s[k])[:, None]
-        path[:] = ((cube[k] * since + square[k]) * since + start[k]) * since + pose[k]
+        path[:moving] = ((cube[k] * since + square[k]) * since + start[k]) * since + pose[k]
+        path[moving:] = tool.pose[-1]
     return paths

@@ -16,18 +16,12 @@ STEP_RATE = 1.5  # step × fastest frequency of the springs; from 2 on an explic
 
 @dataclass(frozen=True)
 class BulletSettings(Settings):
-    """Numerical settings, not tuned; the step is cut for a cable whose springs need it.
-
-    Attributes
-    ----------
-    iterations : of Bullet's constraint solver in every step.
-    batch_size : one; a physics client holds one cable.
-    """
+    """Numerical settings, not tuned; the step is cut for a cable whose springs need it."""
 
     step_s: float = 0.003
-    batch_size: int = field(default=1, init=False)
+    batch_size: int = field(default=1, init=False)  # a physics client holds one cable
     patience_s: float = 600.0
-    iterations: int = 50
+    iterations: int = 50  # of Bullet's constraint solver in every step
 
 
 class BulletSimulator(BatchSimulator[BulletSettings]):

@@ -94,20 +94,13 @@ class CableState:
 
     The n + 1 points are the segments' centres from hand to end, then the endpoint. Arrays are
     float32, their first axis x and y.
-
-    Attributes
-    ----------
-    heading : ndarray of shape (2, n_sim, n), unit vector along each segment.
-    position_m, velocity_m_s : ndarrays of shape (2, n_sim, n + 1).
-    slip : ndarray of shape (2, n_sim, n + 1), v / √(v² + ε²): the way each point slides.
-    force_n : ndarray of shape (2, n_sim, n + 1), what is to be applied to the points.
     """
 
-    heading: np.ndarray
-    position_m: np.ndarray
+    heading: np.ndarray  # (2, n_sim, n), unit vector along each segment
+    position_m: np.ndarray  # (2, n_sim, n + 1)
     velocity_m_s: np.ndarray
-    slip: np.ndarray
-    force_n: np.ndarray
+    slip: np.ndarray  # v / √(v² + ε²): the way each point slides
+    force_n: np.ndarray  # what is to be applied to the points
 
 
 class ChainEffects:

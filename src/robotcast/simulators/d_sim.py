@@ -27,18 +27,11 @@ CASTS, FACTS = "casts.parquet", "generation.yaml"
 
 @dataclass(frozen=True)
 class Generated:
-    """Simulated casts.
+    """Simulated casts."""
 
-    Attributes
-    ----------
-    actions : ndarray of shape (n, 6).
-    endpoints_m : ndarray of shape (n, 2); NaN where the run diverged.
-    diverged : bool ndarray of shape (n,).
-    """
-
-    actions: np.ndarray
-    endpoints_m: np.ndarray
-    diverged: np.ndarray
+    actions: np.ndarray  # (n, 6)
+    endpoints_m: np.ndarray  # (n, 2); NaN where the run diverged
+    diverged: np.ndarray  # bool (n,)
 
 
 def generate_casts(
@@ -48,7 +41,7 @@ def generate_casts(
     plan: Callable[[np.ndarray], Sequence[PlannedCast]],
     *,
     settle_s: float,
-    follow: Callable[[ToolMotion], ToolMotion] = lambda told: told,
+    follow: Callable[[ToolMotion], ToolMotion] = lambda commanded: commanded,
     reach_m: np.ndarray | None = None,
     progress: Progress = silent,
 ) -> Generated:
@@ -59,7 +52,7 @@ def generate_casts(
     plan : actions (m, 6) → their planned casts.
     settle_s : how long after the tool should stop the endpoint is read at the latest; a cable
         that rests earlier is not simulated further.
-    follow : the motion that an arm is told → the one it makes (`Following.motion`).
+    follow : the motion that an arm is commanded → the one it makes (`Following.motion`).
     reach_m : (2,), where the free end lies from the tool before the cast, `mean_reach` of casts
         that were measured; None starts the cable along the tool's yaw.
     """
@@ -127,10 +120,8 @@ def merge_shards(folders: Sequence[Path], folder: Path) -> dict[str, Any]:
 
     Raises
     ------
-    FileNotFoundError
-        When a shard is missing.
-    ValueError
-        When the shards come from different simulators, grids or limits.
+    FileNotFoundError : a shard is missing.
+    ValueError : the shards come from different simulators, grids or limits.
     """
     read = [_facts(path) for path in folders]
     for path, facts in zip(folders, read, strict=True):

@@ -21,14 +21,9 @@ from robotcast.simulators.mujoco_kernels import damp_hinges
 
 @dataclass(frozen=True)
 class SegmentedSettings(ChainSettings):
-    """Numerical settings, not tuned.
+    """Numerical settings, not tuned."""
 
-    Attributes
-    ----------
-    bending_rate_rad_s : ω₀ of the regularised Coulomb moment in the joints, M ω/√(ω² + ω₀²).
-    """
-
-    bending_rate_rad_s: float = 0.2
+    bending_rate_rad_s: float = 0.2  # ω₀ of the Coulomb moment in the joints, M ω/√(ω² + ω₀²)
 
 
 class _SegmentedRun(ChainRun):

@@ -32,15 +32,11 @@ TOOL_ARMATURE = 1e4  # kg and kg m²: so large that the cable cannot move the he
 class ChainSettings(Settings):
     """Numerical settings, not tuned.
 
-    Attributes
-    ----------
-    stretches : how many of the segments stretch.
-    stretch_damping_s : retardation time of stretching, at least half a step. The tension is
-        EA (ε + η dε/dt) (Kelvin–Voigt), its damping integrated implicitly: at η ≥ h/2 a chain is
-        stable at a step h however stiff it is.
+    The tension of the cable is EA (ε + η dε/dt) (Kelvin–Voigt), η `stretch_damping_s`, its damping
+    integrated implicitly: at η ≥ h/2 a chain is stable at a step h however stiff it is.
     """
 
-    stretches: int = 3
+    stretches: int = 3  # of the segments
     stretch_damping_s: float = 0.003
 
     def __post_init__(self) -> None:

@@ -48,7 +48,7 @@ def chain_state(
     first = earlier is None
     before = stepped if first else earlier
     cut = np.float32(geometry.stub_m), geometry.half_m, geometry.hinges, geometry.slides
-    _place(qpos, qvel, before, first, *axes, *cut, stepped, points, lag)
+    _place(qpos, qvel, before, first, axes, cut, stepped, points, lag)
     slip, force = np.empty_like(lag), np.empty_like(lag)
     _rub(points, lag, points_kg, friction_n, np.float32(sliding_speed_m_s**2), slip, force)
     return CableState(axes[:, :, 1:], points[:2], points[2:], slip, force), stepped
@@ -67,9 +67,7 @@ def _accumulated(qpos: np.ndarray, hinges: np.ndarray, angle: np.ndarray) -> np.
 
 
 @njit(nogil=True, cache=True)
-def _place(
-    qpos, qvel, earlier, first, cosine, sine, stub, half, hinges, slides, stepped, points, lag
-):
+def _place(qpos, qvel, earlier, first, axes, cut, stepped, points, lag):
     """Fill `stepped`, `points` (x, y, vx, vy) and the `lag` of every point.
 
     Centre k = where segment k − 1 ends + (u_k + half_k) along segment k, u the stretch; the
@@ -77,6 +75,7 @@ def _place(
     −s ω² e + 2 u' ω n, e along the segment and n across it, at the extrapolated rates less that
     at the stepped.
     """
+    (cosine, sine), (stub, half, hinges, slides) = axes, cut
     n = half.size
     late, early = np.float32(1.5), np.float32(0.5)
     for i in range(qpos.shape[0]):
@@ -136,13 +135,8 @@ def _rub(points, lag, mass, friction, square_speed, slip, force):
 def apply_forces(force, heading, half, hinges, slides, qpos, applied):
     """Write the moments about every hinge, and the pulls on every slide, of forces on points.
 
-    Parameters
-    ----------
-    force : float32 (2, n_sim, n + 1), on the points of `CableState`.
-    heading : float32 (2, n_sim, n).
-    half, hinges, slides : see `ChainGeometry`.
-    qpos : ndarray of shape (n_sim, n_dof).
-    applied : ndarray of shape (n_sim, n_dof), whose hinges [N m] and slides [N] are filled.
+    `force` (2, n_sim, n + 1), on the points, and `heading` (2, n_sim, n) are float32; of `applied`
+    (n_sim, n_dof) the hinges [N m] and slides [N] are filled.
     """
     # what acts past the centre of each segment has the lever l about its hinge, the centre l/2;
     # both levers grow with the segment's stretch
@@ -165,13 +159,9 @@ def apply_forces(force, heading, half, hinges, slides, qpos, applied):
 def damp_hinges(qvel, hinges, viscous, coulomb, square_rate, damping):
     """Write the hinges' damping so that it carries the moment M ω/√(ω² + ω₀²) too.
 
-    MuJoCo integrates damping implicitly, which keeps a dry joint stable at any step.
-
-    Parameters
-    ----------
-    qvel, damping : ndarrays of shape (n_sim, n_dof), of the second the hinges are filled.
-    viscous : ndarray of shape (n_sim, n) [N m s]; coulomb : (n_sim,), M [N m].
-    square_rate : ω₀² [rad²/s²].
+    MuJoCo integrates damping implicitly, which keeps a dry joint stable at any step. Of `damping`
+    (n_sim, n_dof) the hinges are filled. `viscous` (n_sim, n) is in N m s, `coulomb` (n_sim,) is M
+    [N m], `square_rate` is ω₀² [rad²/s²].
     """
     for i in range(viscous.shape[0]):
         for k in range(hinges.size):
