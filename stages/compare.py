@@ -14,10 +14,9 @@ from omegaconf import DictConfig
 from stage import bar, console, output_folder, require, stage, typed
 
 from robotcast.cast_model import CAST_WORDING, CastModel, cast_records
-from robotcast.diagnosis.comparison.compare import Comparison, compare
+from robotcast.diagnosis.compare import Comparison, compare
 from robotcast.diagnosis.diagnose import Case, floor_and_noise
-from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.revision import fit_base
+from robotcast.diagnosis.inquiry import Inquiry, fit_base
 from robotcast.effects.effect import Effect, parameters_of
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import MeasurementSet

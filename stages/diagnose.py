@@ -17,7 +17,7 @@ from stage import bar, console, output_folder, require, stage, typed
 from robotcast.cast_model import CAST_WORDING, CastModel, candidate_casts, cast_records, draw_field
 from robotcast.casts.action_file import write_actions
 from robotcast.diagnosis.diagnose import Case, diagnose
-from robotcast.diagnosis.further.next_trials import Further
+from robotcast.diagnosis.next_trials import Further
 from robotcast.effects.effect import Effect
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import MeasurementSet

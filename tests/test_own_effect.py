@@ -1,4 +1,4 @@
-"""An effect written after the README's page lowers the error where the library fails."""
+"""An effect written after CONTRIBUTING.md lowers the error where the library fails."""
 
 import re
 import sys
@@ -28,8 +28,8 @@ NAME = "endpoint_pull"
 
 @pytest.fixture
 def own_effect(monkeypatch: pytest.MonkeyPatch) -> Effect:
-    """The class and the entry of the README, taken from its page."""
-    page = (ROOT / "README.md").read_text(encoding="utf-8")
+    """The class and the entry of CONTRIBUTING.md."""
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     code = re.search(rf"```python\n# src/robotcast/effects/{NAME}\.py\n(.*?)```", page, re.S)
     text = re.search(r"```yaml\n# conf/effects\.yaml\n(.*?)```", page, re.S)
     assert code and text
@@ -42,7 +42,9 @@ def own_effect(monkeypatch: pytest.MonkeyPatch) -> Effect:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not CASTING.exists(), reason="needs ../shared/data/casting")
-def test_the_readmes_effect_explains_what_the_library_does_not_hold(own_effect: Effect) -> None:
+def test_the_guides_effect_explains_what_the_library_does_not_hold(
+    own_effect: Effect,
+) -> None:
     measured = read_measurement_set(CASTING)
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
         config = compose("config")

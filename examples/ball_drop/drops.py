@@ -9,9 +9,8 @@ import polars as pl
 from candidates import G_M_S2
 from scipy.optimize import least_squares
 
-from robotcast.diagnosis.comparison.repeats import repeat_scatter
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.time_grid import TimeGrid
+from robotcast.diagnosis.repeats import TimeGrid, repeat_scatter
 from robotcast.diagnosis.wording import Axis, Wording
 
 DATA = Path(__file__).parent / "data"

@@ -16,9 +16,9 @@ from candidates import SpeedField, mechanisms
 from drops import BALLS, FIRST_M, WORDING, noise_floor_percent, read_drops
 from free_fall import FreeFall
 
+from robotcast.diagnosis.decision import Unexplained, strengths
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.unexplained import Unexplained, strengths
 from robotcast.files import write_text
 from robotcast.reporting.diagnosis.page import diagnosis_page
 

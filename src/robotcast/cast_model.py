@@ -9,10 +9,10 @@ import numpy as np
 
 from robotcast.casts.action import Action, action_factors
 from robotcast.casts.plan import PlanLimits, plan_actions
-from robotcast.diagnosis.further.next_trials import Further
+from robotcast.diagnosis.decision import Unexplained, strengths
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.unexplained import Unexplained, strengths
+from robotcast.diagnosis.next_trials import Further
 from robotcast.diagnosis.wording import Axis, Wording
 from robotcast.effects.effect import Effect
 from robotcast.effects.fields import AlongMotionField, PlaceField

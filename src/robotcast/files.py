@@ -1,11 +1,15 @@
 """Writing to disk so that a reader, or a rerun after a kill, never meets half a file."""
 
 import glob
+import math
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 
 @contextmanager
@@ -56,3 +60,23 @@ def discard_unfinished(folder: Path, name: str | None = None) -> int:
         else:
             leftover.unlink(missing_ok=True)
     return len(leftovers)
+
+
+DIGITS = 6
+
+
+def plain(value: Any) -> Any:
+    """Return `value` with arrays as lists, six significant digits, and None for NaN or infinity."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(some) for key, some in value.items()}
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(some) for some in value]
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
+    return value

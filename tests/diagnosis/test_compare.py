@@ -8,7 +8,7 @@ import pytest
 
 from robotcast.casts.action import Action
 from robotcast.casts.tool_motion import ToolMotion
-from robotcast.diagnosis.comparison.compare import Comparison, compare
+from robotcast.diagnosis.compare import Comparison, compare
 from robotcast.diagnosis.model import Record
 from robotcast.measurements.errors import prediction_errors
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial

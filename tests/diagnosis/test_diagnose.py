@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from robotcast.diagnosis.diagnose import Case, diagnose
-from robotcast.diagnosis.further.next_trials import Further
 from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.next_trials import Further
 from robotcast.reporting.diagnosis.page import diagnosis_page
 from tests.diagnosis.sliding_puck import (
     DEAD,

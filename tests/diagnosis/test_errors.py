@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robotcast.diagnosis.comparison.repeats import RepeatScatter
 from robotcast.diagnosis.errors import Floor, Gain, Scales, misses, typical, worse
+from robotcast.diagnosis.repeats import RepeatScatter
 from robotcast.diagnosis.rule import Rule
 
 GROUPS = np.arange(40)
@@ -22,10 +22,9 @@ def errors(level: float, seed: int) -> np.ndarray:
     return level * np.exp(0.2 * np.random.default_rng(seed).normal(size=len(GROUPS)))
 
 
-def scales(base: float, usual: np.ndarray | None = None, finished: float = np.inf) -> Scales:
-    return Scales(
-        0.5, base, finished, GROUPS, np.ones(40, bool) if usual is None else usual, RULE.far
-    )
+def scales(base: float, usual: np.ndarray | None = None, floor: Floor | None = None) -> Scales:
+    everyone = np.ones(40, bool) if usual is None else usual
+    return Scales(floor or Floor(None, 0.5, 0.0), base, GROUPS, everyone, RULE)
 
 
 def test_a_clear_saving_pays_and_none_does_not() -> None:
@@ -47,13 +46,15 @@ def test_what_is_saved_late_counts_beside_what_was_missed_at_first() -> None:
     assert first.pays(RULE, 20) and not late.pays(RULE, 20)
 
 
-def test_above_the_floor_what_is_left_is_what_counts() -> None:
-    left = scales(4.0, finished=0.75).gain(errors(0.9, 0), errors(0.6, 1))
-    assert left.pays(RULE, 20)
+def test_above_the_floor_what_takes_away_most_of_the_rest_counts_too() -> None:
+    above, near = (scales(4.0, floor=Floor.known(f, 0.1)) for f in (0.5, 0.7))
+    assert above.gain(errors(0.9, 0), errors(0.6, 1)).pays(RULE, 20)
+    assert not above.gain(errors(0.9, 0), errors(0.8, 1)).pays(RULE, 20)
+    assert not near.gain(errors(0.9, 0), errors(0.7, 1)).pays(RULE, 20)  # it is at the floor
 
 
 def test_every_further_comparison_asks_for_more() -> None:
-    gain = Gain(share=0.5, p_value=0.01)
+    gain = Gain(share=0.5, rest=0.0, p_value=0.01)
     assert gain.pays(RULE, 4) and not gain.pays(RULE, 20) and gain.promises(RULE)
 
 

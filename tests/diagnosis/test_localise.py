@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotcast.diagnosis.comparison.compare import Comparison, compare
-from robotcast.diagnosis.comparison.slices import slice_errors
+from robotcast.diagnosis.compare import Comparison, compare
 from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.slices import slice_errors
 from tests.diagnosis.made_up_trials import PHASES, SCALE, TIMES_S, WORDS, MadeUp, made_up
 
 ERROR_M = 0.02

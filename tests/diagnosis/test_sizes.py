@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.revision import Revision
+from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.sizes import Size, sizes, sizes_of_effect
 from robotcast.fitting.parameter import Parameter
 from tests.diagnosis.sliding_puck import LATE, NOISE_M, TILT, Puck, pushes

@@ -1,14 +1,117 @@
 """The verdict: one rule, as docs/decision.md states it."""
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
+
 from robotcast.diagnosis.errors import Floor
-from robotcast.diagnosis.rule import Rule
-from robotcast.diagnosis.selection import Found, Rung
-from robotcast.diagnosis.unexplained import Unexplained
+from robotcast.diagnosis.inquiry import Inquiry, Revision, held_out
+from robotcast.diagnosis.library import Library
+from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.diagnosis.selection import Effects, Found, Rung
+from robotcast.fitting.least_squares import Fit, trial_losses
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What is left above the floor, and the field that explains most of it.
+
+    Attributes
+    ----------
+    field : its name among the model's effects, None when there are no fields to try.
+    rung : the model with it.
+    enough : whether the field takes away so much that what is missing must be like it.
+    tried : how many fields were looked at.
+    """
+
+    field: str | None = None
+    rung: Rung | None = None
+    enough: bool = False
+    tried: int = 1
+
+
+def look_for_the_unknown(
+    inquiry: Inquiry,
+    found: Found,
+    fields: Sequence[str],
+    effort: Effort,
+    rule: Rule,
+    tell: Callable[[str], object],
+) -> Unexplained:
+    """Fit the likeliest fields on top of the base model: to beginnings, and the best one to all.
+
+    What they miss of the beginnings, and what their parameters cost, decides between them, and
+    whether the best one may do better than the chosen effects.
+    """
+    base, scales = found.base, found.scales
+    if not fields or scales is None:
+        return Unexplained()
+    early, known = inquiry.beginnings(effort.early, effort.some), found.early[found.chosen]
+    field, fit = _Contest(early, base.effects, found.early[base.effects], effort, tell).best(fields)
+    effects = (*base.effects, field)
+    if early.expected_loss(effects, fit) > early.expected_loss(found.chosen, known):
+        return Unexplained()
+    tell(inquiry.model.effects[field].text)
+    revision = Revision(effects, inquiry.fit(effects, fit.vector, effort.refit, like=fit))
+    rung = Rung(revision, held_out(inquiry, revision, effort))
+    saved = scales.gain(base.errors.waypoint, rung.errors.waypoint)
+    return Unexplained(field, rung, saved.pays(rule, len(fields)), len(fields))
+
+
+@dataclass(frozen=True)
+class _Contest:
+    """Fits fields on top of a model that was fitted to the beginnings of some trials."""
+
+    early: Inquiry
+    effects: Effects
+    fit: Fit
+    effort: Effort
+    tell: Callable[[str], object]
+
+    def best(self, fields: Sequence[str]) -> tuple[str, Fit]:
+        """Return the field that explains the beginnings best for its parameters, with its fit."""
+        self.tell("every field")
+        together = self._together(fields)
+        sets = together.best(1, min(self.effort.finalists + 1, len(fields)), self.effects)
+        judged = []
+        for effects in sets:
+            self.tell(self.early.model.effects[effects[-1]].text)
+            vector, kept = together.start(effects)
+            residual = self.early.residuals(effects)(vector[None], self.early.everything)[0]
+            loss = float(trial_losses(residual).mean())
+            known = Fit(vector, loss, residual, together.fit.jacobian[:, :, kept])
+            fit = self.early.fit(effects, vector, self.effort.refit, known=known)
+            cost = self.early.expected_loss(effects, fit)
+            judged.append((cost, effects[-1], fit))
+        _, field, fit = min(judged, key=lambda one: one[0])
+        return field, fit
+
+    def _together(self, fields: Sequence[str]) -> Library:
+        """Return all fields beside each other, each known by its slopes where it does nothing."""
+        early, fit = self.early, self.fit
+        parts = [fit.jacobian]
+        for name in fields:
+            effects = (*self.effects, name)
+            null = early.nominal(effects)
+            null[: len(fit.vector)] = fit.vector
+            steps = early.steps(effects)[len(fit.vector) :]
+            rows = null + np.hstack([np.zeros((len(steps), len(fit.vector))), np.diag(steps)])
+            moved = early.residuals(effects)(rows, early.everything) - fit.residual
+            parts.append(np.moveaxis(moved / steps[:, None, None], 0, -1))
+        everything = (*self.effects, *fields)
+        vector = early.nominal(everything)
+        vector[: len(fit.vector)] = fit.vector
+        whole = Fit(vector, fit.loss, fit.residual, np.concatenate(parts, axis=-1))
+        return Library(early, everything, whole)
+
+
+def strengths(inquiry: Inquiry, found: Unexplained) -> np.ndarray:
+    """Return the field's fitted strengths."""
+    assert found.field is not None and found.rung is not None
+    n = len(inquiry.model.effects[found.field].parameters)
+    return inquiry.values(found.rung.effects, found.rung.revision.fit.vector)[0, -n:]
 
 
 class Code(Enum):
@@ -83,10 +186,10 @@ def _refuted(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> bool:
     assert scales is not None
     if left.rung is None:
         return False
-    excess = scales.typical(top) - max(floor.typical, floor.unit)
-    beside = replace(scales, base=max(excess, 0.0), finished=math.inf)
-    gain = beside.gain(top, left.rung.errors.waypoint)
-    return gain.share > rule.mostly and gain.p_value < rule.level / left.tried
+    gain = scales.gain(top, left.rung.errors.waypoint)
+    fall = scales.typical(top) - scales.typical(left.rung.errors.waypoint)
+    excess = scales.typical(top) - floor.reach
+    return fall > rule.mostly * excess and gain.p_value < rule.level / left.tried
 
 
 def _worth_a_look(found: Found, floor: Floor, rule: Rule) -> bool:
@@ -101,7 +204,7 @@ def _explained(found: Found, floor: Floor) -> float:
     scales = found.scales
     assert scales is not None
     before, after = (scales.typical(r.errors.waypoint) for r in (found.base, found.top))
-    return (before - after) / max(before - max(floor.typical, floor.unit), 1e-12)
+    return (before - after) / max(before - floor.reach, 1e-12)
 
 
 def _near(found: Found, rule: Rule) -> tuple[Rung, ...]:

@@ -9,25 +9,21 @@ from typing import Any
 import numpy as np
 
 from robotcast.diagnosis import limits, report
-from robotcast.diagnosis.comparison.repeats import RepeatScatter, repeat_scatter
-from robotcast.diagnosis.decision import Code, Verdict, decide
+from robotcast.diagnosis.decision import Code, Unexplained, Verdict, decide, look_for_the_unknown
 from robotcast.diagnosis.errors import Floor
 from robotcast.diagnosis.explained import Explained
-from robotcast.diagnosis.further.contests import open_contests
-from robotcast.diagnosis.further.next_trials import Further, NextTrial, next_trials
-from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base
 from robotcast.diagnosis.library import fit_library
 from robotcast.diagnosis.model import Model, Record
+from robotcast.diagnosis.next_trials import Further, NextTrial, next_trials, open_contests
 from robotcast.diagnosis.outlook import Outlook, Step
-from robotcast.diagnosis.plain import plain
-from robotcast.diagnosis.revision import Revision, fit_base
+from robotcast.diagnosis.repeats import RepeatScatter, TimeGrid, repeat_scatter
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.diagnosis.screen import Screened, screen
 from robotcast.diagnosis.selection import Found, Selection
-from robotcast.diagnosis.stability import first_in_resamples
-from robotcast.diagnosis.time_grid import TimeGrid
-from robotcast.diagnosis.unexplained import Unexplained, look_for_the_unknown
+from robotcast.diagnosis.sizes import first_in_resamples
 from robotcast.diagnosis.wording import PLAIN, Wording
+from robotcast.files import plain
 from robotcast.progress import Progress, silent
 
 Tell = Callable[[dict[str, Any]], object]

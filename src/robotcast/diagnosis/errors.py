@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
-from robotcast.diagnosis.comparison.repeats import RepeatScatter
+from robotcast.diagnosis.repeats import RepeatScatter
 from robotcast.diagnosis.rule import Rule
 
 
@@ -50,6 +50,11 @@ class Floor:
         unit = max(percent, least_percent)
         return cls(percent, unit, percent)
 
+    @property
+    def reach(self) -> float:
+        """The least typical error that a model can be expected to reach, % of the scale."""
+        return max(self.typical, self.unit)
+
     def above(self, errors: np.ndarray, times: float) -> bool:
         """Tell whether errors (n_trials,) lie so many times above the floor.
 
@@ -59,7 +64,7 @@ class Floor:
             return False
         whole = typical(misses(errors, self.unit), self.unit)
         middle = float(np.median(errors))
-        return whole > times * max(self.typical, self.unit) or middle > times * self.unit
+        return whole > times * self.reach or middle > times * self.unit
 
 
 @dataclass(frozen=True)
@@ -68,62 +73,58 @@ class Gain:
 
     Attributes
     ----------
-    share : by how much the typical error falls, of what the fall is held against (see `Scales`).
+    share : by how much the typical error falls, of the base model's.
+    rest : of what the worse model misses beyond the floor; 0 where it stands at the floor.
     p_value : one-sided, over groups of trials.
     """
 
     share: float
+    rest: float
     p_value: float
+
+    def matters(self, rule: Rule, part: float = 1.0) -> bool:
+        """Tell whether it is large enough, or a part of large enough, to be worth a name."""
+        return self.share > part * rule.material or self.rest > part * rule.mostly
 
     def pays(self, rule: Rule, comparisons: int) -> bool:
         """Tell whether the gain matters and is beyond luck, one of so many that were looked at."""
-        return self.share > rule.material and self.p_value < rule.level / max(comparisons, 1)
+        return self.matters(rule) and self.p_value < rule.level / max(comparisons, 1)
 
     def promises(self, rule: Rule) -> bool:
         """Tell whether it matters and is likely there on further trials too."""
-        return self.share > rule.material and self.p_value < rule.equal
+        return self.matters(rule) and self.p_value < rule.equal
 
 
 @dataclass(frozen=True)
 class Scales:
     """What errors are compared by.
 
-    A model near the floor is only improved by what matters beside what was missed at first. Far
-    above it something is missing still, and what takes away part of what is left matters.
-
     Attributes
     ----------
-    unit : see `Floor`.
     base : typical error of the base model, % of the scale.
-    finished : typical error up to which a model stands near the floor; infinite when not known.
     groups : of every trial, numbered from 0; the sampling units.
     usual : bool (n_trials,), trials that were not measured wrongly.
-    far : see `worse`.
     """
 
-    unit: float
+    floor: Floor
     base: float
-    finished: float
     groups: np.ndarray
     usual: np.ndarray
-    far: float
+    rule: Rule
 
     def gain(self, before: np.ndarray, after: np.ndarray) -> Gain:
         """Compare two models' errors (n_trials,)."""
-        missed = [misses(errors[self.usual], self.unit) for errors in (before, after)]
-        first, second = (typical(one, self.unit) for one in missed)
+        missed = [misses(errors[self.usual], self.floor.unit) for errors in (before, after)]
+        first, second = (typical(one, self.floor.unit) for one in missed)
         groups = np.unique(self.groups[self.usual], return_inverse=True)[1]
-        p_value = worse(missed[0] - missed[1], groups, self.far)
-        return Gain(self.share(first, second), p_value)
-
-    def share(self, before: float, after: float) -> float:
-        """Return the fall of a typical error as `Gain` has it."""
-        whole = self.base if before <= self.finished else before
-        return (before - after) / max(whole, 1e-12)
+        p_value = worse(missed[0] - missed[1], groups, self.rule.far)
+        above = self.floor.percent is not None and first > self.rule.at_floor * self.floor.reach
+        rest = (first - second) / (first - self.floor.reach) if above else 0.0
+        return Gain((first - second) / max(self.base, 1e-12), rest, p_value)
 
     def typical(self, errors: np.ndarray) -> float:
         """Return the typical error of usual trials."""
-        return typical(misses(errors[self.usual], self.unit), self.unit)
+        return typical(misses(errors[self.usual], self.floor.unit), self.floor.unit)
 
 
 def worse(extra: np.ndarray, groups: np.ndarray, far: float) -> float:

@@ -5,17 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from robotcast.diagnosis.decision import Code, Verdict
+from robotcast.diagnosis.decision import Code, Unexplained, Verdict
 from robotcast.diagnosis.errors import Floor
-from robotcast.diagnosis.further.next_trials import NextTrial
-from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.limits import counted, is_ignored
-from robotcast.diagnosis.revision import Revision
+from robotcast.diagnosis.next_trials import NextTrial
 from robotcast.diagnosis.rule import Rule
 from robotcast.diagnosis.screen import Screened
 from robotcast.diagnosis.selection import Found, Rung
 from robotcast.diagnosis.sizes import sizes, sizes_of_effect
-from robotcast.diagnosis.unexplained import Unexplained
 from robotcast.diagnosis.wording import PLAIN, Wording
 
 UNTOUCHED = ("ignored by the model", "touches nothing")  # nothing that is computed says anything

@@ -7,10 +7,9 @@ from itertools import combinations
 import numpy as np
 
 from robotcast.diagnosis.errors import Floor, Gain, Scales, typical, worse
-from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.inquiry import HeldOut, Inquiry, Revision, fit_base, held_out
 from robotcast.diagnosis.library import Library, fit_library
 from robotcast.diagnosis.outlook import Step
-from robotcast.diagnosis.revision import HeldOut, Revision, fit_base, held_out
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.least_squares import Fit, trial_losses
 
@@ -119,29 +118,31 @@ class Selection:
 
     def run(self) -> Found:
         """Search to the end."""
-        self._fit_base()
+        self.fit_base()
         if self._candidates:
-            self._fit_library()
-            size = self._refit_beginnings()
-            self._judge(size)
+            self.fit_library()
+            size = self.shortlist()
+            self.judge(size)
             self.found = replace(self.found, rivals=self._rivals())
         return self.found
 
-    def _fit_base(self) -> None:
+    def fit_base(self) -> None:
+        """Fit the model as it is, and judge it."""
         self._next(Step.BASE)
         effort = self._effort
         base = fit_base(self._inquiry, self._fixed, effort)
         self._keep(base)
         self._choose()
-        self._early_fit(self._fixed, base.fit.vector, None, 1)
+        self.fit_beginnings(self._fixed, base.fit.vector, None, 1)
 
-    def _fit_library(self) -> None:
+    def fit_library(self) -> None:
+        """Fit the model with all effects to beginnings."""
         self._next(Step.LIBRARY)
         own = self.found.early[self._fixed]
         library = fit_library(self._early, self._fixed, self._candidates, own, self._effort.library)
         self.found = replace(self.found, library=library)
 
-    def _refit_beginnings(self) -> int:
+    def shortlist(self) -> int:
         """Refit sets of effects to beginnings, larger ones until the library has little to add.
 
         Returns
@@ -161,13 +162,16 @@ class Selection:
         """
         library, fit = self.found.library, self.found.early[effects]
         assert library is not None
-        base = self._seen(self._fixed, self.found.early[self._fixed])
-        own, whole = self._seen(effects, fit), self._seen(library.effects, library.fit)
-        reached = self._rule.at_floor * max(self._floor.typical, self._floor.unit)
+        base = self.expected_error(self._fixed, self.found.early[self._fixed])
+        own, whole = (
+            self.expected_error(effects, fit),
+            self.expected_error(library.effects, library.fit),
+        )
+        reached = self._rule.at_floor * self._floor.reach
         least = base if own <= reached or self._floor.percent is None else own
         return own - whole > self._rule.material * least
 
-    def _seen(self, effects: Effects, fit: Fit) -> float:
+    def expected_error(self, effects: Effects, fit: Fit) -> float:
         """Return the typical error that a fit to beginnings will have on others like them."""
         usual = self._scales(self._early, [self._percent(fit)]).usual
         rest = np.flatnonzero(usual)
@@ -193,7 +197,7 @@ class Selection:
         begun = {e: self._early.fit(e, fit.vector, 1, known=fit) for e, fit in looked.items()}
         for effects in sorted(begun, key=lambda e: begun[e].loss)[: most - 1]:
             fit = begun[effects]
-            self._early_fit(effects, fit.vector, fit, self._effort.refit)
+            self.fit_beginnings(effects, fit.vector, fit, self._effort.refit)
 
     def _starts(self, effects: Effects, vector: np.ndarray) -> list[np.ndarray]:
         """Return where a refit may start: the library's promise, and what smaller sets reached.
@@ -221,18 +225,18 @@ class Selection:
         slopes = library.fit.jacobian[:, :, kept]
         return Fit(start, float(trial_losses(residual).mean()), residual, slopes)
 
-    def _early_fit(
+    def fit_beginnings(
         self, effects: Effects, start: np.ndarray, known: Fit | None, iterations: int
     ) -> None:
-        fit = self._early.fit(effects, start, iterations, known=known)
-        self.found.early[effects] = fit
+        """Fit a model to the beginnings of trials."""
+        self.found.early[effects] = self._early.fit(effects, start, iterations, known=known)
 
     def _best_early(self, size: int) -> Effects:
         size += len(self._fixed)
         fits = self.found.early
         return min((e for e in fits if len(e) == size), key=lambda e: fits[e].loss)
 
-    def _judge(self, size: int) -> None:
+    def judge(self, size: int) -> None:
         """Fit the finalists to whole trials, judge them on trials held out, and choose."""
         rematched = False
         for smaller in range(size, 0, -1):
@@ -263,7 +267,7 @@ class Selection:
         parts = [(*self._fixed, *part) for part in combinations(self.found.named, size - 1)]
         for effects in parts:
             if effects not in self.found.early:
-                self._early_fit(effects, self._of_larger(effects), None, 1)
+                self.fit_beginnings(effects, self._of_larger(effects), None, 1)
         best = min(parts, key=lambda e: self.found.early[e].loss)
         if self._nearly(chosen, best):
             self._refit(best)
@@ -273,7 +277,7 @@ class Selection:
     def _nearly(self, best: Effects, other: Effects) -> bool:
         """Tell whether a fit to beginnings is worse by less than twice what matters."""
         fits = self.found.early
-        base, least, more = (self._seen(e, fits[e]) for e in (self._fixed, best, other))
+        base, least, more = (self.expected_error(e, fits[e]) for e in (self._fixed, best, other))
         return more - least < 2 * self._rule.material * base
 
     def _refit(self, effects: Effects) -> None:
@@ -315,7 +319,7 @@ class Selection:
             for effects, rung in found.judged.items()
             if len(effects) == fixed + size
         ]
-        return any(g.p_value < rule.equal and g.share > rule.material / 2 for g in gains)
+        return any(g.p_value < rule.equal and g.matters(rule, 0.5) for g in gains)
 
     def _undecided(self, best: Rung, other: Rung) -> bool:
         extra = trial_losses(other.revision.fit.residual) - trial_losses(best.revision.fit.residual)
@@ -433,10 +437,7 @@ class Selection:
         """
         best = np.min(low, axis=0)
         usual = best <= self._rule.blunder * max(float(np.median(best)), self._floor.unit)
-        floor = self._floor
-        known = self._rule.beyond * max(floor.typical, floor.unit)
-        finished = np.inf if floor.percent is None else known
-        return Scales(floor.unit, 1.0, finished, inquiry.groups, usual, self._rule.far)
+        return Scales(self._floor, 1.0, inquiry.groups, usual, self._rule)
 
     def _next(self, step: Step, what: str = "") -> None:
         self._tell(self.found, step, what)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robotcast.diagnosis.comparison.compare import compare
+from robotcast.diagnosis.compare import compare
 from robotcast.reporting.comparison.blocks import (
     casts_block,
     factors_block,

@@ -4,7 +4,7 @@ import json
 import math
 from typing import Any
 
-from robotcast.diagnosis.comparison.compare import compare
+from robotcast.diagnosis.compare import compare
 from tests.diagnosis.made_up_trials import SCALE, WORDS, made_up
 
 BOARD_TILT = {

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from robotcast.diagnosis.errors import Floor, Gain, Scales
-from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.revision import Revision, fit_base, held_out
+from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base, held_out
 from robotcast.diagnosis.rule import RULE, Effort
 from robotcast.diagnosis.selection import Rung
 from robotcast.fitting.least_squares import Fit, trial_losses
@@ -69,7 +68,7 @@ def rematched(inquiry: Inquiry, base: Rung, rival: Rung, effort: Effort) -> Rung
 def saving(inquiry: Inquiry, before: Rung, after: Rung, floor: Floor) -> Gain:
     """Return what one model saves on held-out trials over another."""
     every = np.ones(len(inquiry.records), dtype=bool)
-    scales = Scales(floor.unit, 1.0, np.inf, inquiry.groups, every, RULE.far)
+    scales = Scales(floor, 1.0, inquiry.groups, every, RULE)
     scales = replace(scales, base=scales.typical(before.errors.waypoint))
     return scales.gain(before.errors.waypoint, after.errors.waypoint)
 

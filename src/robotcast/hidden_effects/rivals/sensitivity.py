@@ -8,8 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.revision import Revision
+from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.hidden_effects.rivals.places import least_strengths, unit_rows
 
 

@@ -2,16 +2,152 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotcast.diagnosis.comparison.misfit import padded, sample_mask
-from robotcast.diagnosis.comparison.ranges import ranges, thirds
-from robotcast.diagnosis.comparison.slices import Slice
+from robotcast.diagnosis.misfit import Misfit, misfit, padded, sample_mask
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.rule import RULE, Slicing
 from robotcast.diagnosis.wording import Wording
+
+QUANTILES = (0.2, 0.25, 1 / 3, 0.4, 0.5, 0.6, 2 / 3, 0.75, 0.8)
+FEW_VALUES = 6  # a quantity with no more different values is split between them
+
+
+@dataclass(frozen=True)
+class Range:
+    """A range of one quantity: above `low` and not above `high`."""
+
+    low: float
+    high: float
+    decimals: int
+
+    def holds(self, values: np.ndarray) -> np.ndarray:
+        """Return where values lie inside; nowhere for NaN."""
+        return (values > self.low) & (values <= self.high)
+
+    def text(
+        self, unit: str, above: str = "above", below: str = "below", between: str = "between"
+    ) -> str:
+        """Say the range: "above 1.6 rad", "below …", "between … and …"."""
+        unit = f" {unit}" if unit not in ("", "1") else ""
+        low, high = (_number(bound, self.decimals) for bound in (self.low, self.high))
+        if math.isinf(self.high):
+            return f"{above} {low}{unit}"
+        if math.isinf(self.low):
+            return f"{below} {high}{unit}"
+        return f"{between} {low} and {high}{unit}"
+
+
+def ranges(values: np.ndarray) -> list[Range]:
+    """Return the lower and upper parts of values at round numbers, and the middle third last."""
+    distinct = np.unique(values[np.isfinite(values)])
+    if len(distinct) < 2:
+        return []
+    decimals = max(0, math.ceil(-math.log10((distinct[-1] - distinct[0]) / 40)))
+    if len(distinct) <= FEW_VALUES:
+        cuts = (distinct[1:] + distinct[:-1]) / 2
+        low, high = cuts[[0, -1]]
+    else:
+        quantiles = np.round(np.nanquantile(values, QUANTILES), decimals)
+        cuts = np.unique(quantiles)
+        low, high = quantiles[[2, 6]]
+    below = [Range(-math.inf, float(cut), decimals) for cut in cuts]
+    above = [Range(float(cut), math.inf, decimals) for cut in cuts]
+    return [*below, *above, Range(float(low), float(high), decimals)]
+
+
+def thirds(values: np.ndarray) -> list[Range]:
+    """Return the lower, middle and upper third of values at round numbers."""
+    found = ranges(values)
+    if not found:
+        return []
+    middle = found[-1]
+    return [
+        Range(-math.inf, middle.low, middle.decimals),
+        middle,
+        Range(middle.high, math.inf, middle.decimals),
+    ]
+
+
+def _number(value: float, decimals: int) -> str:
+    return f"{value:.{decimals}f}".replace("-", "−")
+
+
+@dataclass(frozen=True)
+class Slice:
+    """Some samples of some trials, and a way to look at their errors.
+
+    Attributes
+    ----------
+    name : what it is in a few words, "in the coast".
+    kind : "phase", "place", "speed", "heading", "trial" or the name of a factor; slices of one
+        kind say the same thing in different ways.
+    subject : how a sentence on it begins, "Casts with alpha above 1.6 rad".
+    trials : the number of the trial in every row.
+    mask : bool ndarray of shape (n_trials, k_max).
+    directions : unit vectors (n_trials, k_max, d) along which errors are taken; None for their
+        whole length.
+    whole_trials : it takes a trial with all its samples or not at all.
+    """
+
+    name: str
+    kind: str
+    subject: str
+    trials: tuple[int, ...]
+    mask: np.ndarray
+    directions: np.ndarray | None = None
+    whole_trials: bool = False
+
+    def signed(self, found: Misfit) -> np.ndarray:
+        """Return every sample's error along the directions, else its length, (n_trials, k_max)."""
+        if self.directions is None:
+            return found.distance
+        along = (found.error * self.directions).sum(axis=-1)
+        # a diverged run misses by one scale, as far along as across
+        return np.where(found.diverged[:, None], found.distance / np.sqrt(2), along)
+
+    def sizes(self, found: Misfit) -> np.ndarray:
+        """Return the size of every sample's error as the slice looks at it, (n_trials, k_max)."""
+        return np.abs(self.signed(found))
+
+    def rows(self, records: Sequence[Record]) -> "Slice":
+        """Return the slice of these records only, in their order."""
+        row_of = {trial: row for row, trial in enumerate(self.trials)}
+        unknown = [r.trial for r in records if r.trial not in row_of]
+        if unknown:
+            raise ValueError(f"slice {self.name!r} was not made of trial {unknown[0]}")
+        rows = [row_of[r.trial] for r in records]
+        k_max = max(len(r.times_s) for r in records)
+        return replace(
+            self,
+            trials=tuple(r.trial for r in records),
+            mask=self.mask[rows, :k_max],
+            directions=None if self.directions is None else self.directions[rows, :k_max],
+        )
+
+
+def slice_errors(
+    slices: Sequence[Slice], records: Sequence[Record], predicted: np.ndarray, scale: float
+) -> list[float | None]:
+    """Return the average error inside every slice in % of scale, to see what a change mends.
+
+    Parameters
+    ----------
+    records : trials that the slices were made of, all or some, in any order.
+    predicted : ndarray of shape (n_trials, k_max, d), the prediction of these records.
+
+    Returns
+    -------
+    One number a slice; None for a slice that has no sample in these records.
+    """
+    found = misfit(records, predicted, scale)
+    errors: list[float | None] = []
+    for some in (s.rows(records) for s in slices):
+        sizes = some.sizes(found)[some.mask & found.present]
+        errors.append(float(100 / scale * sizes.mean()) if len(sizes) else None)
+    return errors
 
 
 def candidate_slices(

@@ -1,1 +1,0 @@
-"""Where a model misses what was measured, and how far repeats scatter."""

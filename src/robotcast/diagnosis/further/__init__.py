@@ -1,1 +1,0 @@
-"""Which trials to run next."""

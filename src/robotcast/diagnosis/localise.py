@@ -1,0 +1,331 @@
+"""Where the error sits: the few slices that hold most of it, none of them by chance."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robotcast.diagnosis.misfit import Misfit
+from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.rule import RULE, Slicing
+from robotcast.diagnosis.slices import Slice, candidate_slices
+from robotcast.diagnosis.wording import Wording
+
+
+def share_sentence(
+    some: Slice, share_of_error: float, share_of_samples: float, wording: Wording
+) -> str:
+    """Say which part of the error lies in a slice, and which part of the data that is."""
+    unit = wording.trials if some.whole_trials else wording.samples
+    return (
+        f"{some.subject} hold {_percent(share_of_error)} of the squared error; "
+        f"they are {_percent(share_of_samples)} of the {unit}."
+    )
+
+
+def heading_sentence(
+    some: Slice,
+    share_of_error: float,
+    found: Misfit,
+    used: np.ndarray,
+    wording: Wording,
+    part: float,
+) -> str:
+    """Say whether the error lies along or across the path, and on which side if on one.
+
+    A mean error beyond `part` of its root mean square has a side.
+    """
+    signed = some.signed(found)[used & ~found.diverged[:, None]]
+    steady = abs(signed.mean()) > part * np.sqrt((signed**2).mean())
+    along = some.name.startswith("along")
+    sides = (
+        ("runs ahead", "lags behind") if along else ("passes on the left", "passes on the right")
+    )
+    remark = f": the prediction {sides[0 if signed.mean() > 0 else 1]}" if steady else ""
+    way, other = ("along", "across") if along else ("across", "along")
+    return (
+        f"While {wording.mover} moves, {_percent(share_of_error)} of the squared error lies "
+        f"{way} its path, not {other} it{remark}."
+    )
+
+
+def outstanding_sentence(
+    name: str, count: int, share_of_error: float, n_trials: int, wording: Wording
+) -> str:
+    """Say that `count` single trials, called `name`, hold much of the error."""
+    name = name[0].upper() + name[1:]
+    holds = "holds" if count == 1 else "hold"
+    return (
+        f"{name} alone {holds} {_percent(share_of_error)} of the squared error; "
+        f"there are {n_trials} {wording.trials}. What else is found leaves "
+        f"{'it' if count == 1 else 'them'} out."
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One slice that holds more of the error than its size explains.
+
+    Attributes
+    ----------
+    slice : the samples, to look at other predictions of them.
+    sentence : one plain sentence.
+    share_of_error : part of the squared error, 0 to 1.
+    share_of_samples : 0 to 1; of errors along or across the path, their part of the directions.
+    error_percent, elsewhere_percent : average error inside and outside in % of scale.
+    p_value : that any slice stands out as much when the error depends on nothing; None for
+        single trials, which are named for their size.
+    """
+
+    slice: Slice
+    sentence: str
+    share_of_error: float
+    share_of_samples: float
+    error_percent: float
+    elsewhere_percent: float
+    p_value: float | None
+
+
+def find(
+    some: Slice,
+    shares: tuple[float, float],
+    found: Misfit,
+    used: np.ndarray,
+    p_value: float | None,
+    wording: Wording,
+    slicing: Slicing,
+) -> Finding:
+    """Describe what a slice holds.
+
+    Parameters
+    ----------
+    shares : of the squared error and of the samples.
+    used : bool ndarray of shape (n_trials, k_max), the samples that take part.
+    """
+    inside = some.mask & used
+    if some.directions is None:
+        text = share_sentence(some, *shares, wording)
+        elsewhere = found.distance[used & ~inside]
+    else:
+        text = heading_sentence(some, shares[0], found, inside, wording, slicing.steady)
+        other = found.distance**2 - some.sizes(found) ** 2
+        elsewhere = np.sqrt(np.maximum(other[inside], 0))
+    to_percent = 100 / found.scale
+    return Finding(
+        slice=some,
+        sentence=text,
+        share_of_error=shares[0],
+        share_of_samples=shares[1],
+        error_percent=float(to_percent * some.sizes(found)[inside].mean()),
+        elsewhere_percent=float(to_percent * elsewhere.mean()),
+        p_value=p_value,
+    )
+
+
+def well_beyond(share_of_error: float, share_of_samples: float, slicing: Slicing) -> bool:
+    """Tell whether a share of the error is worth a sentence."""
+    surplus = share_of_error - share_of_samples
+    return surplus >= slicing.beyond and share_of_error >= slicing.times * share_of_samples
+
+
+def outstanding_trials(
+    records: Sequence[Record],
+    found: Misfit,
+    wording: Wording,
+    slicing: Slicing = RULE.slicing,
+) -> list[Finding]:
+    """Return one finding on the few trials that hold much of the error alone, or none."""
+    square = np.where(found.present, found.distance**2, 0)
+    size = np.sqrt(square.sum(axis=1) / found.present.sum(axis=1))
+    usual = np.quantile(size, 0.9, method="lower")
+    rows = np.flatnonzero(size > slicing.outstanding * usual)
+    if len(records) <= slicing.fewest or not len(rows):
+        return []
+    rows = rows[np.argsort(-size[rows], kind="stable")]
+    shares = (
+        float(square[rows].sum() / square.sum()),
+        float(found.present[rows].sum() / found.present.sum()),
+    )
+    if not well_beyond(*shares, slicing):
+        return []
+    made = _slice_of(rows, records, found.present, wording)
+    sentence = outstanding_sentence(made.name, len(rows), shares[0], len(records), wording)
+    finding = find(made, shares, found, found.present, None, wording, slicing)
+    return [replace(finding, sentence=sentence)]
+
+
+def _slice_of(
+    rows: np.ndarray, records: Sequence[Record], present: np.ndarray, wording: Wording
+) -> Slice:
+    mask = np.zeros_like(present)
+    mask[rows] = present[rows]
+    *first, last = (str(records[row].trial) for row in rows)
+    numbers = f"{', '.join(first)} and {last}" if first else last
+    name = f"{wording.trial if len(rows) == 1 else wording.trials} {numbers}"
+    return Slice(
+        name=name,
+        kind="trial",
+        subject=name.capitalize(),
+        trials=tuple(r.trial for r in records),
+        mask=mask,
+        whole_trials=True,
+    )
+
+
+PERMUTATIONS = 2000
+
+
+class Contrast:
+    """The squared error inside slices against what their share of the samples would hold.
+
+    The weight of a slice is the sum over samples of (m − f) s: m is 1 inside and 0 outside, f
+    the slice's share of the samples, s the squared error. It is the sum of two parts over
+    trials: how inside and outside differ within each trial, and how the trial's mean goes with
+    the part of the trial that lies inside. When the error does not depend on the slice, the
+    first may as well have the other sign in any trial, and the second may as well belong to any
+    other trial. So whole trials are permuted, however the errors inside a trial hang together.
+    For a slice with directions, the weight is the squared error along them less an equal part
+    of the whole, and only its signs are permuted.
+
+    Parameters
+    ----------
+    used : bool ndarray of shape (n_trials, k_max), the samples that take part.
+    """
+
+    def __init__(
+        self, slices: Sequence[Slice], found: Misfit, used: np.ndarray, rng: np.random.Generator
+    ) -> None:
+        self._slices, self._found = slices, found
+        self._rows = np.flatnonzero(used.any(axis=1))
+        self._used = used[self._rows]
+        self._masks = [some.mask[self._rows] & self._used for some in slices]
+        self._size = self._used.sum(axis=1)
+        self._part = np.array([mask.sum(axis=1) for mask in self._masks]) / self._size
+        n = len(self._rows)
+        self._signs = rng.choice([-1.0, 1.0], size=(PERMUTATIONS, n))
+        self._orders = rng.permuted(np.tile(np.arange(n), (PERMUTATIONS, 1)), axis=1)
+
+    def test(self, square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return every slice's weight and p-value, each (n_slices,).
+
+        The p-value is the chance that any slice would stand out as much, every weight taken in
+        its own standard deviations.
+
+        Parameters
+        ----------
+        square : ndarray of shape (n_trials, k_max), squared errors.
+        """
+        mean = np.where(self._used, square[self._rows], 0).sum(axis=1) / self._size
+        within, lean = self._within(square, mean), self._lean()
+        weight = within.sum(axis=1) + lean @ mean
+        drawn = self._signs @ within.T + mean[self._orders] @ lean.T
+        spread = np.maximum(drawn.std(axis=0), 1e-12 * (mean @ self._size))
+        largest = (drawn / spread).max(axis=1)
+        as_large = (largest[:, None] >= weight / spread).sum(axis=0)
+        return weight, (1 + as_large) / (1 + PERMUTATIONS)
+
+    def shares(self, at: int, square: np.ndarray) -> tuple[float, float]:
+        """Return slice `at`'s share of `square` and of the samples.
+
+        For a slice with directions, the share of the squared error that lies along them, and
+        an equal part for every direction.
+        """
+        inside, own = self._masks[at], square[self._rows]
+        if self._slices[at].directions is not None:
+            along = self._slices[at].sizes(self._found)[self._rows] ** 2
+            return float(along[inside].sum() / own[inside].sum()), 1 / self._found.error.shape[-1]
+        return (
+            float(own[inside].sum() / own[self._used].sum()),
+            float(inside.sum() / self._used.sum()),
+        )
+
+    def without(self, at: int, square: np.ndarray) -> np.ndarray:
+        """Return `square` with slice `at` brought to the level of the other samples."""
+        if self._slices[at].directions is not None:
+            return square
+        own, inside = square[self._rows], self._masks[at]
+        surplus = own[inside].mean() - own[self._used & ~inside].mean()
+        level = square.copy()
+        level[self._rows] -= np.where(inside, surplus, 0)
+        return level
+
+    def _within(self, square: np.ndarray, mean: np.ndarray) -> np.ndarray:
+        """Return how much more every slice holds of each trial than its part, (n_slices, n)."""
+        own = square[self._rows]
+        # along a direction it is the error itself: levels taken out of `square` have none
+        whole = self._found.distance[self._rows] ** 2 / self._found.error.shape[-1]
+        within = []
+        for some, mask, part in zip(self._slices, self._masks, self._part, strict=True):
+            if some.directions is None:
+                held = np.where(mask, own, 0).sum(axis=1)
+                within.append(held - part * self._size * mean)
+            else:
+                along = some.sizes(self._found)[self._rows] ** 2
+                within.append(np.where(mask, along - whole, 0).sum(axis=1))
+        return np.array(within)
+
+    def _lean(self) -> np.ndarray:
+        """Return how many more samples than its share every slice has of each trial."""
+        share = (self._part * self._size).sum(axis=1) / self._size.sum()
+        lean = (self._part - share[:, None]) * self._size
+        directed = [s.directions is not None for s in self._slices]
+        lean[directed] = 0
+        return lean
+
+
+def localise(
+    records: Sequence[Record],
+    found: Misfit,
+    noise: np.ndarray | None,
+    exceptions: Sequence[Finding],
+    wording: Wording,
+    rng: np.random.Generator,
+    slicing: Slicing = RULE.slicing,
+) -> list[Finding]:
+    """Find the slices that hold most of the squared error, the weightiest first.
+
+    Slices are taken one after another. Each must hold well more of the error than of the
+    samples, also of that part of it which exceeds noise, and stand out when whole trials are
+    permuted (see `Contrast`). What a chosen slice explains is taken out before the next is
+    looked for, so that no two say the same.
+
+    Parameters
+    ----------
+    noise : ndarray of shape (n_trials, k_max), the squared error that noise alone makes at every
+        sample; None when it is not known.
+    exceptions : findings on single trials, which come first; their trials are left out here.
+    """
+    findings = list(exceptions)
+    used = found.present.copy()
+    for finding in findings:
+        used &= ~finding.slice.mask
+    square = found.distance**2
+    excess = square if noise is None else square - noise
+    if excess[used].sum() < slicing.excess * square[used].sum():
+        return findings
+    candidates = candidate_slices(records, wording, slicing)
+    if not candidates:
+        return findings
+    contrast = Contrast(candidates, found, used, rng)
+    remaining = square
+    while len(findings) < slicing.most:
+        weight, p_value = contrast.test(remaining)
+        eligible = [
+            at
+            for at in np.flatnonzero(p_value <= slicing.level).tolist()
+            if candidates[at].kind not in {f.slice.kind for f in findings}
+            and well_beyond(*contrast.shares(at, square), slicing)
+            and well_beyond(*contrast.shares(at, excess), slicing)
+        ]
+        if not eligible:
+            break
+        best = max(eligible, key=lambda at: weight[at])
+        shares = contrast.shares(best, square)
+        p = float(p_value[best])
+        findings.append(find(candidates[best], shares, found, used, p, wording, slicing))
+        remaining = contrast.without(best, remaining)
+    return findings
