@@ -23,6 +23,8 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from robotcast.files import write_text
 from robotcast.hidden_effects.layout import answer_path, pages_folder, sets_folder
 from robotcast.hidden_effects.outcome import read_truth
@@ -69,7 +71,7 @@ def chosen_between(measurements: Path, truth: str, rival: str) -> list[str]:
             f"hidden_effects.actions={first / 'actions.csv'}",
             f"output={grown}",
         )
-    known = [path.stem for path in (ROOT / "conf" / "effect").glob("*.yaml")]
+    known = yaml.safe_load((ROOT / "conf" / "effects.yaml").read_text(encoding="utf-8"))["effects"]
     others = sorted(effect for effect in known if effect not in (truth, rival))
     second = FOLDER / "second" / name
     return diagnosis(second, f"measurements={grown}", f"exclude=[{','.join(others)}]")["verdict"]

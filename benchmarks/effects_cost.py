@@ -32,8 +32,8 @@ def make_simulator(names: Sequence[str]) -> Simulator:
 
 
 def _effect(name: str) -> Effect:
-    config = OmegaConf.load(ROOT / "conf" / "effect" / f"{name}.yaml")
-    return instantiate(config, name=name, _convert_="all")
+    entry = OmegaConf.load(ROOT / "conf" / "effects.yaml").effects[name]
+    return instantiate(entry, name=name, _convert_="all")
 
 
 def acting(simulator: Simulator) -> np.ndarray:

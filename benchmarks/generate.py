@@ -26,9 +26,9 @@ from mujoco.batch import Batch
 
 from robotcast.casts.plan import PlanLimits, plan_cast
 from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.chain.model import chain_model
-from robotcast.simulators.chain.segmented import SegmentedSimulator
-from robotcast.simulators.geometry import ChainGeometry
+from robotcast.simulators.chain import ChainGeometry
+from robotcast.simulators.mujoco_cables import SegmentedSimulator
+from robotcast.simulators.mujoco_chain import chain_model
 from robotcast.simulators.simulator import SimulatedCast
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -79,7 +79,7 @@ def bare_chain(simulator: SegmentedSimulator, n_sim: int) -> Batch:
     slides, stretching = geometry.slides[geometry.stretching], values["axial_stiffness_n"]
     model.jnt_stiffness[slides] = stretching / geometry.stretches_m
     model.dof_damping[slides] = settings.stretch_damping_s * stretching / geometry.stretches_m
-    return Batch(model, n_sim, settings.threads)
+    return Batch(model, n_sim, settings.processes)
 
 
 def compare(rounds: int) -> float:

@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 
 from robotcast.measurements.measurement_set import Cable, Trial
-from robotcast.simulators.chain.model import TOOL_ARMATURE, chain_model
-from robotcast.simulators.chain.segmented import SegmentedSettings
-from robotcast.simulators.geometry import GRAVITY_M_S2, TOOL_DOFS, ChainGeometry, capsule_inertia
-from robotcast.simulators.tool_path import ToolPaths
+from robotcast.simulators.batch import tool_paths
+from robotcast.simulators.chain import GRAVITY_M_S2, TOOL_DOFS, ChainGeometry, capsule_inertia
+from robotcast.simulators.mujoco_cables import SegmentedSettings
+from robotcast.simulators.mujoco_chain import TOOL_ARMATURE, chain_model
 
 
 class PlainChain:
@@ -34,8 +34,7 @@ class PlainChain:
         self._data = mujoco.MjData(self._model)
         steps = int(np.ceil(trial.waypoints_s[-1] / settings.step_s))
         self._times_s = np.arange(steps + 2) * settings.step_s
-        paths = ToolPaths([trial.tool], self._times_s)
-        self._poses = np.stack([paths.at(k, np.array([0]))[0] for k in range(steps + 2)])
+        self._poses = tool_paths([trial.tool], self._times_s)[:, 0]
 
     def error_percent(self, values: Mapping[str, float]) -> float:
         """Return the average waypoint error, in % of cable length, one length at most."""

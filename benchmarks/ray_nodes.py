@@ -24,7 +24,7 @@ RAY = Path(sys.executable).with_name("ray")
 PORT = 6399
 SEEDS = (1, 2, 3, 4)
 SHARDS = 4
-ONE_CORE = "++simulator.model.settings.threads=1"
+ONE_CORE = "++simulator.model.settings.processes=1"
 BUDGET = "scale.tune.segmented.budget_casts.de=800"
 GRID = "scale.generate.grid={theta1:5,theta2:5,r2:4,alpha:4,vmax:2}"
 ON_RAY = "hydra/launcher=ray_cluster"

@@ -13,14 +13,11 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 from stage import bar, console, output_folder, require, stage, typed
 
-from robotcast.cast_model.model import CastModel
-from robotcast.cast_model.records import cast_records
-from robotcast.cast_model.wording import CAST_WORDING
+from robotcast.cast_model import CAST_WORDING, CastModel, cast_records
 from robotcast.diagnosis.compare import Comparison, compare
 from robotcast.diagnosis.diagnose import Case, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry, fit_base
-from robotcast.effects.active import parameters_of
-from robotcast.effects.effect import Effect
+from robotcast.effects.effect import Effect, parameters_of
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set

@@ -14,11 +14,7 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 from stage import bar, console, output_folder, require, stage, typed
 
-from robotcast.cast_model.field_drawing import draw_field
-from robotcast.cast_model.further import further_casts
-from robotcast.cast_model.model import CastModel
-from robotcast.cast_model.records import cast_records
-from robotcast.cast_model.wording import CAST_WORDING
+from robotcast.cast_model import CAST_WORDING, CastModel, candidate_casts, cast_records, draw_field
 from robotcast.casts.action_file import write_actions
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.next_trials import Further
@@ -98,7 +94,7 @@ def _further(config: DictConfig, model: CastModel, measured: MeasurementSet) -> 
     """Return some of the casts that the arm can do, from the radius where the set's casts start."""
     grid, limits = build_grid(config, "collected"), build_limits(config)
     feasible, _ = feasible_actions(grid, measured.r0_m, limits, build_envelope(config))
-    return further_casts(model, measured, feasible, limits, FURTHER, config.seed)
+    return candidate_casts(model, measured, feasible, limits, FURTHER, config.seed)
 
 
 def _facts(config: DictConfig, measured: MeasurementSet) -> dict[str, Any]:

@@ -22,8 +22,7 @@ from robotcast.casts.plan import plan_action, plan_actions
 from robotcast.measurements.measurement_set import Trial
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
-from robotcast.simulators.generation import generate_casts, mean_reach
-from robotcast.simulators.shards import Shard, write_d_sim
+from robotcast.simulators.d_sim import Shard, generate_casts, mean_reach, write_d_sim
 from robotcast.tuning.tuned import read_effects, read_values, vector_of
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 from stage import console, output_folder, stage
 
-from robotcast.simulators.shards import Shard, merge_shards
+from robotcast.simulators.d_sim import Shard, merge_shards
 
 
 def merge(config: DictConfig) -> None:

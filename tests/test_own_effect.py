@@ -12,8 +12,7 @@ from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
-from robotcast.cast_model.model import CastModel
-from robotcast.cast_model.records import cast_records
+from robotcast.cast_model import CastModel, cast_records
 from robotcast.diagnosis.diagnose import Case, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.rule import Effort, Rule
@@ -29,15 +28,16 @@ NAME = "endpoint_pull"
 
 @pytest.fixture
 def own_effect(monkeypatch: pytest.MonkeyPatch) -> Effect:
-    """The class and the file of CONTRIBUTING.md."""
+    """The class and the entry of CONTRIBUTING.md."""
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     code = re.search(rf"```python\n# src/robotcast/effects/{NAME}\.py\n(.*?)```", page, re.S)
-    text = re.search(rf"```yaml\n# conf/effect/{NAME}\.yaml\n(.*?)```", page, re.S)
+    text = re.search(r"```yaml\n# conf/effects\.yaml\n(.*?)```", page, re.S)
     assert code and text
     module = ModuleType(f"robotcast.effects.{NAME}")
     exec(code.group(1), module.__dict__)
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    return instantiate(OmegaConf.create(text.group(1)), name=NAME, _convert_="all")
+    entry = OmegaConf.create(text.group(1)).effects[NAME]
+    return instantiate(entry, name=NAME, _convert_="all")
 
 
 @pytest.mark.slow

@@ -15,11 +15,11 @@ ORDER = (
     *("train", "evaluate", "baseline", "report"),
 )
 
-# How a stage starts, shows its progress and puts a file in place changes no result, nor does what
-# is drawn instead of cast.
+# How a stage starts, shows its progress, works in processes and puts a file in place changes no
+# result, nor does what is drawn instead of cast.
 PLUMBING = (
     *("stages/stage.py", "stages/dry_run.py"),
-    *(f"src/robotcast/{name}.py" for name in ("files", "pool", "progress", "source")),
+    *(f"src/robotcast/{name}.py" for name in ("files", "processes", "progress", "source")),
 )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.cast_model.wording import CAST_WORDING
+from robotcast.cast_model import CAST_WORDING
 from robotcast.diagnosis.model import Record
 
 SCALE = 0.5

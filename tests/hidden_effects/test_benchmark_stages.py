@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from robotcast.hidden_effects.layout import diagnosis_path, oracle_path, results_folder, rivals_path
 from robotcast.hidden_effects.outcome import Outcome, read_outcomes
@@ -20,7 +21,7 @@ SAID = (diagnosis_path, rivals_path, oracle_path)
 def run(stage: str, folder: Path) -> None:
     command = [sys.executable, f"stages/hidden_{stage}.py", "hidden_effects=few"]
     command += [f"hidden_effects.folder={folder}", f"hidden_effects.reports={folder}"]
-    known = [path.stem for path in (ROOT / "conf" / "effect").glob("*.yaml")]
+    known = yaml.safe_load((ROOT / "conf" / "effects.yaml").read_text(encoding="utf-8"))["effects"]
     command += [f"exclude=[{','.join(name for name in known if name not in CANDIDATES)}]"]
     command += [f"hidden_effects.brute_force=[{FORCED}]"]
     command += ["hidden_effects.counts={actions:10,repeated:2,times:2}"]

@@ -16,8 +16,7 @@ from omegaconf import OmegaConf
 from robotcast.casts.action import Action
 from robotcast.casts.limits import PlanLimits
 from robotcast.casts.plan import PlannedCast, plan_action
-from robotcast.effects.effect import Effect
-from robotcast.effects.motion import CableMotion
+from robotcast.effects.effect import CableMotion, Effect
 from robotcast.hidden_effects.mechanisms import LIBRARY, make_effect
 from robotcast.rigs.virtual.cable import CableTruth, build_cable
 from robotcast.rigs.virtual.hidden.effect import (
@@ -33,7 +32,7 @@ from robotcast.rigs.virtual.hidden.effect import (
 from tests.rigs.small_rig import CABLE, TRUTH
 from tests.rigs.test_hidden import laid
 
-CONFIGURATION = Path(__file__).resolve().parents[2] / "conf" / "effect"
+CONFIGURATION = Path(__file__).resolve().parents[2] / "conf"
 N, STEP_S, G = 12, 0.001, 9.81
 FORCES = {
     "air_drag": {"C": 7.0},
@@ -65,8 +64,8 @@ OTHER_LAW = {"anisotropic_friction", "endpoint_friction"}
 
 
 def library(name: str) -> Effect:
-    config = OmegaConf.load(CONFIGURATION / f"{name}.yaml")
-    return instantiate(config, name=name, _convert_="all")
+    entry = OmegaConf.load(CONFIGURATION / "effects.yaml").effects[name]
+    return instantiate(entry, name=name, _convert_="all")
 
 
 def values(given: Mapping[str, float]) -> dict[str, np.ndarray]:

@@ -11,10 +11,11 @@ from robotcast.casts.plan import PlanLimits, plan_cast
 from robotcast.effects.effect import Effect
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.chain.segmented import SegmentedSettings, SegmentedSimulator
+from robotcast.simulators.mujoco_cables import SegmentedSettings, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast, Simulator
 
 CONFIGURATION = Path(__file__).resolve().parents[2] / "conf"
+EFFECTS = OmegaConf.load(CONFIGURATION / "effects.yaml").effects
 CABLE = Cable("cable", 0.63, 0.008, 0.0045, 0.02)
 PARAMETERS = (
     Parameter("friction", "1", 0.0, 1.0, 0.28),
@@ -83,9 +84,8 @@ def mirrored(cast: SimulatedCast) -> SimulatedCast:
 
 
 def load_effect(name: str) -> Effect:
-    """Return the effect that conf/effect/ names."""
-    numbers = OmegaConf.load(CONFIGURATION / "effect" / f"{name}.yaml")
-    return instantiate(numbers, name=name, _convert_="all")
+    """Return the effect that conf/effects.yaml names."""
+    return instantiate(EFFECTS[name], name=name, _convert_="all")
 
 
 def configured(name: str, *effects: str, **settings: float) -> Simulator:

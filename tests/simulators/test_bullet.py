@@ -1,28 +1,15 @@
 """What PyBullet's cable must do beside what every simulator must."""
 
-import os
-import signal
-import subprocess
-import sys
-import time
-from pathlib import Path
-
 import numpy as np
-import pybullet
 import pytest
 
 from robotcast.casts.tool_motion import ToolMotion
-from robotcast.effects.active import ActiveEffects
-from robotcast.simulators.bullet.run import BulletRun
-from robotcast.simulators.bullet.settings import BulletSettings
-from robotcast.simulators.bullet.springs import fastest_frequency, spring_torques
-from robotcast.simulators.bullet.tasks import Setup, Task
-from robotcast.simulators.bullet.worker import prepare
+from robotcast.effects.effect import ActiveEffects
+from robotcast.simulators.bullet import BulletRun, BulletSettings
+from robotcast.simulators.bullet_bodies import fastest_frequency, physics_client, spring_torques
 from robotcast.simulators.simulator import SimulatedCast
-from tests.processes.test_workers import gone_within
 from tests.simulators.conftest import CABLE, configured, mirrored, nominal
 
-ROOT = Path(__file__).resolve().parents[2]
 BENDING = 1e-4  # N m²
 
 
@@ -87,32 +74,27 @@ def test_a_mirrored_cast_mirrors() -> None:
 
 
 def test_what_ran_before_in_a_process_changes_no_bit() -> None:
-    simulator, cast = configured("bullet"), sweep(0.4)
-    answer = prepare(Setup(CABLE, BulletSettings(), ()))
-    expected = answer(Task(cast, nominal(simulator)[0], True)).waypoints_m
-    answer(Task(sweep(-0.2), nominal(simulator, bending_stiffness_n_m2=1e-3)[0], True))
-    again = answer(Task(cast, nominal(simulator)[0], True)).waypoints_m
+    simulator, cast = configured("bullet", processes=1), sweep(0.4)
+    expected = simulator.simulate([cast], nominal(simulator)).waypoints_m
+    simulator.simulate([sweep(-0.2)], nominal(simulator, bending_stiffness_n_m2=1e-3))
+    again = simulator.simulate([cast], nominal(simulator)).waypoints_m
     np.testing.assert_array_equal(again, expected)
 
 
 def test_friction_is_a_cone_and_the_plane_carries_the_weight() -> None:
     """Each contact rubs with at most μ times what it carries, whichever way it slides."""
-    client = pybullet.connect(pybullet.DIRECT)
     vector = nominal(configured("bullet"), dynamic_friction=0.3)
     pose = np.array([[0.6, 0.0, 0.0]])
     nothing = ActiveEffects((), np.zeros((1, 0)))
-    run = BulletRun(client, CABLE, BulletSettings(), 0.004, pose, np.zeros(1), vector, nothing)
+    run = BulletRun(CABLE, BulletSettings(), 0.004, pose, np.zeros(1), vector, nothing)
     carried = []
     for step in range(150):
         pose = pose + np.array([-0.001, 0.002 * min(1.0, step / 25), 0.0])
         run.step(run.state(), pose)
-        contacts = np.array(
-            [[c[9], c[10], c[12]] for c in pybullet.getContactPoints(physicsClientId=client)]
-        )
+        contacts = np.array([[c[9], c[10], c[12]] for c in physics_client().getContactPoints()])
         normal, *rubbing = contacts.T
         assert (np.hypot(*rubbing) <= 0.3 * normal * (1 + 1e-6) + 1e-9).all()
         carried.append(normal.sum())
-    pybullet.disconnect(client)
     weight = 9.81 * (CABLE.mass_kg * (1 - 0.25 / 18) + CABLE.endpoint_mass_kg)
     assert np.mean(carried[50:]) == pytest.approx(weight, rel=0.02)
 
@@ -141,31 +123,3 @@ def test_the_fastest_frequency_of_one_bar_on_a_hinge() -> None:
     one, none = np.array([0.5]), np.zeros(1)
     assert fastest_frequency(*args, one, none) == pytest.approx(np.sqrt(0.5 / inertia))
     assert fastest_frequency(*args, none, one) == pytest.approx(np.sqrt(0.5 / (0.5 * m * r**2)))
-
-
-def test_nothing_is_left_behind_when_the_parent_is_killed() -> None:
-    script = (
-        "import numpy as np\n"
-        "from tests.simulators.conftest import configured, nominal\n"
-        "from tests.simulators.test_bullet import sweep\n"
-        "simulator = configured('bullet', processes=2)\n"
-        "simulator.simulate([sweep(0.3)] * 2, nominal(simulator))\n"
-        "print('at work', flush=True)\n"
-        "simulator.simulate([sweep(0.3)] * 1000, nominal(simulator))\n"
-    )
-    parent = subprocess.Popen(
-        [sys.executable, "-c", script],
-        cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert parent.stdout is not None
-    while "at work" not in (line := parent.stdout.readline()):
-        assert line, "the parent ended by itself"
-    time.sleep(0.3)
-    children = Path(f"/proc/{parent.pid}/task/{parent.pid}/children").read_text().split()
-    assert len(children) == 2
-    parent.send_signal(signal.SIGKILL)
-    parent.wait()
-    assert gone_within(5.0, [int(pid) for pid in children])

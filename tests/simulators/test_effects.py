@@ -1,4 +1,4 @@
-"""What every effect of conf/effect/ must do inside every simulator."""
+"""What every effect of conf/effects.yaml must do inside every simulator."""
 
 from dataclasses import replace
 
@@ -7,13 +7,12 @@ import pytest
 from hydra.errors import InstantiationException
 
 from robotcast.casts.tool_motion import ToolMotion
-from robotcast.simulators.bullet.simulator import BulletSimulator
-from robotcast.simulators.chain.hybrid import HybridSimulator
-from robotcast.simulators.chain.segmented import SegmentedSimulator
+from robotcast.simulators.bullet import BulletSimulator
+from robotcast.simulators.mujoco_cables import HybridSimulator, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast
-from tests.simulators.conftest import CONFIGURATION, configured, load_effect, nominal
+from tests.simulators.conftest import EFFECTS, configured, load_effect, nominal
 
-NAMES = sorted(path.stem for path in (CONFIGURATION / "effect").glob("*.yaml"))
+NAMES = sorted(EFFECTS)
 TUNED = {kind.name: kind.tunes for kind in (SegmentedSimulator, HybridSimulator, BulletSimulator)}
 SLOW = {BulletSimulator.name: pytest.mark.slow}
 NOT_OFFERED = {kind: {*tunes} for kind, tunes in TUNED.items()}

@@ -6,9 +6,12 @@ import pytest
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.chain.hybrid import HybridSimulator
-from robotcast.simulators.chain.run import ChainSettings
-from robotcast.simulators.chain.segmented import SegmentedSettings, SegmentedSimulator
+from robotcast.simulators.mujoco_cables import (
+    HybridSimulator,
+    SegmentedSettings,
+    SegmentedSimulator,
+)
+from robotcast.simulators.mujoco_chain import ChainSettings
 from robotcast.simulators.simulator import SimulatedCast
 from tests.simulators.conftest import CABLE, configured, load_effect, nominal
 from tests.simulators.conftest import PARAMETERS as SEGMENTED

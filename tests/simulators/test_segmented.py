@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.simulators.simulator import SimulatedCast
-from tests.simulators.conftest import CABLE, MakeSimulator, mirrored, nominal
+from tests.simulators.conftest import CABLE, MakeSimulator, nominal
 
 STILL = ToolMotion(np.array([0.0, 10.0]), np.array([[0.6, 0.0, 0.0]] * 2))
 
@@ -118,24 +118,6 @@ def test_a_mass_dragged_round_keeps_the_circle_that_coulomb_and_centripetal_forc
     assert radius.mean() == pytest.approx(brentq(excess, 0.6, 1.3), rel=0.02)
 
 
-def test_a_mirrored_cast_mirrors(make_simulator: MakeSimulator, casts: list[SimulatedCast]) -> None:
-    simulator = make_simulator()
-    here = simulator.simulate(casts, nominal(simulator)).waypoints_m
-    there = simulator.simulate([mirrored(c) for c in casts], nominal(simulator)).waypoints_m
-    np.testing.assert_allclose(there, here * [1.0, -1.0], atol=1e-4)
-
-
-def test_threads_and_batches_change_no_bit(
-    make_simulator: MakeSimulator, casts: list[SimulatedCast]
-) -> None:
-    one = make_simulator(threads=1)
-    vectors = np.repeat(nominal(one), 3, axis=0) * np.array([[0.9], [1.0], [1.1]])
-    expected = one.simulate(casts, vectors).waypoints_m
-    for settings in ({"threads": 2}, {"batch_size": 5}):
-        got = make_simulator(**settings).simulate(casts, vectors).waypoints_m
-        np.testing.assert_array_equal(got, expected)
-
-
 def test_halving_the_step_hardly_moves_the_end(
     make_simulator: MakeSimulator, casts: list[SimulatedCast]
 ) -> None:
@@ -160,17 +142,6 @@ def test_more_segments_hardly_move_the_end(
         axis=-1,
     )
     assert np.nanmedian(np.nanmean(difference[0], axis=-1)) < 0.01 * CABLE.length_m
-
-
-def test_every_parameter_moves_the_end(
-    make_simulator: MakeSimulator, casts: list[SimulatedCast]
-) -> None:
-    simulator = make_simulator()
-    base = nominal(simulator, joint_friction_n_m=1e-4)
-    vectors = np.vstack([base, base * (1 + 0.5 * np.eye(base.shape[-1]))])
-    waypoints = simulator.simulate(casts, vectors).waypoints_m
-    moved = np.nanmax(np.abs(waypoints[1:] - waypoints[0]), axis=(1, 2, 3))
-    assert (moved > 1e-4).all(), moved
 
 
 def test_a_diverged_run_is_marked_and_leaves_the_others_alone(

@@ -62,11 +62,11 @@ def test_a_mirrored_cast_mirrors(kind: str, casts: list[SimulatedCast]) -> None:
 
 
 @pytest.mark.parametrize("kind", CHAINS)
-def test_threads_and_batches_change_no_bit(kind: str, casts: list[SimulatedCast]) -> None:
-    one = configured(kind, threads=1)
+def test_processes_and_batches_change_no_bit(kind: str, casts: list[SimulatedCast]) -> None:
+    one = configured(kind, processes=1)
     vectors = np.repeat(nominal(one), 3, axis=0) * np.array([[0.9], [1.0], [1.1]])
     expected = one.simulate(casts, vectors).waypoints_m
-    for settings in ({"threads": 2}, {"threads": 1, "batch_size": 5}):
+    for settings in ({"processes": 2}, {"processes": 1, "batch_size": 5}):
         got = configured(kind, **settings).simulate(casts, vectors).waypoints_m
         np.testing.assert_array_equal(got, expected)
 

@@ -6,21 +6,15 @@ with one strength each, an acceleration in m/s², so that heavy and light parts 
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from robotcast.effects.effect import Effect
-from robotcast.effects.motion import CableMotion
+from robotcast.effects.effect import CableMotion, Effect
 
+Forces = tuple[np.ndarray, np.ndarray]
 STRONGEST_M_S2 = 4.0
 PROBE_M_S2 = 0.25
 PRIOR_SD = 0.1  # of the range: what no cast passes stays where it is
-
-
-def _strength(unit: str = "m/s²", most: float = STRONGEST_M_S2, probe: float = PROBE_M_S2) -> dict:
-    span = {"unit": unit, "lower": -most, "upper": most}
-    return span | {"null_at": 0.0, "probes": [probe], "prior_sd": PRIOR_SD}
 
 
 class _Field(Effect):
@@ -34,10 +28,13 @@ class _Field(Effect):
         depends_on: str,
         *,
         endpoint: bool = False,
-        **numbers: Any,
+        unit: str = "m/s²",
+        most: float = STRONGEST_M_S2,
+        probe: float = PROBE_M_S2,
     ) -> None:
-        strengths = {f"c{k}": _strength(**numbers) for k in range(n)}
-        super().__init__(name, text, strengths, depends_on)
+        strength = {"unit": unit, "lower": -most, "upper": most, "null_at": 0.0}
+        strength |= {"probes": [probe], "prior_sd": PRIOR_SD}
+        super().__init__(name, text, {f"c{k}": strength for k in range(n)}, depends_on)
         self.endpoint = endpoint
 
     def acts_on(self, cable: CableMotion) -> np.ndarray:
@@ -61,7 +58,7 @@ class PlaceField(_Field):
         self.width_m = width_m
         super().__init__(name, text, 2 * len(x_m) * len(y_m), "place", endpoint=endpoint)
 
-    def force(self, cable: CableMotion, **values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def force(self, cable: CableMotion, **values: np.ndarray) -> Forces:
         strengths = np.concatenate([values[p.name] for p in self.parameters], axis=1)
         if not self.endpoint:
             x, y = self._accelerations(cable.x, cable.y, strengths)
@@ -75,9 +72,7 @@ class PlaceField(_Field):
         x, y = points_m.T[:, None].astype(np.float32)
         return np.concatenate(self._accelerations(x, y, strengths[None])).T
 
-    def _accelerations(
-        self, x: np.ndarray, y: np.ndarray, strengths: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _accelerations(self, x: np.ndarray, y: np.ndarray, strengths: np.ndarray) -> Forces:
         """Return both components (n, m) at points (n, m); a bump is a product of two hats.
 
         `strengths` (n, n_strengths): of every centre, x before y, its two components.
@@ -98,7 +93,7 @@ class PlaceResistanceField(PlaceField):
     one of viscous resistance, at 1 m/s.
     """
 
-    def force(self, cable: CableMotion, **values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def force(self, cable: CableMotion, **values: np.ndarray) -> Forces:
         strengths = np.concatenate([values[p.name] for p in self.parameters], axis=1)
         dry, viscous = self._accelerations(cable.x, cable.y, strengths)
         mass = self.acts_on(cable)
@@ -122,7 +117,7 @@ class AlongMotionField(_Field):
         self.at_values = np.asarray(at, dtype=float)
         super().__init__(name, text, len(at), of, endpoint=endpoint)
 
-    def force(self, cable: CableMotion, **values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def force(self, cable: CableMotion, **values: np.ndarray) -> Forces:
         if self.depends_on == "time":
             argument = np.full((1, 1), cable.time_s)
         else:
@@ -142,7 +137,7 @@ class HeadingField(_Field):
     def __init__(self, name: str, text: str) -> None:
         super().__init__(name, text, 5, "heading")
 
-    def force(self, cable: CableMotion, **values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def force(self, cable: CableMotion, **values: np.ndarray) -> Forces:
         across = cable.slip_y * cable.tx - cable.slip_x * cable.ty
         cosine, sine = cable.tx**2 - cable.ty**2, 2 * cable.tx * cable.ty
         drag = -(values["c1"] * cosine + values["c2"] * sine)
@@ -159,7 +154,7 @@ class EndpointField(_Field):
     def __init__(self, name: str, text: str) -> None:
         super().__init__(name, text, 4, "endpoint", endpoint=True)
 
-    def force(self, cable: CableMotion, **values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def force(self, cable: CableMotion, **values: np.ndarray) -> Forces:
         mass = self.acts_on(cable)
         x = values["c0"] - values["c2"] * cable.slip_x - values["c3"] * cable.vx
         y = values["c1"] - values["c2"] * cable.slip_y - values["c3"] * cable.vy

@@ -20,7 +20,7 @@ from robotcast.hidden_effects.seal import seal, unseal
 from robotcast.hidden_effects.shift import fit_parameters, see_casts, shift_percent
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.measurements.writer import write_measurement_set
-from robotcast.pool import process_pool
+from robotcast.processes import process_pool
 from robotcast.progress import Progress, silent
 from robotcast.rigs.virtual.measure import Eye, measure_cast
 from robotcast.rigs.virtual.rig import VirtualRig

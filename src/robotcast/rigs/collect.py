@@ -13,7 +13,7 @@ import yaml
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
 from robotcast.files import atomic_folder, write_text
-from robotcast.pool import process_pool
+from robotcast.processes import process_pool
 from robotcast.progress import Progress, silent
 from robotcast.rigs.rig import CastNotUsed, Rig, RigStopped
 from robotcast.sessions.session import (

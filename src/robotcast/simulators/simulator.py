@@ -1,13 +1,15 @@
-"""The one call that every simulator answers."""
+"""The one call that every simulator answers, and simulators made from config numbers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from robotcast.casts.tool_motion import ToolMotion
+from robotcast.effects.effect import Effect
 from robotcast.fitting.parameter import Parameter
+from robotcast.measurements.measurement_set import Cable
 from robotcast.progress import Progress, silent
 
 
@@ -85,3 +87,33 @@ class Simulator(Protocol):
             without; a few such runs cost it much.
         """
         ...
+
+
+def make_simulator(
+    kind: Callable[[Cable, Sequence[Parameter], Any, Sequence[Effect]], Simulator],
+    cable: Cable,
+    parameters: Mapping[str, Mapping[str, Any]],
+    settings: Any,
+    effects: Sequence[Effect] = (),
+) -> Simulator:
+    """Make a simulator of `cable`, with these effects, from config numbers.
+
+    Parameters
+    ----------
+    kind : its class.
+    parameters : name → numbers, either `lower`, `upper` and `nominal`, or `weighed` and `spread`:
+        the cable's attribute that is its nominal value, searched from nominal / spread to
+        nominal · spread.
+    settings : of this kind, whatever they are.
+    """
+    made = [_parameter(name, dict(numbers), cable) for name, numbers in parameters.items()]
+    return kind(cable, made, settings, effects)
+
+
+def _parameter(name: str, numbers: dict[str, Any], cable: Cable) -> Parameter:
+    if "weighed" in numbers:
+        nominal, spread = float(getattr(cable, numbers.pop("weighed"))), numbers.pop("spread")
+        if nominal <= 0:
+            raise ValueError(f"parameter {name}: the cable's own value must be > 0, got {nominal}")
+        numbers |= {"lower": nominal / spread, "upper": nominal * spread, "nominal": nominal}
+    return Parameter(name=name, **numbers)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
-from robotcast.pool import process_pool
+from robotcast.processes import process_pool
 from robotcast.progress import Progress, silent
 from robotcast.sessions.cast_files import TOOL_FILE, read_tool
 from robotcast.sessions.session import CastRequest, Session

@@ -93,7 +93,7 @@ def test_an_unknown_force_is_drawn_and_a_draft_of_an_effect_given() -> None:
     page = diagnosis_page(unknown())
     assert "fitted field" in page
     assert "(1.05, −0.250)" in text_of(page)
-    assert "class MyEffect(Effect)" in page and "conf/effect/my_effect.yaml" in page
+    assert "class MyEffect(Effect)" in page and "conf/effects.yaml" in page
 
 
 def test_a_field_that_explains_nothing_is_not_said_to_be_the_missing_force() -> None:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from robotcast.effects.effect import Effect
-from robotcast.effects.motion import CableMotion
+from robotcast.effects.effect import CableMotion, Effect
 from robotcast.measurements.measurement_set import Cable
 from robotcast.reporting.diagnosis.field import field_figure, focus, strongest
 from robotcast.reporting.diagnosis.reading import Field, Unexplained, read_diagnosis
@@ -65,7 +64,7 @@ def test_a_drafted_effect_works_and_does_nothing_at_its_null(depends_on: str) ->
     code, settings = (d.text for d in drafts(Unexplained(depends_on, "", None, None)))
     room: dict = {}
     exec(code, room)
-    plain = yaml.safe_load(settings)
+    plain = yaml.safe_load(settings)["effects"]["my_effect"]
     effect: Effect = room["MyEffect"]("my_effect", plain["text"], plain["parameters"])
     cable = two_cables()
     hook = effect.bending_moment if depends_on == "bending" else effect.force
@@ -83,7 +82,8 @@ def test_a_draft_starts_where_the_arrows_point_and_acts_on_what_they_act_on() ->
     assert read is not None and read.field is not None
     code, settings = (d.text for d in drafts(read))
     assert "on_endpoint" in code
-    assert yaml.safe_load(settings)["parameters"]["x0"]["nominal"] == pytest.approx(1.05)
+    drafted = yaml.safe_load(settings)["effects"]["my_effect"]
+    assert drafted["parameters"]["x0"]["nominal"] == pytest.approx(1.05)
     assert pull_field()["acts_on"] == read.field.acts_on
 
 
@@ -93,7 +93,7 @@ def test_a_resistance_over_the_board_drafts_a_brake_where_it_is_strongest() -> N
     code, settings = (d.text for d in drafts(Unexplained("place", "", None, field)))
     room: dict = {}
     exec(code, room)
-    plain = yaml.safe_load(settings)
+    plain = yaml.safe_load(settings)["effects"]["my_effect"]
     effect: Effect = room["MyEffect"]("my_effect", plain["text"], plain["parameters"])
     assert plain["parameters"]["x0"]["nominal"] == pytest.approx(0.9)
     cable = two_cables()

@@ -13,7 +13,7 @@ import numpy as np
 
 from robotcast.policies.learning.datasets import Dataset, Examples, folds, mixed_dataset
 from robotcast.policies.learning.forward_model import Learner
-from robotcast.processes.elsewhere import answers, cores
+from robotcast.processes import cores, parallel_map
 from robotcast.progress import Progress, silent
 
 _FOLDS = 3
@@ -70,7 +70,7 @@ def choose_mixture(
     ]
     logarithms: dict[tuple[float, float], list[np.ndarray]] = {pair: [] for pair in pairs}
     progress(0, len(trials))
-    misses = answers(_log_misses, trials, cores(0))  # a network this small keeps one core busy
+    misses = parallel_map(_log_misses, trials, cores(0))  # a small network keeps one core busy
     for done, (trial, found) in enumerate(zip(trials, misses, strict=True), 1):
         logarithms[trial.real_fraction, trial.real_weight].append(found)
         said = f"tried {trial.real_fraction:.0%} real × {trial.real_weight:g}"

@@ -76,7 +76,7 @@ def drafts(unexplained: Unexplained) -> tuple[Draft, ...]:
     law = _LAWS.get(_kind(unexplained), _LAWS["place"])
     return (
         Draft("src/robotcast/effects/my_effect.py", _class(law, _at_end(unexplained))),
-        Draft("conf/effect/my_effect.yaml", _yaml(law, unexplained)),
+        Draft("conf/effects.yaml", _yaml(law, unexplained)),
     )
 
 
@@ -117,17 +117,19 @@ def _class(law: _Law, at_end: bool) -> str:
 def _yaml(law: _Law, unexplained: Unexplained) -> str:
     bound, small, large = (_decimal(law.upper / part) for part in (1, 50, 10))
     lines = [
-        "_target_: robotcast.effects.my_effect.MyEffect",
-        "text: what it is, in a few words",
-        "parameters:",
-        f'  k: {{ unit: "{law.unit}", lower: -{bound}, upper: {bound}, null_at: 0.0, '
+        "effects:",
+        "  my_effect:",
+        "    _target_: robotcast.effects.my_effect.MyEffect",
+        "    text: what it is, in a few words",
+        "    parameters:",
+        f'      k: {{ unit: "{law.unit}", lower: -{bound}, upper: {bound}, null_at: 0.0, '
         f"probes: [{small}, {large}] }}",
     ]
     if "x0" in law.parameters:
-        x, y = _place(unexplained.field)
+        x, y = (f"{at:.2f}" for at in _place(unexplained.field))
         lines += [
-            f"  x0: {{ unit: m, lower: 0.0, upper: 1.6, nominal: {x:.2f}, probes: [{x:.2f}] }}",
-            f"  y0: {{ unit: m, lower: -1.2, upper: 1.2, nominal: {y:.2f}, probes: [{y:.2f}] }}",
+            f"      x0: {{ unit: m, lower: 0.0, upper: 1.6, nominal: {x}, probes: [{x}] }}",
+            f"      y0: {{ unit: m, lower: -1.2, upper: 1.2, nominal: {y}, probes: [{y}] }}",
         ]
     return "\n".join(lines)
 

@@ -7,7 +7,7 @@ from itertools import repeat
 import numpy as np
 
 from robotcast.casts.plan import PlannedCast
-from robotcast.pool import process_pool
+from robotcast.processes import process_pool
 from robotcast.progress import Progress, silent
 from robotcast.rigs.virtual.chance import CastNoise
 from robotcast.rigs.virtual.rig import VirtualRig

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from robotcast.casts.plan import PlannedCast
 from robotcast.casts.reset import ResetMotion, ResetSettings, plan_reset
-from robotcast.pool import process_pool
+from robotcast.processes import process_pool
 from robotcast.progress import Progress, silent
 from robotcast.rigs.virtual.drive import Motion
 from robotcast.rigs.virtual.rig import VirtualRig

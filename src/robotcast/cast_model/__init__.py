@@ -1,1 +1,0 @@
-"""A simulator of casts and a measurement set as diagnosis sees them."""

@@ -1,1 +1,0 @@
-"""The cable as capsules on a plane in PyBullet."""

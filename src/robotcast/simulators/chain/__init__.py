@@ -1,1 +1,0 @@
-"""The cable as a chain in the plane, stepped by MuJoCo."""

@@ -1,0 +1,151 @@
+"""D_sim: where a tuned simulator says that many casts come to rest (paper, "D_sim").
+
+On disk it lies whole, or in shards that merge into the same bytes as the whole. A shard is a run of
+consecutive actions of the grid. A cast does not depend on those simulated beside it, so shards may
+be generated anywhere, in any order.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import yaml
+
+from robotcast.casts.action import ACTION_COLUMNS, action_factors
+from robotcast.casts.plan import PlannedCast
+from robotcast.casts.tool_motion import ToolMotion
+from robotcast.files import atomic_file, write_text
+from robotcast.progress import Progress, silent
+from robotcast.simulators.simulator import Cast, SimulatedCast, Simulator
+
+ACTIONS_AT_ONCE = 4096  # planned and simulated together, which bounds the memory
+CASTS, FACTS = "casts.parquet", "generation.yaml"
+
+
+@dataclass(frozen=True)
+class Generated:
+    """Simulated casts."""
+
+    actions: np.ndarray  # (n, 6)
+    endpoints_m: np.ndarray  # (n, 2); NaN where the run diverged
+    diverged: np.ndarray  # bool (n,)
+
+
+def generate_casts(
+    simulator: Simulator,
+    vector: np.ndarray,
+    actions: np.ndarray,
+    plan: Callable[[np.ndarray], Sequence[PlannedCast]],
+    *,
+    settle_s: float,
+    follow: Callable[[ToolMotion], ToolMotion] = lambda commanded: commanded,
+    reach_m: np.ndarray | None = None,
+    progress: Progress = silent,
+) -> Generated:
+    """Simulate the planned casts of `actions` (n, 6) under one parameter vector.
+
+    Parameters
+    ----------
+    plan : actions (m, 6) → their planned casts.
+    settle_s : how long after the tool should stop the endpoint is read at the latest; a cable
+        that rests earlier is not simulated further.
+    follow : the motion that an arm is commanded → the one it makes (`Following.motion`).
+    reach_m : (2,), where the free end lies from the tool before the cast, `mean_reach` of casts
+        that were measured; None starts the cable along the tool's yaw.
+    """
+    endpoints_m = np.empty((len(actions), 2))
+    diverged = np.empty(len(actions), dtype=bool)
+    for first in range(0, len(actions), ACTIONS_AT_ONCE):
+        part = slice(first, first + ACTIONS_AT_ONCE)
+        casts = []
+        for action, planned in zip(actions[part], plan(actions[part]), strict=True):
+            tool, last_s = follow(planned.tool), np.array([planned.end_s + settle_s])
+            start_m = None if reach_m is None else tool.pose[0, :2] + reach_m
+            casts.append(SimulatedCast(tool, last_s, start_m, action_factors(action)))
+
+        def partly(done: int, total: int, note: str = "", first: int = first) -> None:
+            progress(first + done, len(actions), note)
+
+        prediction = simulator.simulate(casts, vector, progress=partly)
+        endpoints_m[part] = prediction.waypoints_m[0, :, 0]
+        diverged[part] = prediction.diverged[0]
+    return Generated(actions, endpoints_m, diverged)
+
+
+def mean_reach(casts: Iterable[Cast]) -> np.ndarray | None:
+    """Return where the free end lies from the tool, (2,), on average, before measured casts.
+
+    Resets lay a cable a little to one side; None where no cast shows it.
+    """
+    seen = [cast.start_m - cast.tool.pose[0, :2] for cast in casts if cast.start_m is not None]
+    return np.mean(seen, axis=0) if seen else None
+
+
+@dataclass(frozen=True)
+class Shard:
+    """One of `of` parts of a grid, numbered from 0."""
+
+    number: int
+    of: int
+
+    def __post_init__(self) -> None:
+        """Raise ValueError where there is no such part."""
+        if not 0 <= self.number < self.of:
+            raise ValueError(f"of {self.of} shards there is none numbered {self.number}")
+
+    @property
+    def name(self) -> str:
+        """What its folder is called."""
+        return f"{self.number}-of-{self.of}"
+
+    def part(self, actions: np.ndarray) -> np.ndarray:
+        """Return its share of the grid's actions (n, 6)."""
+        return np.array_split(actions, self.of)[self.number]
+
+
+def write_d_sim(folder: Path, generated: Generated, facts: dict[str, Any]) -> None:
+    """Write the casts that did not diverge, and how they came to be."""
+    kept = ~generated.diverged
+    columns = dict(zip(ACTION_COLUMNS, generated.actions[kept].T, strict=True))
+    x, y = generated.endpoints_m[kept].T
+    counts = {"casts": int(kept.sum()), "diverged": int((~kept).sum())}
+    _write(folder, pl.DataFrame({**columns, "x": x, "y": y}), {**facts, **counts})
+
+
+def merge_shards(folders: Sequence[Path], folder: Path) -> dict[str, Any]:
+    """Write one D_sim from the folders of all its shards, in their order; return its facts.
+
+    Raises
+    ------
+    FileNotFoundError : a shard is missing.
+    ValueError : the shards come from different simulators, grids or limits.
+    """
+    read = [_facts(path) for path in folders]
+    for path, facts in zip(folders, read, strict=True):
+        if facts["subject"] != read[0]["subject"]:
+            raise ValueError(
+                f"{path} and {folders[0]} come from different simulators or grids: "
+                "generate all shards again"
+            )
+    merged = {key: value for key, value in read[0].items() if key != "subject"}
+    merged |= {key: sum(facts[key] for facts in read) for key in ("casts", "diverged")}
+    tables = [pl.read_parquet(path / CASTS) for path in folders]
+    _write(folder, pl.concat(tables, rechunk=True), merged)
+    return merged
+
+
+def _facts(folder: Path) -> dict[str, Any]:
+    path = folder / FACTS
+    if not path.exists():
+        raise FileNotFoundError(f"{path} is missing: generate this shard first")
+    return yaml.safe_load(path.read_text(encoding="utf-8"))
+
+
+def _write(folder: Path, casts: pl.DataFrame, facts: dict[str, Any]) -> None:
+    """Write the casts, then the facts: a folder with facts is whole."""
+    with atomic_file(folder / CASTS) as temporary:
+        casts.write_parquet(temporary)
+    write_text(folder / FACTS, yaml.safe_dump(facts, sort_keys=False))

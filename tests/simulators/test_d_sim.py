@@ -1,0 +1,157 @@
+"""D_sim: its casts begin as the measured ones did, and shards merge into the bytes of the whole."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from robotcast.casts.plan import PlanLimits, plan_actions, plan_cast
+from robotcast.casts.tool_motion import ToolMotion
+from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
+from robotcast.measurements.writer import write_measurement_set
+from robotcast.simulators.d_sim import (
+    Generated,
+    Shard,
+    generate_casts,
+    mean_reach,
+    merge_shards,
+    write_d_sim,
+)
+from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast
+
+CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
+LATE_S = 0.024
+ROOT = Path(__file__).resolve().parents[2]
+FACTS = {"simulator": "segmented", "optimizer": "de", "effects": []}
+CAST = plan_cast(0.4, -0.4, 0.7, 0.5, 1.5, r0_m=0.6, limits=PlanLimits())
+PLAN = partial(plan_actions, r0_m=0.6, limits=PlanLimits())
+
+
+class Still:
+    """A cable that stays where it starts."""
+
+    name, parameters = "still", ()
+
+    def simulate(self, casts: Sequence[Cast], vectors: np.ndarray, **_: object) -> Prediction:
+        starts = [np.full(2, np.nan) if c.start_m is None else c.start_m for c in casts]
+        return Prediction(np.array(starts)[None, :, None], np.zeros((1, len(casts)), dtype=bool))
+
+
+def seen_at(*start_m: float) -> SimulatedCast:
+    return SimulatedCast(CAST.tool, np.zeros(1), np.array(start_m))
+
+
+def test_the_free_end_starts_where_resets_left_it_on_average() -> None:
+    reach_m = mean_reach([seen_at(1.22, 0.01), seen_at(1.24, -0.004)])
+    assert reach_m is not None
+    np.testing.assert_allclose(reach_m, [0.63, 0.003])
+    actions = CAST.action.as_array()[None]
+    told = generate_casts(Still(), np.zeros(0), actions, PLAN, settle_s=1.0, reach_m=reach_m)
+    np.testing.assert_allclose(told.endpoints_m, [[1.23, 0.003]])
+
+
+def test_casts_that_show_no_start_leave_it_to_the_tool() -> None:
+    assert mean_reach([SimulatedCast(CAST.tool, np.ones(1))]) is None
+    actions = CAST.action.as_array()[None]
+    told = generate_casts(Still(), np.zeros(0), actions, PLAN, settle_s=1.0)
+    assert np.isnan(told.endpoints_m).all()
+
+
+def generated(n: int) -> Generated:
+    rng = np.random.default_rng(0)
+    diverged = np.arange(n) % 5 == 3
+    ends = np.where(diverged[:, None], np.nan, rng.normal(size=(n, 2)))
+    return Generated(rng.normal(size=(n, 6)), ends, diverged)
+
+
+def cut(whole: Generated, shard: Shard) -> Generated:
+    rows = shard.part(np.arange(len(whole.actions)))
+    return Generated(whole.actions[rows], whole.endpoints_m[rows], whole.diverged[rows])
+
+
+def write_shards(folder: Path, whole: Generated, of: int) -> list[Path]:
+    shards = [Shard(number, of) for number in range(of)]
+    for shard in shards:
+        write_d_sim(folder / shard.name, cut(whole, shard), {**FACTS, "subject": "one"})
+    return [folder / shard.name for shard in shards]
+
+
+@pytest.mark.parametrize("of", [1, 3, 4])
+def test_shards_merge_into_the_bytes_of_the_whole(tmp_path: Path, of: int) -> None:
+    whole = generated(11)
+    write_d_sim(tmp_path / "whole", whole, FACTS)
+    merge_shards(write_shards(tmp_path, whole, of), tmp_path / "merged")
+    for name in ("casts.parquet", "generation.yaml"):
+        assert (tmp_path / "merged" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_a_missing_shard_is_named(tmp_path: Path) -> None:
+    folders = write_shards(tmp_path, generated(11), 3)
+    (folders[1] / "generation.yaml").unlink()
+    with pytest.raises(FileNotFoundError, match="1-of-3"):
+        merge_shards(folders, tmp_path / "merged")
+
+
+def test_shards_of_different_simulators_do_not_merge(tmp_path: Path) -> None:
+    folders = write_shards(tmp_path, generated(11), 3)
+    facts = yaml.safe_load((folders[2] / "generation.yaml").read_text())
+    (folders[2] / "generation.yaml").write_text(yaml.safe_dump({**facts, "subject": "two"}))
+    with pytest.raises(ValueError, match="come from different"):
+        merge_shards(folders, tmp_path / "merged")
+
+
+def test_there_is_no_shard_beyond_the_last() -> None:
+    with pytest.raises(ValueError, match="of 4 shards there is none numbered 4"):
+        Shard(4, 4)
+
+
+@pytest.mark.slow
+def test_a_sweep_over_shards_gives_the_bytes_of_one_run(tmp_path: Path) -> None:
+    tuned = tmp_path / "tuned"
+    tuned.mkdir()
+    names = {
+        "friction": 0.4, "cable_mass_kg": 0.008, "endpoint_mass_kg": 0.02,
+        "joint_friction_n_m": 1e-5, "bending_stiffness_n_m2": 6e-4, "bending_damping_s": 0.1,
+        "grip_stiffness": 1.0, "axial_stiffness_n": 300.0,
+    }  # fmt: skip
+    known = {"cable": asdict(CABLE), "parameters": {n: {"value": v} for n, v in names.items()}}
+    (tuned / "tuned.yaml").write_text(yaml.safe_dump(known))
+    write_measurement_set(measured_late(), tmp_path / "measured")
+    common = [f"paths.tuned={tuned}", f"paths.shards={tmp_path / 'shards'}"]
+    common += [f"paths.measurements={tmp_path / 'measured'}"]
+    common += ["scale.tune.tune_casts=2", "scale.tune.test_casts=1"]
+    common += ["scale.generate.grid={theta1: 3, theta2: 3, r2: 2, alpha: 2, vmax: 1}"]
+    shards = ["generate.shards=3", "hydra/launcher=joblib", f"hydra.sweep.dir={tmp_path / 'jobs'}"]
+    run("generate", *common, f"paths.simulated={tmp_path / 'whole'}")
+    run("generate", "-m", *common, *shards, "generate.shard=2,0,1")
+    run("merge_shards", *common, "generate.shards=3", f"paths.simulated={tmp_path / 'merged'}")
+    for name in ("casts.parquet", "generation.yaml"):
+        assert (tmp_path / "merged" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    facts = yaml.safe_load((tmp_path / "merged" / "generation.yaml").read_text())
+    assert facts["arm"]["lag_s"] == pytest.approx(LATE_S, abs=1e-3)
+    assert facts["reach_m"] == pytest.approx([0.63, 0.01])
+
+
+def measured_late() -> MeasurementSet:
+    """Casts of an arm that does what it is told `LATE_S` later."""
+    trials = []
+    for number, theta1 in enumerate((0.4, 0.6, 0.8)):
+        planned = plan_cast(theta1, -0.4, 0.7, 0.5, 1.5, r0_m=0.6, limits=PlanLimits())
+        t_s = np.arange(0.0, planned.end_s + 0.3, 0.008)
+        made = ToolMotion(t_s, planned.tool.at(t_s - LATE_S))
+        waypoints = np.array([0.0, 0.1]), np.array([[1.23, 0.01], [1.2, 0.0]])
+        trials.append(Trial(number, number, planned.action, made, *waypoints))
+    return MeasurementSet(CABLE, 0.6, 0.1, None, tuple(trials))
+
+
+def run(script: str, *arguments: str) -> None:
+    command = [sys.executable, f"stages/{script}.py", *arguments]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**os.environ})
+    assert done.returncode == 0, done.stderr
