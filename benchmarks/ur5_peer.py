@@ -28,15 +28,12 @@ from robotcast.casts.plan import PlanLimits, plan_action  # noqa: E402
 from robotcast.measurements.reader import read_measurement_set  # noqa: E402
 from robotcast.measurements.writer import write_measurement_set  # noqa: E402
 from robotcast.rigs.collect import Collected, collect_casts  # noqa: E402
-from robotcast.rigs.envelope import broken_rules  # noqa: E402
-from robotcast.rigs.feasible import are_feasible  # noqa: E402
+from robotcast.rigs.envelope import are_feasible, broken_rules  # noqa: E402
 from robotcast.rigs.rig import RigStopped  # noqa: E402
-from robotcast.rigs.ur5_robot.checks import refuse_unsafe  # noqa: E402
-from robotcast.rigs.ur5_robot.connection import Robot  # noqa: E402
-from robotcast.rigs.ur5_robot.drive import ServoSettings  # noqa: E402
-from robotcast.rigs.ur5_robot.motion import JointMotion, WholeMotion, sway  # noqa: E402
-from robotcast.rigs.ur5_robot.stream import RobotLog, WatchSettings, stream  # noqa: E402
-from robotcast.sessions.session import read_session  # noqa: E402
+from robotcast.rigs.ur5.arm import RobotLog, WatchSettings, stream  # noqa: E402
+from robotcast.rigs.ur5.controller import Robot, ServoSettings  # noqa: E402
+from robotcast.rigs.ur5.motion import JointMotion, WholeMotion, refuse_unsafe, sway  # noqa: E402
+from robotcast.sessions import read_session  # noqa: E402
 from robotcast.vision.track_session import track_session  # noqa: E402
 from tests.rigs.peer.controller import Settings  # noqa: E402
 from tests.rigs.peer.film import FilmSettings  # noqa: E402

@@ -8,9 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from robotcast.rigs.arm_shape import LINK_CAPSULES, capsule_axis
-from robotcast.rigs.capsules import segment_distance
-from robotcast.rigs.ur5 import LINKS, link_points
+from robotcast.rigs.kinematics import (
+    LINK_CAPSULES,
+    LINKS,
+    capsule_axis,
+    link_points,
+    segment_distance,
+)
 
 QUARTER = np.pi / 2
 JOINTS = (  # x, y, z [m], roll [rad] of every joint in the frame of the one before

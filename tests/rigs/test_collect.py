@@ -15,9 +15,8 @@ import pytest
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, PlannedCast
 from robotcast.measurements.measurement_set import Cable
-from robotcast.rigs.choose import choose_casts, number_further
-from robotcast.rigs.collect import collect_casts
-from robotcast.sessions.session import exclusive, number_requests, read_session
+from robotcast.rigs.collect import choose_casts, collect_casts, number_extra_actions
+from robotcast.sessions import exclusive, number_requests, read_session
 
 ROOT = Path(__file__).parents[2]
 LIMITS = PlanLimits()
@@ -215,7 +214,7 @@ def test_actions_of_a_file_are_added_to_a_session_and_never_cast_twice_by_chance
     given = [Action.from_array(row) for row in (ACTIONS[1], ACTIONS[3], ACTIONS[1])]
 
     def collect(actions: list[Action]) -> int:
-        chosen = number_further(actions, read_session(folder).casts)
+        chosen = number_extra_actions(actions, read_session(folder).casts)
         return collect_casts(rig, chosen, folder, LIMITS).added
 
     assert collect(given) == 3

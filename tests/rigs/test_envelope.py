@@ -6,16 +6,19 @@ import pytest
 from robotcast.casts.curves import plan_curves
 from robotcast.casts.plan import PlanLimits, plan_cast
 from robotcast.casts.reset import ResetSettings, plan_reset
-from robotcast.rigs.capsules import segment_distance
 from robotcast.rigs.envelope import (
     Envelope,
     ToolBox,
-    broken_collision_rules,
-    broken_joint_rules,
     broken_rules,
-    broken_tool_rules,
+    rules_broken_by_many,
 )
-from robotcast.rigs.ur5 import GRIPPER, joint_path, joints_pointing_down, tilted_joint_path
+from robotcast.rigs.kinematics import (
+    GRIPPER,
+    joint_path,
+    joints_pointing_down,
+    segment_distance,
+    tilted_joint_path,
+)
 
 TURN = 2 * np.pi
 ENVELOPE = Envelope(
@@ -164,9 +167,12 @@ def test_many_motions_at_once_break_what_each_breaks_alone():
     curves = plan_curves(actions, 0.6, PlanLimits())
     t_s = np.arange(0, curves.end_s.max() + 0.01, 0.004)
     joints = joints_pointing_down(curves.poses_at(t_s))
-    together = broken_joint_rules(t_s, joints, ENVELOPE)
-    together |= broken_tool_rules(t_s, joints, ENVELOPE)
-    together |= broken_collision_rules(t_s, joints, ENVELOPE)
+    groups = ("joints", "tool", "clearances")
+    together = {
+        rule: outside
+        for group in groups
+        for rule, outside in rules_broken_by_many(group, t_s, joints, ENVELOPE).items()
+    }
     alone = [rules(t_s, motion) for motion in joints]
     assert any(alone) and not all(alone)
     for row, broken in enumerate(alone):
@@ -176,7 +182,7 @@ def test_many_motions_at_once_break_what_each_breaks_alone():
 def test_out_of_reach_is_a_rule_of_its_own():
     pose = np.array([[[0.6, 0, 0]] * 4, [[1.2, 0, 0]] * 4])
     t_s = np.arange(4) * 0.008
-    broken = broken_joint_rules(t_s, joints_pointing_down(pose), ENVELOPE)
+    broken = rules_broken_by_many("joints", t_s, joints_pointing_down(pose), ENVELOPE)
     assert broken["reach"].tolist() == [False, True]
     assert not broken["joint speed"].any()
 

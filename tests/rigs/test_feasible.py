@@ -8,9 +8,15 @@ from robotcast.casts.action import Action
 from robotcast.casts.grid import ActionGrid, GridCounts
 from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.casts.reset import ResetSettings, plan_reset
-from robotcast.rigs.envelope import Envelope, ToolBox, broken_rules
-from robotcast.rigs.feasible import FilterReport, are_feasible, feasible_actions
-from robotcast.rigs.ur5 import Gripper, joint_path, tilted_joint_path
+from robotcast.rigs.envelope import (
+    Envelope,
+    FilterReport,
+    ToolBox,
+    are_feasible,
+    broken_rules,
+    feasible_actions,
+)
+from robotcast.rigs.kinematics import Gripper, joint_path, tilted_joint_path
 
 CONFIG = yaml.safe_load((Path(__file__).parents[2] / "conf/casts/arcs.yaml").read_text())
 LIMITS = PlanLimits(**CONFIG["limits"])

@@ -7,28 +7,33 @@ import mujoco
 import numpy as np
 import pytest
 
-from robotcast.rigs.virtual.cable import CableTruth, build_cable, compile_cable
-from robotcast.rigs.virtual.drive import CableRun
-from robotcast.rigs.virtual.hidden.board import Grain, RoughEnd, RoughPatch, SlowGrip, TiltedBoard
-from robotcast.rigs.virtual.hidden.camera import (
+from robotcast.rigs.virtual.cable import CableRun, CableTruth, build_cable, compile_cable
+from robotcast.rigs.virtual.hidden import Disturbance, HiddenEffect, Pieces
+from robotcast.rigs.virtual.mechanisms import (
+    AIR_KG_M3,
+    Air,
+    CurvedCable,
+    Draught,
+    Grain,
+    LooseGrip,
     MisscaledCamera,
+    Oil,
+    RoughEnd,
+    RoughPatch,
+    RubberBand,
     ShiftedCamera,
     SlowCamera,
-    TurnedCamera,
-)
-from robotcast.rigs.virtual.hidden.disturbance import Disturbance
-from robotcast.rigs.virtual.hidden.effect import Built, HiddenEffect, Pieces
-from robotcast.rigs.virtual.hidden.grip import LooseGrip, TurnedGrip
-from robotcast.rigs.virtual.hidden.make import CurvedCable, SoftCore, UnevenMass
-from robotcast.rigs.virtual.hidden.medium import AIR_KG_M3, Air, Oil
-from robotcast.rigs.virtual.hidden.outside import (
-    Draught,
-    RubberBand,
+    SlowGrip,
+    SoftCore,
     StickyZone,
     SwingingEnd,
+    TiltedBoard,
+    TurnedCamera,
+    TurnedGrip,
+    UnevenMass,
     WarmingBoard,
 )
-from robotcast.rigs.virtual.measure import Eye, measure_cast, seen_places
+from robotcast.rigs.virtual.rig import Eye, measure_cast, seen_places
 
 HELD = np.array([0.6, 0.0, 0.0, 0.0, 0.0])
 G = 9.81
@@ -44,8 +49,7 @@ def laid(cable, truth, effects: Sequence[HiddenEffect], *, airborne=False) -> Ca
     """A straight cable at rest."""
     spec = build_cable(cable, truth)
     for effect in effects:
-        if isinstance(effect, Built):
-            effect.build(spec, cable, truth)
+        effect.build(spec, cable, truth)
     if airborne:
         spec.option.gravity = [0, 0, 0]
     model = compile_cable(spec)

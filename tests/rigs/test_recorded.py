@@ -9,8 +9,7 @@ from robotcast.casts.tool_motion import ToolMotion
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
-from robotcast.rigs.recorded import adopt_recorded_set, recorded_copy
-from robotcast.sessions.session import read_session
+from robotcast.sessions import adopt_recorded_set, read_session, recorded_copy
 
 SHARED_SET = Path(__file__).parents[3] / "shared/data/casting/a"
 

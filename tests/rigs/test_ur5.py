@@ -4,7 +4,7 @@ from ur_analytic_ik import ur5  # pyright: ignore[reportAttributeAccessIssue]
 
 from robotcast.casts.plan import PlanLimits, plan_cast
 from robotcast.casts.tool_motion import ToolMotion
-from robotcast.rigs.ur5 import (
+from robotcast.rigs.kinematics import (
     LINKS,
     Gripper,
     joint_path,

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from robotcast.rigs.rig import RigStopped
-from robotcast.rigs.ur5_robot.camera_time import camera_offset
-from robotcast.rigs.ur5_robot.connection import require_ur_rtde
-from robotcast.rigs.ur5_robot.motion import sway
-from robotcast.rigs.ur5_robot.webcam import Webcam, WebcamSettings, require_rate
-from robotcast.sessions.cast_files import CastRecord, read_frame_times, write_frame_times
+from robotcast.rigs.ur5.camera import Webcam, WebcamSettings, camera_offset, require_rate
+from robotcast.rigs.ur5.controller import require_ur_rtde
+from robotcast.rigs.ur5.motion import sway
+from robotcast.sessions import CastRecord, read_frame_times, write_frame_times
 from tests.rigs.peer.lab import HOME_RAD, small_cast
 
 FPS = 30.0

@@ -16,15 +16,14 @@ from robotcast.casts.plan import PlanLimits
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.rigs.collect import collect_casts
+from robotcast.rigs.kinematics import joints_pointing_down
 from robotcast.rigs.rig import RigStopped
-from robotcast.rigs.ur5 import joints_pointing_down
-from robotcast.rigs.ur5_robot.connection import Robot
-from robotcast.rigs.ur5_robot.drive import ServoSettings
-from robotcast.rigs.ur5_robot.film import REST_FILM_S
-from robotcast.rigs.ur5_robot.motion import JointMotion, sway
-from robotcast.rigs.ur5_robot.stream import RobotLog, WatchSettings, stream
+from robotcast.rigs.ur5.arm import RobotLog, WatchSettings, stream
+from robotcast.rigs.ur5.controller import Robot, ServoSettings
+from robotcast.rigs.ur5.motion import JointMotion, sway
+from robotcast.rigs.ur5.rig import REST_FILM_S
 from robotcast.rigs.virtual.rig import VirtualRig
-from robotcast.sessions.session import read_session
+from robotcast.sessions import read_session
 from robotcast.vision.track_session import track_session
 from tests.rigs.peer.controller import Settings
 from tests.rigs.peer.film import FilmSettings

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter, lfilter_zi
 
-from robotcast.rigs.virtual.lag import lagged
+from robotcast.rigs.virtual.arm import lagged
 
 DECAY = np.exp(-0.01)
 SECOND_ORDER = ([1.0, 2.0, 1.0], [1325.0, -2588.0, 1267.0])

@@ -5,8 +5,13 @@ import pytest
 import yaml
 
 from robotcast.casts.reset import ResetSettings
-from robotcast.rigs.virtual.chaos import CHAOTIC, NUDGE_M, amplification
-from robotcast.rigs.virtual.reset import resting_headings, simulate_reset
+from robotcast.rigs.virtual.studies import (
+    CHAOTIC,
+    NUDGE_M,
+    amplification,
+    resting_headings,
+    simulate_reset,
+)
 
 pytestmark = [pytest.mark.slow, pytest.mark.rig]
 

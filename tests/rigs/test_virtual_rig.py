@@ -7,9 +7,8 @@ import polars as pl
 import pytest
 
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_cast
-from robotcast.rigs.virtual.arm import ArmDynamics
-from robotcast.rigs.virtual.scatter import packaged_scatter
-from robotcast.sessions.cast_files import TOOL_FILE, TRUTH_FILE, VIDEO_FILE, read_record
+from robotcast.rigs.virtual.arm import ArmDynamics, packaged_scatter
+from robotcast.sessions import TOOL_FILE, TRUTH_FILE, VIDEO_FILE, read_record
 
 pytestmark = pytest.mark.rig
 

@@ -8,12 +8,12 @@ import numpy as np
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_cast
 from robotcast.casts.reset import ResetSettings
 from robotcast.rigs.envelope import Envelope, ToolBox
-from robotcast.rigs.ur5 import GRIPPER, joints_pointing_down
-from robotcast.rigs.ur5_robot.checks import SafetyLimits
-from robotcast.rigs.ur5_robot.drive import ServoSettings
-from robotcast.rigs.ur5_robot.rig import RunSettings, Ur5Rig
-from robotcast.rigs.ur5_robot.stream import WatchSettings
-from robotcast.rigs.ur5_robot.webcam import WebcamSettings
+from robotcast.rigs.kinematics import GRIPPER, joints_pointing_down
+from robotcast.rigs.ur5.arm import WatchSettings
+from robotcast.rigs.ur5.camera import WebcamSettings
+from robotcast.rigs.ur5.controller import ServoSettings
+from robotcast.rigs.ur5.motion import SafetyLimits
+from robotcast.rigs.ur5.rig import RunSettings, Ur5Rig
 from robotcast.rigs.virtual.rig import VirtualRig
 from tests.rigs.peer.process import Peer
 from tests.rigs.small_rig import CABLE, R0_M, TRUTH, small_rig

@@ -1,11 +1,14 @@
-"""The arm of the virtual rig: it follows what it is told a little late and not quite fully."""
+"""The arm of the virtual rig: how it lags, what chance does, and how resets leave the cable."""
 
+import hashlib
 from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
+import polars as pl
 
 from robotcast.casts.tool_motion import ToolMotion
-from robotcast.rigs.virtual.lag import lagged
 
 
 @dataclass(frozen=True)
@@ -23,21 +26,141 @@ class ArmDynamics:
     damping: float = 0.9
     gain_error: float = -0.004
 
-    def follow(self, told: ToolMotion, t_s: np.ndarray, *, delay_s: float = 0.0) -> np.ndarray:
+    def follow(self, planned: ToolMotion, t_s: np.ndarray, *, delay_s: float = 0.0) -> np.ndarray:
         """Return the pose (n, 3) the arm really takes at the evenly spaced times `t_s` (n,).
 
-        Parameters
-        ----------
-        delay_s : how late the arm starts.
+        It starts `delay_s` late.
         """
-        step = t_s[1] - t_s[0]
-        start = told.pose[0]
-        asked = start + (1 + self.gain_error) * (told.at(t_s - delay_s) - start)
-        return lagged(*self._filter(step), asked)
-
-    def _filter(self, step: float) -> tuple[np.ndarray, np.ndarray]:
+        start = planned.pose[0]
+        asked = start + (1 + self.gain_error) * (planned.at(t_s - delay_s) - start)
         # Bilinear transform of ω² / (s² + 2 ζ ω s + ω²), whose lag is 2 ζ / ω.
-        k = 2 / step / (2 * self.damping / self.lag_s)
-        numerator = np.array([1.0, 2.0, 1.0])
+        k = 2 / (t_s[1] - t_s[0]) / (2 * self.damping / self.lag_s)
         middle = 2 * self.damping * k
-        return numerator, np.array([k * k + middle + 1, 2 - 2 * k * k, k * k - middle + 1])
+        denominator = np.array([k * k + middle + 1, 2 - 2 * k * k, k * k - middle + 1])
+        return lagged(np.array([1.0, 2.0, 1.0]), denominator, asked)
+
+
+def lagged(numerator: np.ndarray, denominator: np.ndarray, asked: np.ndarray) -> np.ndarray:
+    """Return what follows `asked` (n, k) in time, (n, k), at rest on its first row before.
+
+    `numerator` and `denominator` are three coefficients of z⁰, z⁻¹ and z⁻²; neither may hold an
+    integrator. It gives the bits of `scipy.signal.lfilter` from the state of `lfilter_zi`.
+    Importing scipy.signal takes as long as every other import of a rig's process together.
+    """
+    b, a = (np.asarray(c, dtype=float) / denominator[0] for c in (numerator, denominator))
+    rest = np.linalg.solve([[1.0 + a[1], -1.0], [a[2], 1.0]], b[1:] - a[1:] * b[0])
+    columns = (_follow(b.tolist(), a.tolist(), rest * x[0], x.tolist()) for x in asked.T)
+    return np.column_stack(list(columns))
+
+
+def _follow(b: list[float], a: list[float], state: np.ndarray, column: list[float]) -> list[float]:
+    (b0, b1, b2), (_, a1, a2), (first, second) = b, a, state.tolist()
+    followed = []
+    for x in column:  # the direct form II transposed
+        y = first + b0 * x
+        first = second + b1 * x - a1 * y
+        second = b2 * x - a2 * y
+        followed.append(y)
+    return followed
+
+
+@dataclass(frozen=True)
+class CastNoise:
+    """Standard deviations of what changes from cast to cast.
+
+    Attributes
+    ----------
+    friction, tool_gain : of the board's friction and of the arm's excursion, relative.
+    tool_delay_s : of the moment the arm starts.
+    tool_log_m, tool_log_rad : of one logged tool sample.
+    """
+
+    friction: float = 0.015
+    tool_gain: float = 0.001
+    tool_delay_s: float = 0.002
+    tool_log_m: float = 0.0001
+    tool_log_rad: float = 0.0005
+
+    def draw(self, seed: int, number: int) -> tuple[float, float, float]:
+        """Draw the friction's factor, the gain and the delay [s] of cast `number`."""
+        friction, gain, delay = generator(seed, number, "cast").standard_normal(3)
+        return (
+            float(np.exp(self.friction * friction)),
+            float(self.tool_gain * gain),
+            float(abs(self.tool_delay_s * delay)),
+        )
+
+
+def generator(seed: int, number: int, purpose: str) -> np.random.Generator:
+    """Return a generator that depends on the rig's seed, the cast's number and its use."""
+    return np.random.default_rng(np.random.SeedSequence([seed, number, *purpose.encode()]))
+
+
+@dataclass(frozen=True)
+class StartScatter:
+    """Headings of the cable after resets, as many were simulated (`studies.measure_resets`).
+
+    Attributes
+    ----------
+    places : ndarray of shape (p,), along the cable from 0 at the hand to 1 at the free end.
+    headings_rad : ndarray of shape (resets, p), direction of the cable there; 0 is along +x.
+    """
+
+    places: np.ndarray
+    headings_rad: np.ndarray
+
+    def mean(self, segments: int) -> np.ndarray:
+        """Return the mean headings of a chain's segments, (segments,) [rad]."""
+        return self._along(self.headings_rad.mean(axis=0), segments)
+
+    def draw(self, segments: int, random: np.random.Generator) -> np.ndarray:
+        """Draw headings (segments,) [rad] with the mean and covariance of the resets."""
+        mean = self.headings_rad.mean(axis=0)
+        spread = (self.headings_rad - mean) / np.sqrt(len(self.headings_rad) - 1)
+        drawn = mean + random.standard_normal(len(spread)) @ spread
+        return self._along(drawn, segments)
+
+    def digest(self) -> str:
+        """Return a digest of the measured headings."""
+        return hashlib.sha256(self.headings_rad.tobytes() + self.places.tobytes()).hexdigest()
+
+    def _along(self, headings: np.ndarray, segments: int) -> np.ndarray:
+        middles = (np.arange(segments) + 0.5) / segments
+        return np.interp(middles, self.places, headings)
+
+
+def scatter_table(scatter: StartScatter) -> pl.DataFrame:
+    """Return the resets as a table: one column a place (`heading_0.25`), one row a reset."""
+    columns = {
+        f"heading_{place:g}": column
+        for place, column in zip(scatter.places, scatter.headings_rad.T, strict=True)
+    }
+    return pl.DataFrame({"reset": np.arange(len(scatter.headings_rad)), **columns})
+
+
+def straight_start() -> StartScatter:
+    """Return a start without scatter, straight along +x."""
+    return StartScatter(np.array([0.0, 1.0]), np.zeros((3, 2)))
+
+
+def packaged_path(cable_name: str) -> Path:
+    """Return where the committed table of a cable belongs."""
+    folder = Path(str(resources.files("robotcast.rigs.virtual"))) / "scatter"
+    return folder / f"{cable_name}.csv"
+
+
+def packaged_scatter(cable_name: str) -> StartScatter:
+    """Read the committed table of a cable of the virtual rig."""
+    path = packaged_path(cable_name)
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in path.parent.glob("*.csv")))
+        raise ValueError(
+            f"virtual rig: no resets were measured for {cable_name} (known: {known}); "
+            f"stages/measure_reset.py cable={cable_name} measures them"
+        )
+    table = pl.read_csv(path)
+    columns = [name for name in table.columns if name.startswith("heading_")]
+    if len(columns) < 2 or len(table) < 3:
+        raise ValueError(f"{path}: expected two or more heading_… columns and three or more resets")
+    places = np.array([float(name.removeprefix("heading_")) for name in columns])
+    return StartScatter(places, table.select(columns).to_numpy())

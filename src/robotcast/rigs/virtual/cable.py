@@ -4,6 +4,7 @@ It is of another make than the simulators that are tuned: it lifts, sags and bou
 board acts on it only through contacts.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -15,6 +16,10 @@ TOOL_JOINTS = ("tool_x", "tool_y", "tool_z", "tool_yaw", "tool_pitch")
 TOOL_ARMATURE = 1e3  # kg and kg m²: what the cable's pull cannot move
 STEEPEST_RAD = 0.8
 BOARD_BIT, CABLE_BIT = 1, 2
+
+RECORD_S = 0.002
+SETTLE_CAP_S = 1.0
+REST_SPEED_M_S, REST_S = 0.005, 0.2
 
 
 @dataclass(frozen=True)
@@ -52,20 +57,26 @@ class CableTruth:
 def build_cable(cable: Cable, truth: CableTruth) -> mujoco.MjSpec:
     """Return the held end, the chain and the board as an editable MuJoCo specification.
 
-    The held end has five joints (`TOOL_JOINTS`) that `drive` moves; every segment hinges about
+    The held end has five joints (`TOOL_JOINTS`) that `CableRun` moves; every segment hinges about
     z and about y against the one before. A third hinge is left out: the gripper keeps the cable
     from rolling about its own axis, which would let it cross the board without friction.
     """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
-    _set_solver(spec, truth)
+    # The pyramidal cone moves the resting end by 5–30 cm, the elliptic one is isotropic.
+    option = spec.option
+    option.timestep = truth.step_s
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.solver = mujoco.mjtSolver.mjSOL_CG
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = 5
     spec.worldbody.add_geom(
         name="board",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
         size=[0, 0, 1],
         contype=BOARD_BIT,
         conaffinity=CABLE_BIT,
-        **_surface(truth),
+        **contact(truth),
     )
     body = _add_tool(spec, cable)
     length = cable.length_m / truth.segments
@@ -88,34 +99,9 @@ def compile_cable(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return model
 
 
-def bend_angles(headings_rad: np.ndarray) -> np.ndarray:
-    """Return hinge angles (segments,) about z of a flat cable from segment headings."""
-    return np.diff(headings_rad, prepend=0.0)
-
-
-def nodes(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """Return the chain's nodes (segments + 1, 3) [m] from the held end to the free end."""
-    mujoco.mj_kinematics(model, data)  # a step leaves positions as they were before it
-    first, last = model.body("segment_0").id, model.body("endpoint").id
-    return data.xpos[first : last + 1].copy()
-
-
-def _set_solver(spec: mujoco.MjSpec, truth: CableTruth) -> None:
-    # The pyramidal cone moves the resting end by 5–30 cm, the elliptic one is isotropic.
-    option = spec.option
-    option.timestep = truth.step_s
-    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    option.solver = mujoco.mjtSolver.mjSOL_CG
-    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = 5
-
-
-def _surface(truth: CableTruth) -> dict:
-    return {
-        "friction": [truth.friction, 0, 0],
-        "condim": 3,
-        "solref": [truth.contact_s, 1],
-    }
+def contact(truth: CableTruth) -> dict:
+    """Return the settings of a geom or pair that touches the board."""
+    return {"friction": [truth.friction, 0, 0], "condim": 3, "solref": [truth.contact_s, 1]}
 
 
 def _add_tool(spec: mujoco.MjSpec, cable: Cable) -> mujoco.MjsBody:
@@ -161,7 +147,7 @@ def _add_segment(body: mujoco.MjsBody, cable: Cable, truth: CableTruth, length: 
     body.mass = mass
     body.ipos = [length / 2, 0, 0]
     body.inertia = [mass * radius**2 / 2, across, across]
-    _add_ball(body, radius, length / 2, truth)
+    add_ball(body, radius, length / 2, truth)
 
 
 def _add_endpoint(body: mujoco.MjsBody, cable: Cable, truth: CableTruth, length: float) -> None:
@@ -176,10 +162,11 @@ def _add_endpoint(body: mujoco.MjsBody, cable: Cable, truth: CableTruth, length:
     )
     # A flat underside, level with the cable's. On a ball as thick as the weight is wide the end
     # would be held up and roll sideways, which drags it by 1–2 % of the cable's length a cast.
-    _add_ball(end, cable.radius_m, 0.0, truth)
+    add_ball(end, cable.radius_m, 0.0, truth)
 
 
-def _add_ball(body: mujoco.MjsBody, radius: float, along: float, truth: CableTruth) -> None:
+def add_ball(body: mujoco.MjsBody, radius: float, along: float, truth: CableTruth) -> None:
+    """Let a body touch the board with a ball of no mass, `along` its x axis [m]."""
     body.add_geom(
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         size=[radius, 0, 0],
@@ -187,5 +174,99 @@ def _add_ball(body: mujoco.MjsBody, radius: float, along: float, truth: CableTru
         mass=0,
         contype=CABLE_BIT,
         conaffinity=BOARD_BIT,
-        **_surface(truth),
+        **contact(truth),
     )
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What the cable did: `nodes_m` (n, segments + 1, 3), the held end first and the free end last,
+    at the times `t_s` (n,), every `RECORD_S` from the start of the path.
+    """
+
+    t_s: np.ndarray
+    nodes_m: np.ndarray
+
+    @property
+    def end_m(self) -> np.ndarray:
+        """Path of the free end, (n, 3)."""
+        return self.nodes_m[:, -1]
+
+
+class CableRun:
+    """One cable that is laid down, settled and then driven by its held end.
+
+    Parameters
+    ----------
+    headings_rad : ndarray of shape (segments,), directions of the segments on the board.
+    held : ndarray of shape (5,), x, y, height above the resting height [m], yaw, pitch [rad].
+    disturb : called before every step, to change the model or what acts on the cable.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        headings_rad: np.ndarray,
+        held: np.ndarray,
+        disturb: Callable[[mujoco.MjData], None] = lambda data: None,
+    ) -> None:
+        self.model, self.data = model, mujoco.MjData(model)
+        self.disturb = disturb
+        self._stride = max(1, round(RECORD_S / model.opt.timestep))
+        count = len(TOOL_JOINTS)
+        self.data.qpos[:count] = held
+        hinges = slice(count, count + 2 * len(headings_rad), 2)
+        self.data.qpos[hinges] = np.diff(headings_rad - held[3], prepend=0.0)
+        mujoco.mj_forward(model, self.data)
+
+    @property
+    def held(self) -> np.ndarray:
+        """Pose of the held end now, (5,) as in the constructor."""
+        return self.data.qpos[: len(TOOL_JOINTS)].copy()
+
+    def settle(self) -> None:
+        """Let the cable come to rest with the held end kept where it is."""
+        steps = round(SETTLE_CAP_S / self.model.opt.timestep)
+        self.drive(np.tile(self.held, (steps + 1, 1)), moving_s=0.0, start_s=-SETTLE_CAP_S)
+
+    def drive(self, path: np.ndarray, *, moving_s: float, start_s: float = 0.0) -> Motion:
+        """Move the held end along `path` and stop when the cable rests.
+
+        Parameters
+        ----------
+        path : ndarray of shape (steps + 1, 5), the held end at every time step; its end is
+            the time cap.
+        moving_s : until when the held end moves; rest is not looked for before.
+        start_s : what the clock shows at the start, below zero before a cast begins.
+        """
+        model, data, dt = self.model, self.data, self.model.opt.timestep
+        count = len(TOOL_JOINTS)
+        velocity = np.diff(path, axis=0) / dt
+        recorded, resting_s = [nodes(model, data)], 0.0
+        data.time = start_s
+        for step in range(1, len(path)):
+            # Impressed as a force: overwriting the pose would lose the cable's inertia.
+            pull = (velocity[step - 1] - data.qvel[:count]) / dt
+            data.qfrc_applied[:count] = TOOL_ARMATURE * pull
+            self.disturb(data)
+            mujoco.mj_step(model, data)
+            if step % self._stride:
+                continue
+            recorded.append(nodes(model, data))
+            speed = np.abs(recorded[-1] - recorded[-2]).max() / (self._stride * dt)
+            resting_s = resting_s + self._stride * dt if speed < REST_SPEED_M_S else 0.0
+            if resting_s >= REST_S and step * dt >= moving_s + REST_S:
+                break
+        kinds = mujoco.mjtWarning
+        bad = (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
+        if any(data.warning[int(kind)].number for kind in bad):
+            raise ValueError("virtual rig: the simulated cable diverged")
+        times = np.arange(len(recorded)) * self._stride * dt
+        return Motion(times, np.stack(recorded))
+
+
+def nodes(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """Return the chain's nodes (segments + 1, 3) [m] from the held end to the free end."""
+    mujoco.mj_kinematics(model, data)  # a step leaves positions as they were before it
+    first, last = model.body("segment_0").id, model.body("endpoint").id
+    return data.xpos[first : last + 1].copy()

@@ -9,18 +9,27 @@ import cv2
 import numpy as np
 
 from robotcast.files import atomic_file
-from robotcast.rigs.ur5 import Gripper, link_points
+from robotcast.rigs.kinematics import Gripper, link_points
 from robotcast.rigs.virtual.backdrop import backdrop
-from robotcast.rigs.virtual.shot import Shot
 from robotcast.vision.camera import Camera
 from robotcast.vision.fiducials import FiducialBoard
 
+Colour = tuple[float, float, float]
+
 CODEC = "mp4v"
-_BLUR_STEP_PX = 2.5
-_MOST_INSTANTS = 12
+DRAWN_RADII_M = np.array([0.075, 0.06, 0.06, 0.06, 0.05, 0.045, 0.045, 0.045, 0.05, 0.012])
+"""How thick the arm's `LINKS` are in pictures."""
+
+_BLUR_STEP_PX, _MOST_INSTANTS = 2.5, 12
 _STILL_PX = 0.2
 _NOISE_SLACK_PX = 64
 _NOISE_GREY = 12  # added to the noise and taken off the scene, so that both are unsigned
+_LINK_BGR, _LINK_RIM_BGR, _LINK_CORE = (140.0, 139.0, 137.0), (96.0, 95.0, 94.0), 0.7
+_CABLE_RIM, _CABLE_CORE = 0.75, 0.6
+_BALL_RIM = 0.88
+_CAP_POINTS = 9
+_MARGIN_PX = 4
+_SHIFT = 4  # bits of OpenCV's fixed-point pixels
 
 
 @dataclass(frozen=True)
@@ -34,8 +43,6 @@ class SceneMotion:
         both sides; 240 Hz or denser, for motion blur.
     cable_m : ndarray of shape (n, m, 3), nodes from the held end to the free end's centre.
     joints_rad : ndarray of shape (n, 6), the arm's joint angles.
-    gripper : what the arm holds the cable with.
-    cable_radius_m, endpoint_radius_m : radii of the cable and of the ball at its free end.
     """
 
     t_s: np.ndarray
@@ -73,9 +80,9 @@ class PictureSettings:
     exposure_s: float
     noise_grey: float
     vignetting: float
-    board_bgr: tuple[float, float, float]
-    endpoint_bgr: tuple[float, float, float]
-    cable_bgr: tuple[float, float, float]
+    board_bgr: Colour
+    endpoint_bgr: Colour
+    cable_bgr: Colour
 
 
 def frame_starts(motion: SceneMotion, settings: PictureSettings) -> np.ndarray:
@@ -121,14 +128,14 @@ def frames(
         noise = bank[row : row + camera.height, column : column + camera.width]
         cv2.add(darker, noise, picture)
         box = shot.box
-        moving = _expose(shot, scene[box], canvas[box], total[box])
+        moving = shot.expose(scene[box], canvas[box], total[box])
         picture[box] = cv2.add(cv2.subtract(moving, offset[box]), noise[box])
         yield picture
 
 
 def _shots(
     motion: SceneMotion, camera: Camera, settings: PictureSettings, light: np.ndarray
-) -> Iterator[Shot]:
+) -> Iterator["_Shot"]:
     """Yield what moves during each frame: at more instants the faster its image moves."""
     arm_m = link_points(motion.joints_rad, motion.gripper)
     begins = frame_starts(motion, settings)
@@ -145,31 +152,148 @@ def _shots(
     counts = np.clip(np.ceil(fastest / _BLUR_STEP_PX), 1, _MOST_INSTANTS).astype(int)
     for begin, count, travel in zip(begins, counts, arm_travel, strict=True):
         times = begin + (np.arange(count) + 0.5) / count * settings.exposure_s
-        yield Shot.of(
-            _at(times, motion.t_s, motion.cable_m),
-            _at(times, motion.t_s, arm_m),
-            (motion.cable_radius_m, motion.endpoint_radius_m),
-            (settings.cable_bgr, settings.endpoint_bgr),
-            camera,
-            light,
-            arm_moves=bool(travel > _STILL_PX),
+        cable_m, now_m = (_at(times, motion.t_s, points) for points in (motion.cable_m, arm_m))
+        shot = _project(cable_m, now_m, motion, settings, camera, light)
+        shot.arm_moves = bool(travel > _STILL_PX)
+        yield shot
+
+
+def _project(
+    cable_m: np.ndarray,
+    arm_m: np.ndarray,
+    motion: SceneMotion,
+    settings: PictureSettings,
+    camera: Camera,
+    light: np.ndarray,
+) -> "_Shot":
+    """Project a cable (n, m, 3) and an arm (n, k, 3) as `camera` sees them.
+
+    `light` (height, width) is the share of light that reaches each pixel.
+    """
+    cable_px = camera.project(cable_m)
+    ball_px, axes = camera.ball_outline(cable_m[:, -1], motion.endpoint_radius_m)
+    arm_px = _capsules(camera.project(arm_m), camera.focal_px / camera.depth(arm_m))
+    width = 2 * motion.cable_radius_m * camera.focal_px / float(camera.depth(cable_m[0, -1]))
+    margin = max(width, np.abs(axes).sum(axis=-1).max()) + _MARGIN_PX
+    everything = np.concatenate([cable_px.reshape(-1, 2), arm_px.reshape(-1, 2)])
+    size = np.array([camera.width, camera.height])
+    low = np.clip(np.floor(everything.min(axis=0) - margin), 0, size - 1).astype(int)
+    high = np.clip(np.ceil(everything.max(axis=0) + margin), low + 1, size).astype(int)
+    places = (cable_px[0, len(cable_px[0]) // 2], ball_px[0])
+    u, v = np.clip(np.rint(places), 0, size - 1).astype(int).T
+    cable_bgr, ball_bgr = (
+        (c[0] * s, c[1] * s, c[2] * s)
+        for c, s in zip(
+            (settings.cable_bgr, settings.endpoint_bgr), light[v, u].tolist(), strict=True
         )
+    )
+    return _Shot(
+        box=(slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))),
+        cable_px=cable_px - low,
+        cable_width_px=width,
+        ball_px=ball_px - low,
+        ball_axes_px=axes,
+        arm_px=arm_px - low,
+        cable_bgr=cable_bgr,
+        ball_bgr=ball_bgr,
+    )
 
 
-def _expose(shot: Shot, scene: np.ndarray, canvas: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Return the mean over the shot's instants, uint8; `canvas` and `total` are overwritten."""
-    total[:] = 0
-    for instant in range(len(shot.cable_px)):
-        np.copyto(canvas, scene)
-        shot.draw_cable(canvas, instant)
-        shot.draw_ball(canvas, instant)
-        if shot.arm_moves:
-            shot.draw_arm(canvas, instant)
-        cv2.accumulate(canvas, total)
-    mean = cv2.convertScaleAbs(total, alpha=1.0 / len(shot.cable_px))
-    if not shot.arm_moves:
-        shot.draw_arm(mean, 0)
-    return mean
+@dataclass
+class _Shot:
+    """What moves, at the n instants of one exposure, in pixels of the box that holds it all.
+
+    Attributes
+    ----------
+    box : rows and columns of the image.
+    cable_px : ndarray of shape (n, m, 2), from the held end to the free end.
+    ball_px, ball_axes_px : ndarrays of shapes (n, 2) and (n, 2, 2), the ball's silhouette: an
+        ellipse's middle and its half-axes as columns.
+    arm_px : ndarray of shape (2, n, links, points, 2), outlines of the links and of their
+        brighter cores; drawn at every instant if `arm_moves`.
+    """
+
+    box: tuple[slice, slice]
+    cable_px: np.ndarray
+    cable_width_px: float
+    ball_px: np.ndarray
+    ball_axes_px: np.ndarray
+    arm_px: np.ndarray
+    cable_bgr: Colour
+    ball_bgr: Colour
+    arm_moves: bool = True
+
+    def expose(self, scene: np.ndarray, canvas: np.ndarray, total: np.ndarray) -> np.ndarray:
+        """Return the mean over the instants, uint8; `canvas` and `total` are overwritten."""
+        total[:] = 0
+        for instant in range(len(self.cable_px)):
+            np.copyto(canvas, scene)
+            self._draw_cable(canvas, instant)
+            self._draw_ball(canvas, instant)
+            if self.arm_moves:
+                self._draw_arm(canvas, instant)
+            cv2.accumulate(canvas, total)
+        mean = cv2.convertScaleAbs(total, alpha=1.0 / len(self.cable_px))
+        if not self.arm_moves:
+            self._draw_arm(mean, 0)
+        return mean
+
+    def _draw_cable(self, canvas: np.ndarray, instant: int) -> None:
+        """Draw the cable, darker at its rims."""
+        line = [_fixed(self.cable_px[instant])]
+        width = max(round(self.cable_width_px), 1)
+        rim = tuple(_CABLE_RIM * c for c in self.cable_bgr)
+        cv2.polylines(canvas, line, False, rim, width, cv2.LINE_AA, _SHIFT)
+        core = max(round(_CABLE_CORE * self.cable_width_px), 1)
+        cv2.polylines(canvas, line, False, self.cable_bgr, core, cv2.LINE_AA, _SHIFT)
+
+    def _draw_ball(self, canvas: np.ndarray, instant: int) -> None:
+        """Draw the ball, each pixel by its covered share, a little darker at its rim."""
+        middle, axes = self.ball_px[instant], self.ball_axes_px[instant]
+        reach = np.abs(axes).sum(axis=1) + 1.5
+        low = np.maximum(np.floor(middle - reach), 0).astype(int)
+        high = np.minimum(np.ceil(middle + reach) + 1, canvas.shape[1::-1]).astype(int)
+        if np.any(high <= low):
+            return
+        u, v = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]))
+        offsets = np.stack([u - middle[0], v - middle[1]], axis=-1)
+        out = np.linalg.norm(offsets @ np.linalg.inv(axes).T, axis=-1)[..., None]
+        cover = np.clip((1 - out) * np.sqrt(abs(np.linalg.det(axes))) + 0.5, 0, 1)
+        shade = 1 - (1 - _BALL_RIM) * np.minimum(out, 1) ** 2
+        patch = canvas[low[1] : high[1], low[0] : high[0]]
+        patch[:] = np.rint(patch + cover * (shade * np.array(self.ball_bgr) - patch))
+
+    def _draw_arm(self, canvas: np.ndarray, instant: int) -> None:
+        """Draw the arm's links from the tool up, higher ones over lower ones."""
+        for rim, core in zip(*(_fixed(a[instant])[::-1] for a in self.arm_px), strict=True):
+            cv2.fillConvexPoly(canvas, rim, _LINK_RIM_BGR, cv2.LINE_AA, _SHIFT)
+            cv2.fillConvexPoly(canvas, core, _LINK_BGR, cv2.LINE_AA, _SHIFT)
+
+
+def _capsules(points_px: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Return outlines of links between points (n, k, 2) seen at `scale` (n, k) [px/m].
+
+    Each outline is the hull of the discs at the link's two ends: of full size in [0], of the
+    core's size in [1]; shape (2, n, k − 1, points, 2).
+    """
+    ends = np.stack([points_px[:, :-1], points_px[:, 1:]], axis=2)
+    radii = np.stack([scale[:, :-1], scale[:, 1:]], axis=2) * DRAWN_RADII_M[:, None]
+    radii = np.stack([radii, _LINK_CORE * radii])
+    along = ends[:, :, 1] - ends[:, :, 0]
+    length = np.linalg.norm(along, axis=-1) + 1e-9
+    heading = np.arctan2(along[..., 1], along[..., 0])
+    tangent = np.arccos(np.clip((radii[..., 0] - radii[..., 1]) / length, -1, 1))[..., None]
+    sweep = np.linspace(-1, 1, _CAP_POINTS)
+    angles = np.stack([np.pi + sweep * (np.pi - tangent), sweep * tangent], axis=-2)
+    angles = angles + heading[..., None, None]
+    rays = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    outlines = ends[..., None, :] + radii[..., None, None] * rays
+    return outlines.reshape(*outlines.shape[:3], 2 * _CAP_POINTS, 2)
+
+
+def _fixed(pixels: np.ndarray) -> np.ndarray:
+    """Return pixels as the fixed-point integers that OpenCV draws sub-pixel lines with."""
+    return np.rint(pixels * 2**_SHIFT).astype(np.int32)
 
 
 def _at(times: np.ndarray, t_s: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -1,20 +1,27 @@
-"""Which casts are chaotic: a millimetre at the start moves the resting end by centimetres."""
+"""Studies of the virtual rig: which casts are chaotic, and how resets scatter the start.
+
+In a chaotic cast a millimetre at the start moves the resting end by centimetres.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from robotcast.casts.plan import PlannedCast
+from robotcast.casts.reset import ResetSettings, plan_reset
 from robotcast.pool import process_pool
 from robotcast.progress import Progress, silent
-from robotcast.rigs.virtual.chance import CastNoise
+from robotcast.rigs.virtual.arm import CastNoise, StartScatter
+from robotcast.rigs.virtual.cable import Motion
 from robotcast.rigs.virtual.rig import VirtualRig
 
 NUDGE_M = 0.001
 CHAOTIC = 10.0
 """Amplification from which a cast is called chaotic."""
+PLACES = np.linspace(0.0, 1.0, 7)
 
 
 @dataclass(frozen=True)
@@ -73,3 +80,42 @@ def sensitivities(
 
 def _sensitivity(rig: VirtualRig, planned: PlannedCast, repeats: int) -> CastSensitivity:
     return CastSensitivity(amplification(rig, planned), repeat_scatter_m(rig, planned, repeats))
+
+
+def simulate_reset(
+    rig: VirtualRig, planned: PlannedCast, number: int, settings: ResetSettings
+) -> Motion:
+    """Simulate cast `number` and the reset that follows it; return the reset's motion."""
+    run, path = rig.begin(planned, number)
+    run.drive(path, moving_s=planned.end_s)
+    length_m, height_m = rig.cable.length_m + rig.truth.endpoint_radius_m, rig.cable.radius_m
+    settings = replace(settings, held_height_m=height_m)
+    motion = plan_reset(run.held[[0, 1, 3]], length_m, r0_m=rig.r0_m, settings=settings)
+    place, yaw, pitch = motion.position_m - [0.0, 0.0, height_m], motion.yaw_rad, -motion.pitch_rad
+    held = CubicSpline(motion.t_s, np.column_stack([place, yaw, pitch]), bc_type="clamped")
+    steps = np.arange(round(motion.t_s[-1] / rig.truth.step_s) + 1) * rig.truth.step_s
+    return run.drive(held(steps), moving_s=float(motion.t_s[-1]))
+
+
+def measure_resets(
+    rig: VirtualRig,
+    casts: Sequence[PlannedCast],
+    settings: ResetSettings,
+    progress: Progress = silent,
+) -> StartScatter:
+    """Simulate each cast and the reset that follows it; return how the cable then lies."""
+    headings = []
+    with process_pool(rig.workers) as pool:
+        motions = pool.map(simulate_reset, repeat(rig), casts, range(len(casts)), repeat(settings))
+        for number, motion in enumerate(motions):
+            progress(number + 1, len(casts))
+            headings.append(resting_headings(motion))
+    return StartScatter(PLACES, np.array(headings))
+
+
+def resting_headings(motion: Motion) -> np.ndarray:
+    """Return the headings of the resting cable at `PLACES`, (7,) [rad]."""
+    pieces = np.diff(motion.nodes_m[-1, :, :2], axis=0)
+    headings = np.unwrap(np.arctan2(pieces[:, 1], pieces[:, 0]))
+    middles = (np.arange(len(pieces)) + 0.5) / len(pieces)
+    return np.interp(PLACES, middles, headings)

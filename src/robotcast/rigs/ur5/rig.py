@@ -13,35 +13,53 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from robotcast.casts.plan import PlannedCast
 from robotcast.casts.reset import ResetSettings
+from robotcast.files import write_text
 from robotcast.measurements.measurement_set import Cable
+from robotcast.rigs.kinematics import Gripper, joints_pointing_down, link_points
 from robotcast.rigs.rig import CastNotUsed, RigStopped
-from robotcast.rigs.ur5 import Gripper, joints_pointing_down
-from robotcast.rigs.ur5_robot.arm import Arm
-from robotcast.rigs.ur5_robot.checks import SafetyLimits, refuse_motion, refuse_unsafe
-from robotcast.rigs.ur5_robot.clocks import Clocks, compare_clocks
-from robotcast.rigs.ur5_robot.connection import Robot
-from robotcast.rigs.ur5_robot.drive import ServoSettings
-from robotcast.rigs.ur5_robot.film import Film, film_cast
-from robotcast.rigs.ur5_robot.motion import JointMotion, WholeMotion, plan_whole, sway
-from robotcast.rigs.ur5_robot.notes import CastNotes, write_notes
-from robotcast.rigs.ur5_robot.sight import Sight
-from robotcast.rigs.ur5_robot.stream import RobotLog, WatchSettings
-from robotcast.rigs.ur5_robot.tool_log import ROBOT_FILE, tool_motion, write_robot_log
-from robotcast.rigs.ur5_robot.webcam import Webcam, WebcamSettings
-from robotcast.sessions.cast_files import (
+from robotcast.rigs.ur5.arm import Arm, RobotLog, WatchSettings
+from robotcast.rigs.ur5.camera import (
+    Webcam,
+    WebcamSettings,
+    arm_pixels,
+    camera_offset,
+    require_rate,
+)
+from robotcast.rigs.ur5.controller import Robot, ServoSettings
+from robotcast.rigs.ur5.motion import (
+    JointMotion,
+    SafetyLimits,
+    WholeMotion,
+    plan_whole,
+    refuse_motion,
+    refuse_unsafe,
+    sway,
+    turns_towards,
+)
+from robotcast.sessions import (
+    ROBOT_NOTES_FILE,
     TOOL_FILE,
+    VIDEO_FILE,
     CastRecord,
     write_frame_times,
     write_record,
     write_tool,
 )
+from robotcast.vision.calibration import calibrate
+from robotcast.vision.camera import Camera
+from robotcast.vision.detector import EndpointDetector
 from robotcast.vision.facts import TrackerFacts
 
+ROBOT_FILE = "robot.csv"
 RESETS = 3
 MOST_DIFFERENCE_M = 0.01
+STILL_S = 0.3  # before and after the swaying
+BEFORE_S = 0.3  # filmed before a cast starts
+REST_FILM_S = 0.5  # filmed at rest, of a cast whose rest alone is wanted
 
 
 @dataclass(frozen=True)
@@ -64,18 +82,31 @@ class RunSettings:
     most_missed: float = 0.01
 
 
+@dataclass(frozen=True)
+class Clocks:
+    """What the arm's swaying before the camera showed.
+
+    Frames are stamped `camera_offset_s` late; `kinematic_difference_m` is the mean distance of
+    the controller's tool place from ours.
+    """
+
+    camera_offset_s: float
+    frames_per_s: float
+    kinematic_difference_m: float
+
+
 @dataclass
 class Running:
     """What is open and was measured in this session."""
 
     arm: Arm
-    sight: Sight
+    camera: Webcam
     clocks: Clocks
     rehearsed: bool = False
 
     def close(self) -> None:
         """Hang up and let go of the camera."""
-        self.sight.camera.close()
+        self.camera.close()
         self.arm.robot.close()
 
 
@@ -83,10 +114,7 @@ class Running:
 class Ur5Rig:
     """A `Rig` made of a UR5, a webcam and an operator.
 
-    Attributes
-    ----------
-    confirm : asks the operator; whatever is not True stops.
-    tell : shows the operator a sentence.
+    `confirm` asks the operator, and whatever is not True stops; `tell` shows a sentence.
     """
 
     cable: Cable
@@ -107,7 +135,7 @@ class Ur5Rig:
     _open: list[Running] = field(default_factory=list, repr=False, compare=False)
 
     def facts(self) -> dict[str, Any]:
-        """Return what session.yaml tells the tracker."""
+        """Return what session.yaml holds for the tracker."""
         parts = (self.gripper, self.reset, self.servo, self.run.speed)
         made = hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
         return {"vision": self.tracker.as_dict(), "made": made}
@@ -121,12 +149,24 @@ class Ur5Rig:
             running = self.open_session()
             self._rehearse(running, planned)
             resets = self._reset(running, planned)
-            film = self._film(running, planned, folder, log, rest_only)
-            self._write(film, planned, number, folder, log, rest_only)
+            frames_s = self._film(running, planned, folder, log, rest_only)
+            record = CastRecord(
+                number=number,
+                action=planned.action,
+                rig=self.name,
+                cable=self.cable.name,
+                video_t0_s=float(frames_s[0] - self.tracker.exposure_s / 2),
+                fps=self.webcam.fps,
+                turn_s=planned.turn_s,
+                end_s=planned.end_s,
+                rest_s=planned.end_s + self.run.rest_s,
+                rest_only=rest_only,
+            )
+            write_record(record, folder)
             self._write_notes(running, folder, log, resets)
         except RigStopped as stop:
             if log.states:
-                write_robot_log(log, folder / ROBOT_FILE)
+                log.write(folder / ROBOT_FILE)
             raise RigStopped(self._way_on(stop, number)) from None
         self._refuse_poor(log)
 
@@ -140,7 +180,7 @@ class Ur5Rig:
         whole = plan_whole(
             planned,
             joints_rad,
-            self.cable.length_m + self.tracker.endpoint_radius_m,
+            self._reach_m(),
             r0_m=self.r0_m,
             settings=self.reset,
             gripper=self.gripper,
@@ -171,36 +211,48 @@ class Ur5Rig:
             if camera.unfixed:
                 self.tell(f"the camera does not let {' and '.join(camera.unfixed)} be fixed")
             arm = Arm(robot, self.gripper, self.watch, camera.require_alive)
-            sight = Sight(camera, self.tracker)
-            clocks = self._compare_clocks(arm, sight)
+            clocks = self._compare_clocks(arm, camera)
             opened.pop_all()
-        return Running(arm, sight, clocks)
+        return Running(arm, camera, clocks)
 
-    def _compare_clocks(self, arm: Arm, sight: Sight) -> Clocks:
+    def _compare_clocks(self, arm: Arm, camera: Webcam) -> Clocks:
+        """Sway the arm before the camera, if that is safe, and see when the picture follows."""
         swaying = sway(arm.start(), arm.robot.period_s)
         refuse_motion(swaying, self.limits.cast, self.limits, "swaying before the camera")
         self._ask("The arm will sway by a few centimetres to compare the clocks.")
-        found = compare_clocks(arm, sight, swaying, self.r0_m)
-        away_m = found.kinematic_difference_m
+        pixels = arm_pixels(self._calibrated(camera.picture()), self.r0_m)
+        log, pictures, seen_s = RobotLog(), [], []
+
+        def look() -> None:
+            newest, at_s = camera.newest()
+            if not seen_s or at_s > seen_s[-1]:
+                pictures.append(pixels(newest))
+                seen_s.append(at_s)
+
+        arm.follow([swaying.held(STILL_S, STILL_S, arm.robot.period_s)], log, look)
+        times_s = log.controller_time(np.array(seen_s))
+        rate = require_rate(times_s, self.webcam)
+        joints_rad = log.column("joints_rad")
+        offset_s = camera_offset(np.array(pictures), times_s, log.column("t_s"), joints_rad[:, 0])
+        ours_m = link_points(joints_rad, self.gripper)[:, -1]
+        away_m = float(np.linalg.norm(ours_m - log.column("tool_pose")[:, :3], axis=1).mean())
         self.tell(
-            f"camera: {found.frames_per_s:.1f} frames/s, {found.camera_offset_s * 1e3:.1f} ms "
-            f"behind the controller; kinematics: {away_m * 1e3:.2f} mm between the controller's "
-            "tool pose and ours"
+            f"camera: {rate:.1f} frames/s, {offset_s * 1e3:.1f} ms behind the controller; "
+            f"kinematics: {away_m * 1e3:.2f} mm between the controller's tool pose and ours"
         )
         if not away_m <= MOST_DIFFERENCE_M:
             raise RigStopped(
                 f"the controller puts the tool {away_m * 1e3:.0f} mm from where our "
                 "kinematics does: this is no UR5, or its base is turned or moved"
             )
-        return found
+        return Clocks(offset_s, rate, away_m)
 
     def _rehearse(self, running: Running, planned: PlannedCast) -> None:
         """Run the first motion of a session slowly, once, under the operator's eyes."""
         if running.rehearsed:
             return
-        arm = running.arm
+        arm, slow = running.arm, self.run.first_speed
         whole = self.planned_motion(planned, arm.start())
-        slow = self.run.first_speed
         self._ask(f"The first reset and cast run at {slow:.0%} of their speed.")
         for motion in (whole.reset, whole.cast):
             arm.run(motion.at_speed(slow, arm.robot.period_s))
@@ -210,11 +262,14 @@ class Ur5Rig:
     def _reset(self, running: Running, planned: PlannedCast) -> int:
         """Reset until the camera sees the free end on the axis; return how often it took."""
         arm = running.arm
-        wanted = np.array([self.r0_m + self.cable.length_m + self.tracker.endpoint_radius_m, 0.0])
+        wanted_m = np.array([self.r0_m + self._reach_m(), 0.0])
         for attempt in range(1, RESETS + 1):
             whole = self.planned_motion(planned, arm.start())
             arm.run(whole.reset.at_speed(self.run.speed, arm.robot.period_s))
-            if running.sight.end_lies_at(wanted, self.run.end_m):
+            picture = running.camera.picture()
+            camera = self._calibrated(picture)
+            found = EndpointDetector(camera, self.tracker, picture).detect(picture)
+            if found is not None and np.linalg.norm(found.xy_m - wanted_m) <= self.run.end_m:
                 return attempt
         raise RigStopped(
             f"the cable's end was not found on the axis after {RESETS} resets; "
@@ -223,69 +278,70 @@ class Ur5Rig:
 
     def _film(
         self, running: Running, planned: PlannedCast, folder: Path, log: RobotLog, rest_only: bool
-    ) -> Film:
-        arm = running.arm
-        cast = self._cast_from(planned, arm.start())
-        return film_cast(
-            arm,
-            running.sight.camera,
-            cast.at_speed(self.run.speed, arm.robot.period_s),
-            folder,
-            log,
-            rest_s=self.run.rest_s,
-            camera_offset_s=running.clocks.camera_offset_s,
-            rest_only=rest_only,
-        )
+    ) -> np.ndarray:
+        """Run a cast and film it into `folder` until the cable rests; write what was logged.
+
+        `log` receives every cycle, also of a cast that fails. Returns when each frame was taken,
+        (k,) [s] from the cast's start on.
+        """
+        arm, camera = running.arm, running.camera
+        period_s = arm.robot.period_s
+        cast = self._cast_from(planned, arm.start()).at_speed(self.run.speed, period_s)
+        moved = cast.held(BEFORE_S, self.run.rest_s, period_s)
+        resting = len(moved.t_s) - round(REST_FILM_S / period_s)
+
+        def before(part: int) -> None:
+            if rest_only and part:
+                camera.start_recording(folder / VIDEO_FILE)
+
+        try:
+            if not rest_only:
+                camera.start_recording(folder / VIDEO_FILE)
+            parts = [moved.part(slice(0, resting)), moved.part(slice(resting, None))]
+            arm.follow(parts, log, before=before)
+        finally:
+            seen_s = camera.stop_recording()
+        start_s = float(log.states[round(BEFORE_S / period_s)].t_s)
+        frames_s = log.controller_time(seen_s) - running.clocks.camera_offset_s - start_s
+        heard = (seen_s >= log.states[0].heard_s) & (seen_s <= log.states[-1].heard_s)
+        write_frame_times(np.where(heard, frames_s, np.nan), folder)
+        write_tool(log.tool_motion(start_s), folder / TOOL_FILE)
+        log.write(folder / ROBOT_FILE)
+        return frames_s
 
     def _cast_from(self, planned: PlannedCast, start: np.ndarray) -> JointMotion:
         """Return the cast's motion, checked again from where the arm really stands."""
         away = np.abs((start - self.home_rad() + np.pi) % (2 * np.pi) - np.pi)
         if not (away <= self.limits.start_rad).all():
             raise RigStopped("the arm does not stand where the reset should have left it")
-        whole = self.planned_motion(planned, start)
-        turns = 2 * np.pi * np.round((start - whole.cast.joints_rad[0]) / (2 * np.pi))
-        return JointMotion(whole.cast.t_s, whole.cast.joints_rad + turns)
-
-    def _write(
-        self,
-        film: Film,
-        planned: PlannedCast,
-        number: int,
-        folder: Path,
-        log: RobotLog,
-        rest_only: bool,
-    ) -> None:
-        """Write what a cast's folder holds beside its video."""
-        write_frame_times(np.where(film.known, film.frames_s, np.nan), folder)
-        write_tool(tool_motion(log, film.start_s), folder / TOOL_FILE)
-        write_robot_log(log, folder / ROBOT_FILE)
-        record = CastRecord(
-            number=number,
-            action=planned.action,
-            rig=self.name,
-            cable=self.cable.name,
-            video_t0_s=float(film.frames_s[0] - self.tracker.exposure_s / 2),
-            fps=self.webcam.fps,
-            turn_s=planned.turn_s,
-            end_s=planned.end_s,
-            rest_s=planned.end_s + self.run.rest_s,
-            rest_only=rest_only,
-        )
-        write_record(record, folder)
+        cast = self.planned_motion(planned, start).cast
+        return JointMotion(cast.t_s, cast.joints_rad + turns_towards(start, cast.joints_rad[0]))
 
     def _write_notes(self, running: Running, folder: Path, log: RobotLog, resets: int) -> None:
-        notes = CastNotes(
-            host=self.host,
-            controller_period_s=running.arm.robot.period_s,
-            cycles=log.cycles,
-            missed_deadlines=log.missed,
-            camera_offset_s=round(running.clocks.camera_offset_s, 5),
-            kinematic_difference_m=round(running.clocks.kinematic_difference_m, 6),
-            speed=self.run.speed,
-            resets=resets,
-            not_fixed=running.sight.camera.unfixed,
-        )
-        write_notes(notes, folder)
+        """Write robot.yaml, what a person wants to know who doubts a cast."""
+        notes = {
+            "host": self.host,
+            "controller_period_s": running.arm.robot.period_s,
+            "cycles": log.cycles,
+            "missed_deadlines": log.missed,
+            "camera_offset_s": round(running.clocks.camera_offset_s, 5),
+            "kinematic_difference_m": round(running.clocks.kinematic_difference_m, 6),
+            "speed": self.run.speed,
+            "resets": resets,
+            "not_fixed": running.camera.unfixed,
+        }
+        write_text(folder / ROBOT_NOTES_FILE, yaml.safe_dump(notes, sort_keys=False))
+
+    def _calibrated(self, picture: np.ndarray) -> Camera:
+        """Return the camera as the markers in its picture show it."""
+        try:
+            return calibrate(picture, self.tracker, self.webcam.source).camera
+        except ValueError as error:
+            raise RigStopped(str(error)) from None
+
+    def _reach_m(self) -> float:
+        """Return the distance from the held end to the free end's centre."""
+        return self.cable.length_m + self.tracker.endpoint_radius_m
 
     def _ask(self, text: str) -> None:
         if self.confirm(text) is not True:

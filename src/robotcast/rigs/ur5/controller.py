@@ -1,0 +1,250 @@
+"""The connection to a UR controller: its state, its dashboard, and who drives the arm."""
+
+import importlib
+import json
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from multiprocessing.connection import Connection
+
+import numpy as np
+
+from robotcast.rigs.rig import RigStopped
+
+FIRST_S, ARRIVAL_S = 20.0, 5.0  # for a state: of a new connection, and while nothing moves
+BEGIN_S, END_S = 30.0, 15.0  # for the program on the controller to start and to stop
+PERIODS = 40  # looked at for the shortest, even on a busy computer
+DASHBOARD_PORT, DASHBOARD_S = 29999, 2.0
+
+SAFETY_BITS = {
+    2: "protective stop",
+    3: "recovery mode",
+    4: "safeguard stop",
+    5: "system emergency stop",
+    6: "robot emergency stop",
+    7: "emergency stop",
+    8: "safety violation",
+    9: "safety fault",
+}
+"""Bits of safety_status_bits that mean that the arm may not move, worst last."""
+
+
+@dataclass(frozen=True)
+class ServoSettings:
+    """How servoj follows its targets, and when the controller gives up waiting for one.
+
+    Attributes
+    ----------
+    lookahead_s : in [0.03, 0.2], smooths the targets.
+    gain : in [100, 2000], proportional gain of following them.
+    watchdog_hz : the program on the controller ends when targets come more seldom.
+    """
+
+    lookahead_s: float = 0.03
+    gain: float = 500.0
+    watchdog_hz: float = 10.0
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """One cycle of the controller.
+
+    Attributes
+    ----------
+    t_s, heard_s : by the controller's clock; when it arrived, by this computer's monotonic clock.
+    joints_rad, target_rad : ndarrays of shape (6,), actual and commanded.
+    tool_pose : ndarray of shape (6,), the controller's tool centre point and rotation vector.
+    """
+
+    t_s: float
+    heard_s: float
+    joints_rad: np.ndarray
+    target_rad: np.ndarray
+    tool_pose: np.ndarray
+    speed_fraction: float
+    runtime: int
+    safety_bits: int
+
+    @classmethod
+    def from_numbers(cls, numbers: np.ndarray) -> "RobotState":
+        """Return the state that stands in the (23,) numbers that the listening process sends."""
+        t_s, heard_s = numbers[:2].tolist()
+        speed, runtime, safety = numbers[20:].tolist()
+        return cls(t_s, heard_s, *numbers[2:20].reshape(3, 6), speed, int(runtime), int(safety))
+
+    @property
+    def trouble(self) -> str:
+        """Why the arm may not move, "" when it may."""
+        found = [text for bit, text in SAFETY_BITS.items() if self.safety_bits >> bit & 1]
+        return found[-1] if found else ""
+
+
+class _ClientProcess:
+    """A process of `client` in the role `listen` or `drive`, at the other end of a socket."""
+
+    def __init__(self, role: str, task: str) -> None:
+        self._task = task
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", f"{__package__}.client", role, str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,  # ur_rtde writes what the sentences here say better
+                stderr=subprocess.DEVNULL,
+            )
+        self._socket = Connection(ours.detach())
+
+    def send(self, order: bytes) -> None:
+        """Send an order; raise `RigStopped` when the process ended."""
+        try:
+            self._socket.send_bytes(order)
+        except OSError:
+            raise self._ended() from None
+
+    def answer(self, patience_s: float) -> bytes | None:
+        """Wait for an answer; None when none came in time."""
+        try:
+            return self._socket.recv_bytes() if self._socket.poll(patience_s) else None
+        except (EOFError, OSError):
+            raise self._ended() from None
+
+    def kill(self) -> None:
+        """End the process, whatever it is doing."""
+        self._process.kill()
+        self._process.wait()
+        self._socket.close()
+
+    def _ended(self) -> RigStopped:
+        return RigStopped(f"the process that {self._task} ended")
+
+
+class Drive(_ClientProcess):
+    """The process that may tell the arm targets; it is started once and used motion by motion."""
+
+    def __init__(self) -> None:
+        super().__init__("drive", "tells the arm its targets")
+
+    def begin(self, host: str, tool_m: float, period_s: float, servo: ServoSettings) -> None:
+        """Start the program on the controller."""
+        settings = {"host": host, "tool_m": tool_m, "period_s": period_s, **asdict(servo)}
+        self.send(json.dumps(settings).encode())
+        if refusal := self._refusal(BEGIN_S):
+            raise RigStopped(f"the program did not start on the controller ({refusal})")
+
+    def command(self, joints_rad: np.ndarray) -> None:
+        """Send the next target (6,)."""
+        target = np.asarray(joints_rad, dtype=float)
+        if target.shape != (6,) or not np.isfinite(target).all():
+            raise RigStopped("a target that is no number was about to be sent")
+        if (refused := self.answer(0.0)) is not None:
+            raise RigStopped(refused.decode(errors="replace"))
+        self.send(target.tobytes())
+
+    def end(self) -> None:
+        """Let the arm come to a stop and end the program on the controller."""
+        self.send(b"")
+        if refusal := self._refusal(END_S):
+            raise RigStopped(refusal)
+
+    def _refusal(self, patience_s: float) -> str:
+        answer = self.answer(patience_s)
+        if answer is None:
+            raise RigStopped(f"the controller did not answer within {patience_s:.0f} s")
+        return answer.decode(errors="replace")
+
+
+class Robot:
+    """A controller whose state is received all the time, and that is driven now and then.
+
+    `period_s` is the controller's cycle: 8 ms of a CB3, 2 ms of an e-Series.
+    """
+
+    def __init__(self, host: str, tool_m: float, servo: ServoSettings) -> None:
+        require_ur_rtde()
+        self.host, self._tool_m, self._servo = host, tool_m, servo
+        self._drive: Drive | None = None
+        self._listener = _ClientProcess("listen", "hears the controller")
+        try:
+            self._listener.send(host.encode())
+            answer = self._listener.answer(FIRST_S)
+        except RigStopped as stop:
+            answer = str(stop).encode()
+        if answer != b"":
+            self._listener.kill()
+            why = "it sends no state" if answer is None else answer.decode(errors="replace")
+            raise ValueError(
+                f"no UR controller answers at rig.host={host} ({why.strip()}); "
+                "check the cable, the address and that the robot is switched on"
+            )
+        try:
+            seen_s = [self.next_state(None, ARRIVAL_S).t_s]
+            for _ in range(PERIODS):
+                seen_s.append(self.next_state(seen_s[-1], ARRIVAL_S).t_s)
+        except RigStopped:
+            self.close()
+            raise
+        shortest_s = min(after - before for before, after in pairwise(seen_s))
+        self.period_s = 0.008 if shortest_s > 0.006 else 0.002
+
+    def next_state(self, last_s: float | None, patience_s: float) -> RobotState:
+        """Wait for a cycle later than `last_s`; raise `RigStopped` when none comes in time."""
+        self._listener.send(np.float64(-np.inf if last_s is None else last_s).tobytes())
+        answer = self._listener.answer(patience_s)
+        if answer is None:
+            self._listener.kill()  # what it would still send answers nothing that is asked later
+            raise RigStopped(
+                f"the controller sent nothing new for {patience_s * 1e3:.0f} ms "
+                "(stale or missing packets)"
+            )
+        if not answer:
+            raise RigStopped(f"the connection to the controller at {self.host} was lost")
+        return RobotState.from_numbers(np.frombuffer(answer))
+
+    def live(self) -> RobotState:
+        """Return the present state; raise when it is not fresh."""
+        return self.next_state(self.next_state(None, ARRIVAL_S).t_s, ARRIVAL_S)
+
+    @contextmanager
+    def driving(self) -> Iterator[Drive]:
+        """Run the program that follows targets; after any trouble nobody is left to send one."""
+        drive = self._drive = self._drive or Drive()
+        try:
+            drive.begin(self.host, self._tool_m, self.period_s, self._servo)
+            yield drive
+            drive.end()
+        except BaseException:
+            drive.kill()
+            self._drive = None
+            self.stop()
+            raise
+
+    def stop(self) -> None:
+        """End whatever program runs, over the dashboard's own connection; the arm brakes."""
+        address = (self.host, DASHBOARD_PORT)
+        with suppress(OSError), socket.create_connection(address, DASHBOARD_S) as dashboard:
+            dashboard.recv(256)  # its greeting
+            dashboard.sendall(b"stop\n")
+            dashboard.recv(256)
+
+    def close(self) -> None:
+        """Hang up."""
+        if self._drive is not None:
+            self._drive.kill()
+            self._drive = None
+        self._listener.kill()
+
+
+def require_ur_rtde() -> None:
+    """Raise ValueError, saying what to install, unless ur_rtde is there."""
+    for name in ("rtde_control", "rtde_receive"):
+        try:
+            importlib.import_module(name)
+        except ImportError:
+            raise ValueError(
+                "rig=ur5 needs ur_rtde, which is not installed: pip install 'robotcast[ur5]'"
+            ) from None
