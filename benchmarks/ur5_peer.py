@@ -271,7 +271,7 @@ def offsets(delay_s: float, times: int) -> None:
     for _ in range(times):
         with running_peer(PATIENT, FilmSettings(filmed, delay_s=delay_s)) as peer:
             rig = ur5_rig(peer, filmed)
-            found.append(rig.open_session().clocks.camera_offset_s * 1e3)
+            found.append(rig.open_session().camera_offset_s * 1e3)
             rig.close()
     print(
         f"offset: {delay_s * 1e3:.0f} ms delay found as {', '.join(f'{f:.1f}' for f in found)} ms"

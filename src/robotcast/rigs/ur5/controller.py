@@ -1,7 +1,5 @@
 """The connection to a UR controller: its state, its dashboard, and who drives the arm."""
 
-import importlib
-import json
 import socket
 import subprocess
 import sys
@@ -10,6 +8,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from multiprocessing.connection import Connection
+from typing import Any
 
 import numpy as np
 
@@ -20,17 +19,11 @@ BEGIN_S, END_S = 30.0, 15.0  # for the program on the controller to start and to
 PERIODS = 40  # looked at for the shortest, even on a busy computer
 DASHBOARD_PORT, DASHBOARD_S = 29999, 2.0
 
-SAFETY_BITS = {
-    2: "protective stop",
-    3: "recovery mode",
-    4: "safeguard stop",
-    5: "system emergency stop",
-    6: "robot emergency stop",
-    7: "emergency stop",
-    8: "safety violation",
-    9: "safety fault",
-}
-"""Bits of safety_status_bits that mean that the arm may not move, worst last."""
+SAFETY_BITS = (
+    *("protective stop", "recovery mode", "safeguard stop", "system emergency stop"),
+    *("robot emergency stop", "emergency stop", "safety violation", "safety fault"),
+)
+"""Bits of safety_status_bits, from bit 2 on, that mean that the arm may not move, worst last."""
 
 
 @dataclass(frozen=True)
@@ -69,17 +62,10 @@ class RobotState:
     runtime: int
     safety_bits: int
 
-    @classmethod
-    def from_numbers(cls, numbers: np.ndarray) -> "RobotState":
-        """Return the state that stands in the (23,) numbers that the listening process sends."""
-        t_s, heard_s = numbers[:2].tolist()
-        speed, runtime, safety = numbers[20:].tolist()
-        return cls(t_s, heard_s, *numbers[2:20].reshape(3, 6), speed, int(runtime), int(safety))
-
     @property
     def trouble(self) -> str:
         """Why the arm may not move, "" when it may."""
-        found = [text for bit, text in SAFETY_BITS.items() if self.safety_bits >> bit & 1]
+        found = [text for bit, text in enumerate(SAFETY_BITS, 2) if self.safety_bits >> bit & 1]
         return found[-1] if found else ""
 
 
@@ -99,17 +85,17 @@ class _ClientProcess:
             )
         self._socket = Connection(ours.detach())
 
-    def send(self, order: bytes) -> None:
+    def send(self, order: Any) -> None:
         """Send an order; raise `RigStopped` when the process ended."""
         try:
-            self._socket.send_bytes(order)
+            self._socket.send(order)
         except OSError:
             raise self._ended() from None
 
-    def answer(self, patience_s: float) -> bytes | None:
+    def answer(self, patience_s: float) -> Any:
         """Wait for an answer; None when none came in time."""
         try:
-            return self._socket.recv_bytes() if self._socket.poll(patience_s) else None
+            return self._socket.recv() if self._socket.poll(patience_s) else None
         except (EOFError, OSError):
             raise self._ended() from None
 
@@ -132,8 +118,7 @@ class Drive(_ClientProcess):
     def begin(self, host: str, tool_m: float, period_s: float, servo: ServoSettings) -> None:
         """Start the program on the controller."""
         settings = {"host": host, "tool_m": tool_m, "period_s": period_s, **asdict(servo)}
-        self.send(json.dumps(settings).encode())
-        if refusal := self._refusal(BEGIN_S):
+        if refusal := self._done(settings, BEGIN_S):
             raise RigStopped(f"the program did not start on the controller ({refusal})")
 
     def command(self, joints_rad: np.ndarray) -> None:
@@ -142,20 +127,20 @@ class Drive(_ClientProcess):
         if target.shape != (6,) or not np.isfinite(target).all():
             raise RigStopped("a target that is no number was about to be sent")
         if (refused := self.answer(0.0)) is not None:
-            raise RigStopped(refused.decode(errors="replace"))
-        self.send(target.tobytes())
+            raise RigStopped(refused)
+        self.send(target.tolist())
 
     def end(self) -> None:
         """Let the arm come to a stop and end the program on the controller."""
-        self.send(b"")
-        if refusal := self._refusal(END_S):
+        if refusal := self._done(None, END_S):
             raise RigStopped(refusal)
 
-    def _refusal(self, patience_s: float) -> str:
-        answer = self.answer(patience_s)
-        if answer is None:
+    def _done(self, order: Any, patience_s: float) -> str:
+        """Wait until an order is obeyed; return why it was refused, or ""."""
+        self.send(order)
+        if (answer := self.answer(patience_s)) is None:
             raise RigStopped(f"the controller did not answer within {patience_s:.0f} s")
-        return answer.decode(errors="replace")
+        return answer
 
 
 class Robot:
@@ -170,15 +155,15 @@ class Robot:
         self._drive: Drive | None = None
         self._listener = _ClientProcess("listen", "hears the controller")
         try:
-            self._listener.send(host.encode())
-            answer = self._listener.answer(FIRST_S)
+            self._listener.send(host)
+            refusal = self._listener.answer(FIRST_S)
         except RigStopped as stop:
-            answer = str(stop).encode()
-        if answer != b"":
+            refusal = str(stop)
+        if refusal != "":
             self._listener.kill()
-            why = "it sends no state" if answer is None else answer.decode(errors="replace")
             raise ValueError(
-                f"no UR controller answers at rig.host={host} ({why.strip()}); "
+                f"no UR controller answers at rig.host={host} "
+                f"({refusal or 'it sends no state'}); "
                 "check the cable, the address and that the robot is switched on"
             )
         try:
@@ -193,7 +178,7 @@ class Robot:
 
     def next_state(self, last_s: float | None, patience_s: float) -> RobotState:
         """Wait for a cycle later than `last_s`; raise `RigStopped` when none comes in time."""
-        self._listener.send(np.float64(-np.inf if last_s is None else last_s).tobytes())
+        self._listener.send(-np.inf if last_s is None else last_s)
         answer = self._listener.answer(patience_s)
         if answer is None:
             self._listener.kill()  # what it would still send answers nothing that is asked later
@@ -203,7 +188,7 @@ class Robot:
             )
         if not answer:
             raise RigStopped(f"the connection to the controller at {self.host} was lost")
-        return RobotState.from_numbers(np.frombuffer(answer))
+        return RobotState(*answer)
 
     def live(self) -> RobotState:
         """Return the present state; raise when it is not fresh."""
@@ -241,10 +226,10 @@ class Robot:
 
 def require_ur_rtde() -> None:
     """Raise ValueError, saying what to install, unless ur_rtde is there."""
-    for name in ("rtde_control", "rtde_receive"):
-        try:
-            importlib.import_module(name)
-        except ImportError:
-            raise ValueError(
-                "rig=ur5 needs ur_rtde, which is not installed: pip install 'robotcast[ur5]'"
-            ) from None
+    try:
+        import rtde_control  # noqa: F401
+        import rtde_receive  # noqa: F401
+    except ImportError:
+        raise ValueError(
+            "rig=ur5 needs ur_rtde, which is not installed: pip install 'robotcast[ur5]'"
+        ) from None

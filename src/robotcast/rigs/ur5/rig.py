@@ -82,32 +82,19 @@ class RunSettings:
     most_missed: float = 0.01
 
 
-@dataclass(frozen=True)
-class Clocks:
-    """What the arm's swaying before the camera showed.
+@dataclass
+class Running:
+    """What is open in this session, and what the arm's swaying before the camera showed.
 
     Frames are stamped `camera_offset_s` late; `kinematic_difference_m` is the mean distance of
     the controller's tool place from ours.
     """
 
-    camera_offset_s: float
-    frames_per_s: float
-    kinematic_difference_m: float
-
-
-@dataclass
-class Running:
-    """What is open and was measured in this session."""
-
     arm: Arm
     camera: Webcam
-    clocks: Clocks
+    camera_offset_s: float
+    kinematic_difference_m: float
     rehearsed: bool = False
-
-    def close(self) -> None:
-        """Hang up and let go of the camera."""
-        self.camera.close()
-        self.arm.robot.close()
 
 
 @dataclass(frozen=True)
@@ -173,7 +160,9 @@ class Ur5Rig:
     def close(self) -> None:
         """Hang up and let go of the camera."""
         while self._open:
-            self._open.pop().close()
+            running = self._open.pop()
+            running.camera.close()
+            running.arm.robot.close()
 
     def planned_motion(self, planned: PlannedCast, joints_rad: np.ndarray) -> WholeMotion:
         """Return the whole motion from joints (6,), checked; raise ValueError when refused."""
@@ -211,11 +200,11 @@ class Ur5Rig:
             if camera.unfixed:
                 self.tell(f"the camera does not let {' and '.join(camera.unfixed)} be fixed")
             arm = Arm(robot, self.gripper, self.watch, camera.require_alive)
-            clocks = self._compare_clocks(arm, camera)
+            running = self._compare_clocks(arm, camera)
             opened.pop_all()
-        return Running(arm, camera, clocks)
+        return running
 
-    def _compare_clocks(self, arm: Arm, camera: Webcam) -> Clocks:
+    def _compare_clocks(self, arm: Arm, camera: Webcam) -> Running:
         """Sway the arm before the camera, if that is safe, and see when the picture follows."""
         swaying = sway(arm.start(), arm.robot.period_s)
         refuse_motion(swaying, self.limits.cast, self.limits, "swaying before the camera")
@@ -245,7 +234,7 @@ class Ur5Rig:
                 f"the controller puts the tool {away_m * 1e3:.0f} mm from where our "
                 "kinematics does: this is no UR5, or its base is turned or moved"
             )
-        return Clocks(offset_s, rate, away_m)
+        return Running(arm, camera, offset_s, away_m)
 
     def _rehearse(self, running: Running, planned: PlannedCast) -> None:
         """Run the first motion of a session slowly, once, under the operator's eyes."""
@@ -302,7 +291,7 @@ class Ur5Rig:
         finally:
             seen_s = camera.stop_recording()
         start_s = float(log.states[round(BEFORE_S / period_s)].t_s)
-        frames_s = log.controller_time(seen_s) - running.clocks.camera_offset_s - start_s
+        frames_s = log.controller_time(seen_s) - running.camera_offset_s - start_s
         heard = (seen_s >= log.states[0].heard_s) & (seen_s <= log.states[-1].heard_s)
         write_frame_times(np.where(heard, frames_s, np.nan), folder)
         write_tool(log.tool_motion(start_s), folder / TOOL_FILE)
@@ -324,8 +313,8 @@ class Ur5Rig:
             "controller_period_s": running.arm.robot.period_s,
             "cycles": log.cycles,
             "missed_deadlines": log.missed,
-            "camera_offset_s": round(running.clocks.camera_offset_s, 5),
-            "kinematic_difference_m": round(running.clocks.kinematic_difference_m, 6),
+            "camera_offset_s": round(running.camera_offset_s, 5),
+            "kinematic_difference_m": round(running.kinematic_difference_m, 6),
             "speed": self.run.speed,
             "resets": resets,
             "not_fixed": running.camera.unfixed,

@@ -76,15 +76,25 @@ def build_cable(cable: Cable, truth: CableTruth) -> mujoco.MjSpec:
         size=[0, 0, 1],
         contype=BOARD_BIT,
         conaffinity=CABLE_BIT,
-        **contact(truth),
+        **_contact(truth),
     )
     body = _add_tool(spec, cable)
-    length = cable.length_m / truth.segments
+    length, mass, radius = (
+        cable.length_m / truth.segments,
+        cable.mass_kg / truth.segments,
+        cable.radius_m,
+    )
+    across = mass * (radius**2 / 4 + length**2 / 12)
+    inertia = [mass * radius**2 / 2, across, across]
     for index in range(truth.segments):
-        body = body.add_body(name=f"segment_{index}", pos=[length if index else 0, 0, 0])
-        _add_joints(body, truth, length, first=index == 0)
-        _add_segment(body, cable, truth, length)
-    _add_endpoint(body, cable, truth, length)
+        place = (length if index else 0.0, length / 2)
+        body = add_piece(body, f"segment_{index}", place, mass, inertia, radius, truth)
+        _add_hinges(body, truth, length, first=index == 0)
+    # A flat underside, level with the cable's. On a ball as thick as the weight is wide the end
+    # would be held up and roll sideways, which drags it by 1–2 % of the cable's length a cast.
+    mass = cable.endpoint_mass_kg
+    inertia = [0.5 * mass * truth.endpoint_radius_m**2] * 3
+    add_piece(body, "endpoint", (length, 0.0), mass, inertia, radius, truth)
     return spec
 
 
@@ -99,8 +109,41 @@ def compile_cable(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return model
 
 
-def contact(truth: CableTruth) -> dict:
-    """Return the settings of a geom or pair that touches the board."""
+def add_piece(
+    parent: mujoco.MjsBody,
+    name: str,
+    place_m: tuple[float, float],
+    mass_kg: float,
+    inertia: list[float],
+    radius_m: float,
+    truth: CableTruth,
+) -> mujoco.MjsBody:
+    """Add a body that touches the board with a ball about its centre of mass.
+
+    `place_m` is where it begins on its parent's x axis, and where its centre is on its own.
+    """
+    begins_m, centre_m = place_m
+    body = parent.add_body(
+        name=name,
+        pos=[begins_m, 0, 0],
+        explicitinertial=True,
+        mass=mass_kg,
+        ipos=[centre_m, 0, 0],
+        inertia=inertia,
+    )
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[radius_m, 0, 0],
+        pos=[centre_m, 0, 0],
+        mass=0,
+        contype=CABLE_BIT,
+        conaffinity=BOARD_BIT,
+        **_contact(truth),
+    )
+    return body
+
+
+def _contact(truth: CableTruth) -> dict:
     return {"friction": [truth.friction, 0, 0], "condim": 3, "solref": [truth.contact_s, 1]}
 
 
@@ -121,7 +164,7 @@ def _add_tool(spec: mujoco.MjSpec, cable: Cable) -> mujoco.MjsBody:
     return tool
 
 
-def _add_joints(body: mujoco.MjsBody, truth: CableTruth, length: float, *, first: bool) -> None:
+def _add_hinges(body: mujoco.MjsBody, truth: CableTruth, length: float, *, first: bool) -> None:
     # Half a segment bends between the gripper and the first segment's middle.
     stiffness = truth.bending_stiffness_n_m2 / length * (2 if first else 1)
     widest = length / truth.tightest_bend_m
@@ -138,44 +181,6 @@ def _add_joints(body: mujoco.MjsBody, truth: CableTruth, length: float, *, first
             range=[-limit, limit],
             solref_limit=[truth.contact_s / 2, 1],
         )
-
-
-def _add_segment(body: mujoco.MjsBody, cable: Cable, truth: CableTruth, length: float) -> None:
-    mass, radius = cable.mass_kg / truth.segments, cable.radius_m
-    across = mass * (radius**2 / 4 + length**2 / 12)
-    body.explicitinertial = True
-    body.mass = mass
-    body.ipos = [length / 2, 0, 0]
-    body.inertia = [mass * radius**2 / 2, across, across]
-    add_ball(body, radius, length / 2, truth)
-
-
-def _add_endpoint(body: mujoco.MjsBody, cable: Cable, truth: CableTruth, length: float) -> None:
-    radius = truth.endpoint_radius_m
-    end = body.add_body(
-        name="endpoint",
-        pos=[length, 0, 0],
-        explicitinertial=True,
-        mass=cable.endpoint_mass_kg,
-        ipos=[0, 0, 0],
-        inertia=[0.5 * cable.endpoint_mass_kg * radius**2] * 3,
-    )
-    # A flat underside, level with the cable's. On a ball as thick as the weight is wide the end
-    # would be held up and roll sideways, which drags it by 1–2 % of the cable's length a cast.
-    add_ball(end, cable.radius_m, 0.0, truth)
-
-
-def add_ball(body: mujoco.MjsBody, radius: float, along: float, truth: CableTruth) -> None:
-    """Let a body touch the board with a ball of no mass, `along` its x axis [m]."""
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        size=[radius, 0, 0],
-        pos=[along, 0, 0],
-        mass=0,
-        contype=CABLE_BIT,
-        conaffinity=BOARD_BIT,
-        **contact(truth),
-    )
 
 
 @dataclass(frozen=True)

@@ -102,13 +102,12 @@ class Disturbance:
         self._bending = [e for e in effects if isinstance(e, Bending)]
         self._model = model
         first, last = model.body("segment_0").id, model.body("endpoint").id
-        self._bodies = slice(first, last + 1)
+        self._bodies, segments = slice(first, last + 1), last - first
         self._geoms = np.array([model.body(b).geomadr[0] for b in range(first, last + 1)])
         self._friction = model.geom_friction[self._geoms, 0].copy()
         if self._rubbing:
             # Of two touching geoms the one of higher priority gives the contact its friction.
             model.geom_priority[self._geoms] = 1
-        segments = last - first
         start = len(TOOL_JOINTS)
         self._hinges = slice(start, start + 2 * segments, 2)
         self._length_m = float(model.body("endpoint").pos[0])
@@ -136,11 +135,5 @@ class Disturbance:
         # MuJoCo gives velocities about the centre of mass of the whole kinematic tree.
         about = data.subtree_com[self._model.body("tool").id]
         velocity = rates[:, 3:] + np.cross(rates[:, :3], place - about)
-        return Pieces(
-            place_m=place[:, :2],
-            velocity_m_s=velocity[:, :2],
-            mass_kg=self._masses_kg,
-            radius_m=self._radii_m,
-            length_m=self._lengths_m,
-            t_s=float(data.time),
-        )
+        made = (self._masses_kg, self._radii_m, self._lengths_m)
+        return Pieces(place[:, :2], velocity[:, :2], *made, t_s=float(data.time))

@@ -1,4 +1,6 @@
-"""What can be wrong with the virtual rig: the mechanisms that may be hidden in it."""
+"""What may be hidden in the virtual rig: board, camera, grip, cable, medium; last come mechanisms
+that no diagnosis has a name for.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -8,13 +10,11 @@ import numpy as np
 from robotcast.casts.plan import PlannedCast
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.virtual.arm import lagged
-from robotcast.rigs.virtual.cable import CableTruth, add_ball
+from robotcast.rigs.virtual.cable import CableTruth, add_piece
 from robotcast.rigs.virtual.hidden import Bending, HiddenEffect, Pieces, Pushing, Rubbing
 
 AIR_KG_M3 = 1.2
 SMOOTH_BALL = 0.5  # drag coefficient
-
-# The board
 
 
 @dataclass(frozen=True)
@@ -84,22 +84,17 @@ class Grain(HiddenEffect):
     a: float
 
     def build(self, spec: mujoco.MjSpec, cable: Cable, truth: CableTruth) -> None:
-        across = truth.friction * (1 + self.a)
+        length, across = cable.length_m / truth.segments, truth.friction * (1 + self.a)
+        friction, solref = [truth.friction, across, 0, 0, 0], [truth.contact_s, 1]
         for index in range(truth.segments):
             geom = spec.body(f"segment_{index}").first_geom()
-            length = cable.length_m / truth.segments
             geom.type = mujoco.mjtGeom.mjGEOM_CAPSULE
             geom.size = [cable.radius_m, 0.1 * length, 0]
             geom.quat = [np.sqrt(0.5), 0, np.sqrt(0.5), 0]  # from the body's z to its x
             geom.name = f"side_{index}"
             geom.contype = geom.conaffinity = 0
-            spec.add_pair(
-                geomname1="board",
-                geomname2=geom.name,
-                condim=3,
-                friction=[truth.friction, across, 0, 0, 0],
-                solref=[truth.contact_s, 1],
-            )
+            touching = {"geomname1": "board", "geomname2": geom.name, "condim": 3}
+            spec.add_pair(**touching, friction=friction, solref=solref)
 
 
 @dataclass(frozen=True)
@@ -118,9 +113,6 @@ class WearingBoard(Rubbing):
 
     def roughness(self, pieces: Pieces) -> np.ndarray:
         return np.full(len(pieces.place_m), 1 + self.k * self.done)
-
-
-# The camera
 
 
 @dataclass(frozen=True)
@@ -188,9 +180,6 @@ class FastClock(HiddenEffect):
         return stamp_s / (1 + self.k)
 
 
-# Between the arm's log and the cable
-
-
 @dataclass(frozen=True)
 class LooseGrip(HiddenEffect):
     """The held end follows the logged tool as a first-order lag of `lag_s`."""
@@ -246,9 +235,6 @@ class LooseClamp(HiddenEffect):
         return replace(cable, length_m=cable.length_m + self.slip_m)
 
 
-# The cable itself
-
-
 @dataclass(frozen=True)
 class UnevenMass(HiddenEffect):
     """Mass per length is 1 + k s times the mean, s from −1 at the hand to 1 at the end."""
@@ -290,15 +276,13 @@ class SoftCore(Bending):
         return np.clip(rest_rad, bend_rad - most, bend_rad + most)
 
 
-# The medium. MuJoCo's own gives the same forces, but differentiates them at every step and makes a
-# cast five times as slow; so they are written here (and compared with MuJoCo's in the tests).
-
-
 @dataclass(frozen=True)
 class Air(Pushing):
     """Drag ½ ρ C A v² on every piece of a fuzzy cable, whatever its heading, A = 2 r l.
 
-    The end is smooth and round: C = 0.5 on its own π r². It adds less than a per cent.
+    The end is smooth and round: C = 0.5 on its own π r². It adds less than a per cent. MuJoCo's
+    own medium gives the same forces (the tests compare them), but differentiates them at every
+    step and makes a cast five times as slow.
     """
 
     drag: float
@@ -320,9 +304,6 @@ class Oil(Pushing):
         return -self.rate_1_s * pieces.mass_kg[:, None] * pieces.velocity_m_s
 
 
-# Mechanisms that no diagnosis has a name for
-
-
 @dataclass(frozen=True)
 class RubberBand(HiddenEffect):
     """A band pulls the end towards a place on the board: a MuJoCo tendon with stiffness."""
@@ -332,12 +313,10 @@ class RubberBand(HiddenEffect):
     y_m: float
 
     def build(self, spec: mujoco.MjSpec, cable: Cable, truth: CableTruth) -> None:
-        here = [self.x_m, self.y_m, cable.radius_m]
-        spec.worldbody.add_site(name="band_anchor", pos=here)
+        spec.worldbody.add_site(name="band_anchor", pos=[self.x_m, self.y_m, cable.radius_m])
         spec.body("endpoint").add_site(name="band_end")
-        band = spec.add_tendon(
-            name="band", stiffness=[self.stiffness_n_m, 0, 0], springlength=[0, 0]
-        )
+        stiffness = [self.stiffness_n_m, 0, 0]
+        band = spec.add_tendon(name="band", stiffness=stiffness, springlength=[0, 0])
         band.wrap_site("band_anchor")
         band.wrap_site("band_end")
 
@@ -389,16 +368,9 @@ class SwingingEnd(HiddenEffect):
         mass = self.share * end.mass
         end.mass -= mass
         end.inertia = end.inertia * (1 - self.share)
-        radius = truth.endpoint_radius_m
-        bob = end.add_body(
-            name="bob",
-            explicitinertial=True,
-            mass=mass,
-            ipos=[self.arm_m, 0, 0],
-            inertia=[0.5 * mass * radius**2] * 3,
-        )
+        inertia = [0.5 * mass * truth.endpoint_radius_m**2] * 3
+        bob = add_piece(end, "bob", (0.0, self.arm_m), mass, inertia, cable.radius_m, truth)
         bob.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
-        add_ball(bob, cable.radius_m, self.arm_m, truth)
 
 
 @dataclass(frozen=True)
