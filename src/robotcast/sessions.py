@@ -46,25 +46,21 @@ class CastRequest:
 
     @property
     def folder_name(self) -> str:
-        """Name of the cast's folder in its session."""
         return f"cast_{self.number:05d}"
 
 
 @dataclass(frozen=True)
 class Session:
-    """A session folder: the finished `casts` by number, and blocks of plain numbers, `facts`,
-    that the rig gave for the tracker.
-    """
+    """A session folder as it is."""
 
     folder: Path
     rig: str
     cable: Cable
     r0_m: float
-    facts: dict[str, Any] = field(default_factory=dict)
-    casts: tuple[CastRequest, ...] = ()
+    facts: dict[str, Any] = field(default_factory=dict)  # plain numbers for the tracker, by block
+    casts: tuple[CastRequest, ...] = ()  # the finished ones by number
 
     def cast_folder(self, cast: CastRequest) -> Path:
-        """Return where the files of a finished cast lie."""
         return self.folder / cast.folder_name
 
 
@@ -100,18 +96,20 @@ def open_session(
 
 
 def read_session(folder: Path) -> Session:
-    """Read a session folder."""
     path = folder / SESSION_FILE
     if not path.is_file():
         raise ValueError(f"{folder}: no {SESSION_FILE}; not a session, collect writes one")
     values = _load(path)
-    casts = [_read_request(entry) for entry in sorted(folder.glob("cast_*")) if entry.is_dir()]
+    folders = (entry for entry in sorted(folder.glob("cast_*")) if entry.is_dir())
+    requests = [_load(entry / REQUEST_FILE) for entry in folders]
+    casts = [
+        CastRequest(int(r["number"]), int(r["action_id"]), _action(r["action"])) for r in requests
+    ]
     rig, cable, r0_m = values.pop("rig"), Cable(**values.pop("cable")), float(values.pop("r0_m"))
     return Session(folder, rig, cable, r0_m, facts=values, casts=tuple(casts))
 
 
 def write_request(request: CastRequest, folder: Path) -> None:
-    """Write what was asked for into a cast's folder."""
     values = {"number": request.number, "action_id": request.action_id}
     values["action"] = action_factors(request.action.as_array())
     write_text(folder / REQUEST_FILE, yaml.safe_dump(values, sort_keys=False))
@@ -156,32 +154,26 @@ def exclusive(folder: Path) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class CastRecord:
-    """cast.yaml: what was executed, by which rig, and when the video runs.
-
-    `video_t0_s` is when the exposure of the first frame begins, 0 the cast's start; `turn_s` and
-    `end_s` are those of the planned motion; at `rest_s` the rig saw the cable at rest.
-    """
+    """cast.yaml: what was executed, by which rig, and when the video runs."""
 
     number: int
     action: Action
     rig: str
     cable: str
-    video_t0_s: float
+    video_t0_s: float  # when the exposure of the first frame begins; 0 is the cast's start
     fps: float
-    turn_s: float
+    turn_s: float  # of the planned motion, as is end_s
     end_s: float
-    rest_s: float
+    rest_s: float  # when the rig saw the cable at rest
     rest_only: bool
 
 
 def write_record(record: CastRecord, folder: Path) -> None:
-    """Write cast.yaml into `folder`."""
     values = {**vars(record), "action": action_factors(record.action.as_array())}
     write_text(folder / CAST_FILE, yaml.safe_dump(values, sort_keys=False))
 
 
 def read_record(folder: Path) -> CastRecord:
-    """Read cast.yaml of a finished cast."""
     path = folder / CAST_FILE
     if not path.is_file():
         raise ValueError(f"{path}: missing; not the folder of a finished cast")
@@ -202,7 +194,6 @@ def write_tool(tool: ToolMotion, path: Path) -> None:
 
 
 def read_tool(path: Path) -> ToolMotion:
-    """Read a tool log that `write_tool` wrote."""
     if not path.is_file():
         raise ValueError(f"{path}: missing; the tool was not logged")
     table = pl.read_csv(path)
@@ -284,11 +275,6 @@ def _require_same_set(path: Path, folder: Path) -> None:
 
 def _set_files(folder: Path) -> list[Path]:
     return sorted(p for p in folder.iterdir() if p.suffix in (".yaml", ".csv", ".parquet"))
-
-
-def _read_request(folder: Path) -> CastRequest:
-    values = _load(folder / REQUEST_FILE)
-    return CastRequest(int(values["number"]), int(values["action_id"]), _action(values["action"]))
 
 
 def _action(numbers: Mapping[str, Any]) -> Action:

@@ -64,11 +64,11 @@ def number_extra_actions(
 
 @dataclass(frozen=True)
 class Collected:
-    """How many casts `stood` before and were `added` by a call; why others `failed`, by number."""
+    """What a call of `collect_casts` did."""
 
-    stood: int
+    stood: int  # casts that were finished before
     added: int
-    failed: dict[int, str]
+    failed: dict[int, str]  # why a cast failed, by its number
 
 
 def collect_casts(

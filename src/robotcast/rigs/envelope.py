@@ -54,14 +54,12 @@ SELF_PAIRS = (
 
 @dataclass(frozen=True)
 class ToolBox:
-    """Where the held end may be, [low, high] in the board's frame, and the radius `r_min_m` about
-    the base's axis that it keeps out of.
-    """
+    """Where the held end may be, [low, high] in the board's frame."""
 
     x_m: tuple[float, float]
     y_m: tuple[float, float]
     z_m: tuple[float, float]
-    r_min_m: float
+    r_min_m: float  # radius about the base's axis that it keeps out of
 
     def __post_init__(self) -> None:
         for name in ("x_m", "y_m", "z_m"):
@@ -74,17 +72,14 @@ class ToolBox:
 
 @dataclass(frozen=True)
 class Envelope:
-    """Limits of the joints, six values each from base to wrist 3, and of the held end.
-
-    `clearance_m` is left between the arm's capsules, and between them and the board and the base.
-    """
+    """Limits of the joints, six values each from base to wrist 3, and of the held end."""
 
     joint_min_rad: tuple[float, ...]
     joint_max_rad: tuple[float, ...]
     joint_speed_rad_s: tuple[float, ...]
     joint_acceleration_rad_s2: tuple[float, ...]
     tool_speed_m_s: float
-    clearance_m: float
+    clearance_m: float  # between the arm's capsules, and between them and the board and the base
     box: ToolBox
     gripper: Gripper
 
@@ -95,29 +90,20 @@ class Envelope:
                 raise ValueError(f"envelope: {field.name} must be six finite numbers, got {values}")
         if not np.less(self.joint_min_rad, self.joint_max_rad).all():
             raise ValueError("envelope: joint_min_rad must be below joint_max_rad for every joint")
-        positive = {
-            "joint_speed_rad_s": min(self.joint_speed_rad_s),
-            "joint_acceleration_rad_s2": min(self.joint_acceleration_rad_s2),
-            "tool_speed_m_s": self.tool_speed_m_s,
-            "clearance_m": self.clearance_m,
-        }
-        for name, value in positive.items():
+        for name in [field.name for field in fields(self)][2:6]:
+            value = np.min(getattr(self, name))
             if not (np.isfinite(value) and value > 0):
                 raise ValueError(f"envelope: {name} must be positive and finite, got {value}")
 
 
 @dataclass(frozen=True)
 class BrokenRule:
-    """One rule broken by a motion, where it is broken worst.
-
-    `part` is the joint, link, pair of links or coordinate concerned; `value` and `limit` are in
-    the rule's SI unit; a distance must stay above its limit.
-    """
+    """One rule broken by a motion, where it is broken worst."""
 
     rule: Rule
-    part: str
+    part: str  # the joint, link, pair of links or coordinate concerned
     t_s: float
-    value: float
+    value: float  # in the rule's SI unit; a distance must stay above its limit
     limit: float
 
     def __str__(self) -> str:
@@ -249,19 +235,16 @@ _MEASURES = {"joints": _measure_joints, "tool": _measure_tool, "clearances": _me
 JOINT_SAMPLE_S = 0.004
 PLACE_SAMPLE_S = 0.008
 ROWS_AT_ONCE = 256
-UNMIRRORED = np.ones(3)
-MIRRORED = np.array([1.0, -1.0, -1.0])
+AS_IT_IS, MIRRORED = np.ones(3), np.array([1.0, -1.0, -1.0])  # of x, y, yaw
 
 
 @dataclass(frozen=True)
 class FilterReport:
-    """How many `candidates` a grid holds, how many are `feasible`, and how many candidates break
-    each rule; one may break several.
-    """
+    """What became of the actions of a grid."""
 
     candidates: int
     feasible: int
-    broken: dict[Rule, int]
+    broken: dict[Rule, int]  # how many candidates break each rule; one may break several
 
 
 def feasible_actions(
@@ -296,9 +279,9 @@ def _rules_broken_by_casts(
 ) -> dict[Rule, np.ndarray]:
     """Return which casts break which rule, mirrored or not, each (n,) of bool."""
     first, member = distinct_arcs(curves.actions)  # α turns the wrist alone
-    arcs, both = curves.rows(first), (UNMIRRORED, MIRRORED)
+    arcs, both = curves.rows(first), (AS_IT_IS, MIRRORED)
     places = _broken_in("tool", arcs, PLACE_SAMPLE_S, envelope, both)
-    places |= _broken_in("clearances", arcs, PLACE_SAMPLE_S, envelope, (UNMIRRORED,))
+    places |= _broken_in("clearances", arcs, PLACE_SAMPLE_S, envelope, (AS_IT_IS,))
     joints = _broken_in("joints", curves, JOINT_SAMPLE_S, envelope, both, progress)
     broken: dict[Rule, np.ndarray] = {rule: bad[member] for rule, bad in places.items()}
     return broken | joints

@@ -57,15 +57,11 @@ LINKS = tuple(LINK_CAPSULES)
 
 @dataclass(frozen=True)
 class Gripper:
-    """What is mounted on the flange, and how high it holds the cable during a cast.
+    """What is mounted on the flange, and how high it holds the cable during a cast."""
 
-    `length_m` runs from the flange to the held end of the cable; its last part, `fingers_m`, is
-    slender. `held_height_m` is the height of the held end above the board.
-    """
-
-    length_m: float = 0.17
-    fingers_m: float = 0.06
-    held_height_m: float = 0.02
+    length_m: float = 0.17  # from the flange to the held end of the cable
+    fingers_m: float = 0.06  # the slender last part of that length
+    held_height_m: float = 0.02  # of the held end above the board
 
     def __post_init__(self) -> None:
         if not 0 < self.fingers_m < self.length_m < 0.5:

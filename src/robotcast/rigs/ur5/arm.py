@@ -25,30 +25,20 @@ SETTLE_S = 0.3  # for which the end of a motion is held
 
 @dataclass(frozen=True)
 class WatchSettings:
-    """When a running motion is stopped.
+    """When a running motion is stopped."""
 
-    Attributes
-    ----------
-    stale_s : longest time without a new cycle of the controller.
-    off_path_m : furthest that the tool may be from where it was commanded to be within `lag_s`.
-    """
-
-    stale_s: float = 0.15
-    off_path_m: float = 0.05
-    lag_s: float = 0.4
+    stale_s: float = 0.15  # longest time without a new cycle of the controller
+    off_path_m: float = 0.05  # furthest that the tool may be from its path …
+    lag_s: float = 0.4  # … of so long before
 
 
 @dataclass
 class RobotLog:
-    """What the controller reported while targets were sent, a state for every target.
-
-    `cycles` counts the controller's cycles while the arm had to move, `missed` those of them
-    without a target in time.
-    """
+    """What the controller reported while targets were sent, a state for every target."""
 
     states: list[RobotState] = field(default_factory=list)
-    missed: int = 0
-    cycles: int = 0
+    missed: int = 0  # cycles without a target in time, while the arm had to move
+    cycles: int = 0  # of the controller while the arm had to move
 
     def column(self, name: str) -> np.ndarray:
         """Return one attribute of the states, (n,) or (n, 6)."""

@@ -27,24 +27,18 @@ ARM_PICTURE_WIDTH_PX, ARM_MARGIN_M = 320, 0.05
 
 @dataclass(frozen=True)
 class WebcamSettings:
-    """What is asked of a camera.
+    """What is asked of a camera."""
 
-    `source` is a number, /dev/videoN, or the path or address of a video; `exposure` and `focus`
-    are in the driver's own units, None leaves the driver's choice, fixed. Without a new frame
-    for `gone_s` the camera is gone.
-    """
-
-    source: str
+    source: str  # a number, /dev/videoN, or the path or address of a video
     width: int
     height: int
     fps: float
-    exposure: float | None = None
+    exposure: float | None = None  # in the driver's own units; None: the driver's choice, fixed
     focus: float | None = None
-    gone_s: float = 0.5
+    gone_s: float = 0.5  # without a new frame for so long, the camera is gone
 
     @property
     def device(self) -> bool:
-        """Whether the source is a device, not a video."""
         return self.source.isdigit() or self.source.startswith("/dev/")
 
 
@@ -72,7 +66,6 @@ class Webcam:
         self._require_size()
 
     def picture(self) -> np.ndarray:
-        """Return the latest frame."""
         self.require_alive()
         return self.newest()[0].copy()
 
@@ -110,7 +103,6 @@ class Webcam:
         return times
 
     def close(self) -> None:
-        """Let go of the camera."""
         self._running = False
         self._thread.join()
         self.stop_recording()

@@ -28,36 +28,22 @@ SAFETY_BITS = (
 
 @dataclass(frozen=True)
 class ServoSettings:
-    """How servoj follows its targets, and when the controller gives up waiting for one.
+    """How servoj follows its targets, and when the controller gives up waiting for one."""
 
-    Attributes
-    ----------
-    lookahead_s : in [0.03, 0.2], smooths the targets.
-    gain : in [100, 2000], proportional gain of following them.
-    watchdog_hz : the program on the controller ends when targets come more seldom.
-    """
-
-    lookahead_s: float = 0.03
-    gain: float = 500.0
-    watchdog_hz: float = 10.0
+    lookahead_s: float = 0.03  # in [0.03, 0.2], smooths the targets
+    gain: float = 500.0  # in [100, 2000], proportional gain of following them
+    watchdog_hz: float = 10.0  # the controller's program ends when targets come more seldom
 
 
 @dataclass(frozen=True)
 class RobotState:
-    """One cycle of the controller.
+    """One cycle of the controller."""
 
-    Attributes
-    ----------
-    t_s, heard_s : by the controller's clock; when it arrived, by this computer's monotonic clock.
-    joints_rad, target_rad : ndarrays of shape (6,), actual and commanded.
-    tool_pose : ndarray of shape (6,), the controller's tool centre point and rotation vector.
-    """
-
-    t_s: float
-    heard_s: float
-    joints_rad: np.ndarray
-    target_rad: np.ndarray
-    tool_pose: np.ndarray
+    t_s: float  # by the controller's clock
+    heard_s: float  # when it arrived, by this computer's monotonic clock
+    joints_rad: np.ndarray  # (6,), actual
+    target_rad: np.ndarray  # (6,), commanded
+    tool_pose: np.ndarray  # (6,), the controller's tool centre point and rotation vector
     speed_fraction: float
     runtime: int
     safety_bits: int
@@ -73,7 +59,7 @@ class _ClientProcess:
     """A process of `client` in the role `listen` or `drive`, at the other end of a socket."""
 
     def __init__(self, role: str, task: str) -> None:
-        self._task = task
+        self._ended = f"the process that {task} ended"
         ours, theirs = socket.socketpair()
         with theirs:
             self._process = subprocess.Popen(
@@ -90,23 +76,20 @@ class _ClientProcess:
         try:
             self._socket.send(order)
         except OSError:
-            raise self._ended() from None
+            raise RigStopped(self._ended) from None
 
     def answer(self, patience_s: float) -> Any:
         """Wait for an answer; None when none came in time."""
         try:
             return self._socket.recv() if self._socket.poll(patience_s) else None
         except (EOFError, OSError):
-            raise self._ended() from None
+            raise RigStopped(self._ended) from None
 
     def kill(self) -> None:
         """End the process, whatever it is doing."""
         self._process.kill()
         self._process.wait()
         self._socket.close()
-
-    def _ended(self) -> RigStopped:
-        return RigStopped(f"the process that {self._task} ended")
 
 
 class Drive(_ClientProcess):
@@ -116,13 +99,11 @@ class Drive(_ClientProcess):
         super().__init__("drive", "tells the arm its targets")
 
     def begin(self, host: str, tool_m: float, period_s: float, servo: ServoSettings) -> None:
-        """Start the program on the controller."""
         settings = {"host": host, "tool_m": tool_m, "period_s": period_s, **asdict(servo)}
         if refusal := self._done(settings, BEGIN_S):
             raise RigStopped(f"the program did not start on the controller ({refusal})")
 
     def command(self, joints_rad: np.ndarray) -> None:
-        """Send the next target (6,)."""
         target = np.asarray(joints_rad, dtype=float)
         if target.shape != (6,) or not np.isfinite(target).all():
             raise RigStopped("a target that is no number was about to be sent")
@@ -217,7 +198,6 @@ class Robot:
             dashboard.recv(256)
 
     def close(self) -> None:
-        """Hang up."""
         if self._drive is not None:
             self._drive.kill()
             self._drive = None

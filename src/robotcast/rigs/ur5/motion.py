@@ -40,7 +40,6 @@ class JointMotion:
         return JointMotion(np.arange(len(joints)) * period_s, joints)
 
     def part(self, rows: slice) -> "JointMotion":
-        """Return some of the samples."""
         return JointMotion(self.t_s[rows], self.joints_rad[rows])
 
 
@@ -54,19 +53,12 @@ class WholeMotion:
 
 @dataclass(frozen=True)
 class SafetyLimits:
-    """What the arm may do.
+    """What the arm may do."""
 
-    Attributes
-    ----------
-    reset, cast : envelopes of the two motions; a reset lifts the tool off the board.
-    jerk_rad_s3 : six values, base to wrist 3.
-    start_rad : how far a joint may stand from where the motion starts.
-    """
-
-    reset: Envelope
+    reset: Envelope  # a reset lifts the tool off the board
     cast: Envelope
-    jerk_rad_s3: tuple[float, ...]
-    start_rad: float
+    jerk_rad_s3: tuple[float, ...]  # base to wrist 3
+    start_rad: float  # how far a joint may stand from where the motion starts
 
     def __post_init__(self) -> None:
         jerk = np.asarray(self.jerk_rad_s3, dtype=float)

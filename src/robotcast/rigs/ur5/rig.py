@@ -64,36 +64,23 @@ REST_FILM_S = 0.5  # filmed at rest, of a cast whose rest alone is wanted
 
 @dataclass(frozen=True)
 class RunSettings:
-    """How casts are run.
+    """How casts are run."""
 
-    Attributes
-    ----------
-    speed : 1 for casts; slower ones are kept aside, they are no casts of their action.
-    first_speed : of the first run of every session.
-    rest_s : how long the cable is filmed after the tool stopped.
-    end_m : how far from the axis the free end may lie after a reset.
-    most_missed : share of cycles without a target in time, above which a cast is not used.
-    """
-
-    speed: float = 1.0
-    first_speed: float = 0.1
-    rest_s: float = 3.0
-    end_m: float = 0.08
-    most_missed: float = 0.01
+    speed: float = 1.0  # slower casts are kept aside, they are no casts of their action
+    first_speed: float = 0.1  # of the first run of every session
+    rest_s: float = 3.0  # how long the cable is filmed after the tool stopped
+    end_m: float = 0.08  # how far from the axis the free end may lie after a reset
+    most_missed: float = 0.01  # share of missed servo deadlines above which a cast is not used
 
 
 @dataclass
 class Running:
-    """What is open in this session, and what the arm's swaying before the camera showed.
-
-    Frames are stamped `camera_offset_s` late; `kinematic_difference_m` is the mean distance of
-    the controller's tool place from ours.
-    """
+    """What is open in this session, and what the arm's swaying before the camera showed."""
 
     arm: Arm
     camera: Webcam
-    camera_offset_s: float
-    kinematic_difference_m: float
+    camera_offset_s: float  # frames are stamped so late
+    kinematic_difference_m: float  # mean distance of the controller's tool place from ours
     rehearsed: bool = False
 
 
@@ -122,7 +109,6 @@ class Ur5Rig:
     _open: list[Running] = field(default_factory=list, repr=False, compare=False)
 
     def facts(self) -> dict[str, Any]:
-        """Return what session.yaml holds for the tracker."""
         parts = (self.gripper, self.reset, self.servo, self.run.speed)
         made = hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
         return {"vision": self.tracker.as_dict(), "made": made}
@@ -130,7 +116,6 @@ class Ur5Rig:
     def cast(
         self, planned: PlannedCast, number: int, folder: Path, *, rest_only: bool = False
     ) -> None:
-        """Reset, execute and film one cast into the empty `folder`."""
         log = RobotLog()
         try:
             running = self.open_session()
@@ -158,7 +143,6 @@ class Ur5Rig:
         self._refuse_poor(log)
 
     def close(self) -> None:
-        """Hang up and let go of the camera."""
         while self._open:
             running = self._open.pop()
             running.camera.close()
@@ -183,26 +167,23 @@ class Ur5Rig:
 
     def open_session(self) -> Running:
         """Open what is not open yet; compare clocks and kinematics once, which moves the arm."""
-        if not self._open:
+        if self._open:
+            return self._open[0]
+        with ExitStack() as opened:
             try:
-                self._open.append(self._opened())
+                camera = Webcam(self.webcam)
+                opened.callback(camera.close)
+                robot = Robot(self.host, self.gripper.length_m, self.servo)
+                opened.callback(robot.close)
+                if camera.unfixed:
+                    self.tell(f"the camera does not let {' and '.join(camera.unfixed)} be fixed")
+                arm = Arm(robot, self.gripper, self.watch, camera.require_alive)
+                self._open.append(self._compare_clocks(arm, camera))
             except ValueError as error:
                 raise RigStopped(str(error)) from None
-            atexit.register(self.close)
-        return self._open[0]
-
-    def _opened(self) -> Running:
-        with ExitStack() as opened:
-            camera = Webcam(self.webcam)
-            opened.callback(camera.close)
-            robot = Robot(self.host, self.gripper.length_m, self.servo)
-            opened.callback(robot.close)
-            if camera.unfixed:
-                self.tell(f"the camera does not let {' and '.join(camera.unfixed)} be fixed")
-            arm = Arm(robot, self.gripper, self.watch, camera.require_alive)
-            running = self._compare_clocks(arm, camera)
             opened.pop_all()
-        return running
+        atexit.register(self.close)
+        return self._open[0]
 
     def _compare_clocks(self, arm: Arm, camera: Webcam) -> Running:
         """Sway the arm before the camera, if that is safe, and see when the picture follows."""

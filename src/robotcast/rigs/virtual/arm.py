@@ -13,18 +13,11 @@ from robotcast.casts.tool_motion import ToolMotion
 
 @dataclass(frozen=True)
 class ArmDynamics:
-    """A second-order lag with a gain error.
+    """A second-order lag with a gain error."""
 
-    Attributes
-    ----------
-    lag_s : by how much the tool follows late at constant speed.
-    damping : damping ratio of the lag.
-    gain_error : fraction by which the excursion from the start pose is too large.
-    """
-
-    lag_s: float = 0.02
-    damping: float = 0.9
-    gain_error: float = -0.004
+    lag_s: float = 0.02  # by how much the tool follows late at constant speed
+    damping: float = 0.9  # damping ratio
+    gain_error: float = -0.004  # fraction by which the excursion from the start is too large
 
     def follow(self, planned: ToolMotion, t_s: np.ndarray, *, delay_s: float = 0.0) -> np.ndarray:
         """Return the pose (n, 3) the arm really takes at the evenly spaced times `t_s` (n,).
@@ -53,19 +46,12 @@ def lagged(numerator: np.ndarray, denominator: np.ndarray, asked: np.ndarray) ->
 
 @dataclass(frozen=True)
 class CastNoise:
-    """Standard deviations of what changes from cast to cast.
+    """Standard deviations of what changes from cast to cast."""
 
-    Attributes
-    ----------
-    friction, tool_gain : of the board's friction and of the arm's excursion, relative.
-    tool_delay_s : of the moment the arm starts.
-    tool_log_m, tool_log_rad : of one logged tool sample.
-    """
-
-    friction: float = 0.015
-    tool_gain: float = 0.001
-    tool_delay_s: float = 0.002
-    tool_log_m: float = 0.0001
+    friction: float = 0.015  # of the board's friction, relative
+    tool_gain: float = 0.001  # of the arm's excursion, relative
+    tool_delay_s: float = 0.002  # of the moment the arm starts
+    tool_log_m: float = 0.0001  # of one logged tool sample
     tool_log_rad: float = 0.0005
 
     def draw(self, seed: int, number: int) -> tuple[float, float, float]:
@@ -85,16 +71,10 @@ def generator(seed: int, number: int, purpose: str) -> np.random.Generator:
 
 @dataclass(frozen=True)
 class StartScatter:
-    """Headings of the cable after resets, as many were simulated (`studies.measure_resets`).
+    """Headings of the cable after resets, as many were simulated (`studies.measure_resets`)."""
 
-    Attributes
-    ----------
-    places : ndarray of shape (p,), along the cable from 0 at the hand to 1 at the free end.
-    headings_rad : ndarray of shape (resets, p), direction of the cable there; 0 is along +x.
-    """
-
-    places: np.ndarray
-    headings_rad: np.ndarray
+    places: np.ndarray  # (p,), along the cable from 0 at the hand to 1 at the free end
+    headings_rad: np.ndarray  # (resets, p), direction of the cable there; 0 is along +x
 
     def mean(self, segments: int) -> np.ndarray:
         """Return the mean headings of a chain's segments, (segments,) [rad]."""
@@ -108,7 +88,6 @@ class StartScatter:
         return self._along(drawn, segments)
 
     def digest(self) -> str:
-        """Return a digest of the measured headings."""
         return hashlib.sha256(self.headings_rad.tobytes() + self.places.tobytes()).hexdigest()
 
     def _along(self, headings: np.ndarray, segments: int) -> np.ndarray:
@@ -131,13 +110,11 @@ def straight_start() -> StartScatter:
 
 
 def packaged_path(cable_name: str) -> Path:
-    """Return where the committed table of a cable belongs."""
     folder = Path(str(resources.files("robotcast.rigs.virtual"))) / "scatter"
     return folder / f"{cable_name}.csv"
 
 
 def packaged_scatter(cable_name: str) -> StartScatter:
-    """Read the committed table of a cable of the virtual rig."""
     path = packaged_path(cable_name)
     if not path.is_file():
         known = ", ".join(sorted(p.stem for p in path.parent.glob("*.csv")))

@@ -24,30 +24,17 @@ REST_SPEED_M_S, REST_S = 0.005, 0.2
 
 @dataclass(frozen=True)
 class CableTruth:
-    """What nobody can weigh: how the cable really bends and slides.
+    """What nobody can weigh: how the cable really bends and slides."""
 
-    Attributes
-    ----------
-    friction : Coulomb coefficient of cable and endpoint on the board.
-    bending_stiffness_n_m2 : EI.
-    bending_damping_s : Kelvin–Voigt time, moment = EI (κ + τ dκ/dt).
-    hysteresis_n_m : Coulomb moment that opposes bending.
-    tightest_bend_m : smallest radius of curvature, where the cable's inside is squeezed.
-    endpoint_radius_m : of the bright round weight at the free end.
-    segments : rigid pieces of the chain.
-    step_s : time step; halving 1 ms moves the resting end by less than the resets scatter it.
-    contact_s : time constant of a contact.
-    """
-
-    friction: float
-    bending_stiffness_n_m2: float
-    bending_damping_s: float
-    hysteresis_n_m: float
-    tightest_bend_m: float
-    endpoint_radius_m: float
-    segments: int = 30
-    step_s: float = 0.001
-    contact_s: float = 0.003
+    friction: float  # Coulomb coefficient of cable and endpoint on the board
+    bending_stiffness_n_m2: float  # EI
+    bending_damping_s: float  # Kelvin–Voigt time, moment = EI (κ + τ dκ/dt)
+    hysteresis_n_m: float  # Coulomb moment that opposes bending
+    tightest_bend_m: float  # smallest radius of curvature, where the cable's inside is squeezed
+    endpoint_radius_m: float  # of the bright round weight at the free end
+    segments: int = 30  # rigid pieces of the chain
+    step_s: float = 0.001  # halving it moves the resting end by less than the resets scatter it
+    contact_s: float = 0.003  # time constant of a contact
 
     def with_friction(self, factor: float) -> "CableTruth":
         """Return the cable on a board whose friction is `factor` times as strong."""

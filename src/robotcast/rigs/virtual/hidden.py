@@ -19,21 +19,14 @@ from robotcast.rigs.virtual.cable import TOOL_JOINTS, CableTruth
 
 @dataclass(frozen=True)
 class Pieces:
-    """The cable's pieces and its end at one instant, the end last.
+    """The cable's n pieces and its end at one instant, the end, a ball of no length, last."""
 
-    Attributes
-    ----------
-    place_m, velocity_m_s : ndarrays of shape (n, 2), of the points that touch the board.
-    mass_kg, radius_m, length_m : ndarrays of shape (n,); the end, a ball, has length 0.
-    t_s : time since the start of the cast; below zero while the cable settles.
-    """
-
-    place_m: np.ndarray
-    velocity_m_s: np.ndarray
-    mass_kg: np.ndarray
-    radius_m: np.ndarray
-    length_m: np.ndarray
-    t_s: float
+    place_m: np.ndarray  # (n, 2), of the points that touch the board
+    velocity_m_s: np.ndarray  # (n, 2)
+    mass_kg: np.ndarray  # (n,)
+    radius_m: np.ndarray  # (n,)
+    length_m: np.ndarray  # (n,)
+    t_s: float  # since the start of the cast; below zero while the cable settles
 
 
 class HiddenEffect:
@@ -116,7 +109,6 @@ class Disturbance:
         self._radii_m = model.geom_size[self._geoms, 0]
 
     def __call__(self, data: mujoco.MjData) -> None:
-        """Set what acts in the next step."""
         if self._rubbing or self._pushing:
             pieces = self._pieces(data)
         if self._rubbing:

@@ -36,20 +36,15 @@ _BOARD_SEED = 20220411
 
 @dataclass(frozen=True)
 class SceneMotion:
-    """Everything that moves before the camera.
+    """Everything that moves before the camera, at the increasing times `t_s` (n,).
 
-    Attributes
-    ----------
-    t_s : ndarray of shape (n,), increasing; the video begins at t_s[0] and ends by t_s[-1].
-        Let it begin two frames or more before t = 0, so that a waypoint at t = 0 has frames on
-        both sides; 240 Hz or denser, for motion blur.
-    cable_m : ndarray of shape (n, m, 3), nodes from the held end to the free end's centre.
-    joints_rad : ndarray of shape (n, 6), the arm's joint angles.
+    The video begins at t_s[0] and ends by t_s[-1]. Let it begin two frames or more before t = 0,
+    so that a waypoint at t = 0 has frames on both sides; 240 Hz or denser, for motion blur.
     """
 
     t_s: np.ndarray
-    cable_m: np.ndarray
-    joints_rad: np.ndarray
+    cable_m: np.ndarray  # (n, m, 3), nodes from the held end to the free end's centre
+    joints_rad: np.ndarray  # (n, 6), of the arm
     gripper: Gripper
     cable_radius_m: float
     endpoint_radius_m: float
@@ -66,22 +61,15 @@ class SceneMotion:
 
 @dataclass(frozen=True)
 class PictureSettings:
-    """The camera's shutter and sensor, and the colours of what it looks at.
-
-    Attributes
-    ----------
-    fps, exposure_s : frame k is exposed from t_s[0] + k / fps on, for `exposure_s`.
-    noise_grey : standard deviation of the sensor noise [grey levels of 255].
-    vignetting : how much darker the image's corners are, 0–1.
-    """
+    """The camera's shutter and sensor, and the colours of what it looks at."""
 
     fiducials: FiducialBoard
     board_length_m: float
     board_width_m: float
-    fps: float
+    fps: float  # frame k is exposed from t_s[0] + k / fps on
     exposure_s: float
-    noise_grey: float
-    vignetting: float
+    noise_grey: float  # standard deviation of the sensor noise [grey levels of 255]
+    vignetting: float  # how much darker the image's corners are, 0–1
     board_bgr: Colour
     endpoint_bgr: Colour
     cable_bgr: Colour

@@ -75,7 +75,6 @@ class VirtualRig:
     hidden: tuple[HiddenEffect, ...] = ()
 
     def facts(self) -> dict[str, Any]:
-        """Return what session.yaml tells the tracker."""
         return {"vision": self.tracker.as_dict(), "made": self._fingerprint()}
 
     def cast(

@@ -28,12 +28,10 @@ PLACES = np.linspace(0.0, 1.0, 7)
 class CastSensitivity:
     """How well a cast can be repeated.
 
-    Attributes
-    ----------
-    amplification : how far the resting end moves when the free end starts `NUDGE_M` to the left
-        or right, the larger of both, in units of `NUDGE_M`; nothing else differs.
-    scatter_m : average deviation of the resting end over repeats with the rig's own chance, as
-        `measurements.noise_floor` counts it.
+    `amplification` is how far the resting end moves when the free end starts `NUDGE_M` to the
+    left or right, the larger of both, in units of `NUDGE_M`; nothing else differs. `scatter_m` is
+    the average deviation of the resting end over repeats with the rig's own chance, as
+    `measurements.noise_floor` counts it.
     """
 
     amplification: float
