@@ -28,7 +28,7 @@ from robotcast.rigs.virtual.hidden import (
     Rubbing,
 )
 from tests.rigs.small_rig import CABLE, TRUTH
-from tests.rigs.test_hidden import laid
+from tests.rigs.test_virtual_mechanisms import laid
 
 CONFIGURATION = Path(__file__).resolve().parents[2] / "conf" / "effect"
 N, STEP_S, G = 12, 0.001, 9.81

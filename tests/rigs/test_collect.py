@@ -16,7 +16,7 @@ from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, PlannedCast
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.collect import choose_casts, collect_casts, number_extra_actions
-from robotcast.sessions import exclusive, number_requests, read_session
+from robotcast.sessions import exclusive, read_session
 
 ROOT = Path(__file__).parents[2]
 LIMITS = PlanLimits()
@@ -124,16 +124,6 @@ def test_a_session_keeps_its_rig_and_its_cable(tmp_path):
 def test_two_collectors_do_not_share_a_session(tmp_path):
     with exclusive(tmp_path), pytest.raises(ValueError, match="another process is collecting"):
         collect_casts(NoteRig(), asked(0), tmp_path, LIMITS)
-
-
-def test_a_folder_that_is_no_session_is_refused(tmp_path):
-    with pytest.raises(ValueError, match="not a session"):
-        read_session(tmp_path)
-
-
-def test_action_ids_beyond_the_numbering_are_refused():
-    with pytest.raises(ValueError, match="action ids"):
-        number_requests([(10_000, Action.from_array(ACTIONS[0]))])
 
 
 def test_the_choice_for_fewer_casts_is_part_of_the_choice_for_more():

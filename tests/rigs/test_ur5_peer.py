@@ -27,14 +27,7 @@ from robotcast.sessions import read_session
 from robotcast.vision.track_session import track_session
 from tests.rigs.peer.controller import Settings
 from tests.rigs.peer.film import FilmSettings
-from tests.rigs.peer.lab import (
-    CAST_ENVELOPE,
-    GRIPPER,
-    HOME_RAD,
-    scene,
-    small_cast,
-    ur5_rig,
-)
+from tests.rigs.peer.lab import CAST_ENVELOPE, GRIPPER, HOME_RAD, scene, small_cast, ur5_rig
 from tests.rigs.peer.process import ROBOT_FAULTS, Peer, running_peer
 
 pytestmark = pytest.mark.slow

@@ -66,11 +66,7 @@ def ur5_rig(peer: Peer, filmed: VirtualRig, **changes: Any) -> Ur5Rig:
         servo=ServoSettings(watchdog_hz=0.2),
         watch=WatchSettings(stale_s=8.0),  # a busy machine shall not decide a test
         webcam=WebcamSettings(
-            peer.camera,
-            filmed.camera.width,
-            filmed.camera.height,
-            filmed.picture.fps,
-            gone_s=8.0,
+            peer.camera, filmed.camera.width, filmed.camera.height, filmed.picture.fps, gone_s=8.0
         ),
         tracker=filmed.tracker,
         run=RunSettings(first_speed=1.0, rest_s=1.0, most_missed=0.5),

@@ -23,8 +23,6 @@ from robotcast.rigs.virtual.mechanisms import (
     RubberBand,
     ShiftedCamera,
     SlowCamera,
-    SlowGrip,
-    SoftCore,
     StickyZone,
     SwingingEnd,
     TiltedBoard,
@@ -150,23 +148,10 @@ def test_on_a_patch_as_wide_as_the_board_friction_is_one_plus_k_times_as_strong(
     assert along == pytest.approx(-1.5 * flat.friction * G, rel=0.03)
 
 
-def test_a_patch_fades_with_the_distance_as_a_bell_curve():
-    places = pieces(place_m=[[1.0, 0.2], [1.1, 0.2], [1.0, 0.6]])
-    expected = [1.5, 1 + 0.5 / np.e, 1.0]
-    np.testing.assert_allclose(
-        RoughPatch(0.5, 1.0, 0.2, 0.1).roughness(places), expected, atol=1e-6
-    )
-
-
 def test_a_rough_end_adds_friction_under_the_end_alone(cable, flat):
     along, _ = slide(laid(cable, flat, [RoughEnd(0.8)]), (1.0, 0.0))
     weighed = cable.mass_kg + 1.8 * cable.endpoint_mass_kg
     assert along == pytest.approx(-flat.friction * G * weighed / total_mass(cable), rel=0.02)
-
-
-def test_what_creeps_grips_more():
-    speeds = pieces(velocity_m_s=[[0.0, 0.0], [0.0, 0.3], [3.0, 0.0]])
-    np.testing.assert_allclose(SlowGrip(0.6, 0.3).roughness(speeds), [1.6, 1 + 0.6 / np.e, 1.0])
 
 
 def test_the_pieces_are_where_the_cable_is_and_move_as_it_does(cable, truth):
@@ -217,26 +202,6 @@ def test_a_curved_cable_without_weight_rests_as_an_arc(cable, truth):
     length = cable.length_m / truth.segments
     np.testing.assert_allclose(bends[1:], 2.0 * length, rtol=0.02)
     assert bends[0] == pytest.approx(length, rel=0.02)
-
-
-def test_a_soft_core_keeps_what_was_bent_beyond_its_yield():
-    core, length = SoftCore(10.0), 0.02
-    bend = np.array([0.0, 0.1, 0.5, -0.5])
-    kept = core.rest_rad(bend, np.zeros(4), length)
-    np.testing.assert_allclose(kept, [0.0, 0.0, 0.3, -0.3])
-    np.testing.assert_allclose(core.rest_rad(np.zeros(4), kept, length), [0, 0, 0.2, -0.2])
-
-
-def test_a_loose_grip_lags_by_its_time_and_arrives(cable):
-    step = 0.001
-    path = np.tile(HELD, (3001, 1))
-    path[:, 1] = np.minimum(np.arange(3001) * step, 1.5)  # 1 m/s, then still
-    held = LooseGrip(0.05).hold(path, step)
-    np.testing.assert_allclose(held[:, [0, 2, 3, 4]], path[:, [0, 2, 3, 4]])
-    t = 1.0
-    behind = 0.05 * (1 - np.exp(-t / 0.05))
-    assert path[1000, 1] - held[1000, 1] == pytest.approx(behind, rel=1e-6)
-    assert held[-1, 1] == pytest.approx(1.5, abs=1e-6)
 
 
 @pytest.mark.rig
