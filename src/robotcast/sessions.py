@@ -110,8 +110,7 @@ def read_session(folder: Path) -> Session:
 
 
 def write_request(request: CastRequest, folder: Path) -> None:
-    values = {"number": request.number, "action_id": request.action_id}
-    values["action"] = action_factors(request.action.as_array())
+    values = {**vars(request), "action": action_factors(request.action.as_array())}
     write_text(folder / REQUEST_FILE, yaml.safe_dump(values, sort_keys=False))
 
 

@@ -140,8 +140,7 @@ class VirtualRig:
         for effect in self.hidden:
             effect.build(spec, self.cable, truth)
         model = compile_cable(spec)
-        disturb = (Disturbance(self.hidden, model),) if self.hidden else ()
-        run = CableRun(model, headings_rad, self._held(path)[0], *disturb)
+        run = CableRun(model, headings_rad, self._held(path)[0], Disturbance(self.hidden, model))
         run.settle()
         return run, path
 
