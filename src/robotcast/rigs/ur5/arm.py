@@ -120,49 +120,37 @@ class Arm:
         `every_cycle` is called beside `require_alive`, `before` with the index of a motion before
         it starts.
         """
-
-        def watch() -> None:
-            self.require_alive()
-            every_cycle()
-
         with self.robot.driving() as drive:
             for index, motion in enumerate(motions):
                 before(index)
-                stream(self.robot, drive, motion, log, self.watch, self.gripper, watch)
+                self._stream(drive, motion, log, every_cycle)
 
-
-def stream(
-    robot: Robot,
-    drive: Drive,
-    motion: JointMotion,
-    log: RobotLog,
-    settings: WatchSettings,
-    gripper: Gripper,
-    watch: Callable[[], None],
-) -> None:
-    """Send every target of `motion` and log every cycle; go on at once where `log` ends.
-
-    `watch` is called in every cycle and raises `RigStopped` when something else is wrong. So does
-    the stream at the first sign of trouble, and sends nothing after it.
-    """
-    path_m = link_points(motion.joints_rad, gripper)[:, -1]
-    moving = (motion.joints_rad != motion.joints_rad[0]).any(axis=1)
-    window = int(np.ceil(settings.lag_s / robot.period_s))
-    for index, target in enumerate(motion.joints_rad):
-        last_s = log.states[-1].t_s if log.states else None
-        state = robot.next_state(last_s, settings.stale_s)
-        if last_s is not None and moving[index]:
-            cycles = round((state.t_s - last_s) / robot.period_s)
-            log.cycles += cycles
-            log.missed += cycles - 1
-        log.states.append(state)
-        if state.trouble:
-            raise RigStopped(f"{state.trouble} of the robot")
-        if state.runtime != PLAYING:
-            raise RigStopped("the program on the controller ended (stopped there, or its watchdog)")
-        recent_m = path_m[max(0, index - window) : index + 1]
-        away_m = np.linalg.norm(recent_m - state.tool_pose[:3], axis=1).min()
-        if not away_m <= settings.off_path_m:
-            raise RigStopped(f"the tool is {away_m * 1e3:.0f} mm off its path")
-        watch()
-        drive.command(target)
+    def _stream(
+        self, drive: Drive, motion: JointMotion, log: RobotLog, every_cycle: Callable[[], None]
+    ) -> None:
+        """Send every target of `motion`, right after those in `log`; nothing after any trouble."""
+        robot, settings = self.robot, self.watch
+        path_m = link_points(motion.joints_rad, self.gripper)[:, -1]
+        moving = (motion.joints_rad != motion.joints_rad[0]).any(axis=1)
+        window = int(np.ceil(settings.lag_s / robot.period_s))
+        for index, target in enumerate(motion.joints_rad):
+            last_s = log.states[-1].t_s if log.states else None
+            state = robot.next_state(last_s, settings.stale_s)
+            if last_s is not None and moving[index]:
+                cycles = round((state.t_s - last_s) / robot.period_s)
+                log.cycles += cycles
+                log.missed += cycles - 1
+            log.states.append(state)
+            if state.trouble:
+                raise RigStopped(f"{state.trouble} of the robot")
+            if state.runtime != PLAYING:
+                raise RigStopped(
+                    "the program on the controller ended (stopped there, or its watchdog)"
+                )
+            recent_m = path_m[max(0, index - window) : index + 1]
+            away_m = np.linalg.norm(recent_m - state.tool_pose[:3], axis=1).min()
+            if not away_m <= settings.off_path_m:
+                raise RigStopped(f"the tool is {away_m * 1e3:.0f} mm off its path")
+            self.require_alive()
+            every_cycle()
+            drive.command(target)

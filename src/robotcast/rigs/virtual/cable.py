@@ -57,31 +57,26 @@ def build_cable(cable: Cable, truth: CableTruth) -> mujoco.MjSpec:
     option.solver = mujoco.mjtSolver.mjSOL_CG
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = 5
-    spec.worldbody.add_geom(
-        name="board",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[0, 0, 1],
-        contype=BOARD_BIT,
-        conaffinity=CABLE_BIT,
-        **_contact(truth),
-    )
+    piece = spec.default.geom
+    piece.type, piece.mass = mujoco.mjtGeom.mjGEOM_SPHERE, 0
+    piece.contype, piece.conaffinity, piece.condim = CABLE_BIT, BOARD_BIT, 3
+    piece.friction, piece.solref = [truth.friction, 0, 0], [truth.contact_s, 1]
+    board = spec.worldbody.add_geom(name="board", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
+    board.contype, board.conaffinity = BOARD_BIT, CABLE_BIT
     body = _add_tool(spec, cable)
-    length, mass, radius = (
-        cable.length_m / truth.segments,
-        cable.mass_kg / truth.segments,
-        cable.radius_m,
-    )
+    length, mass = cable.length_m / truth.segments, cable.mass_kg / truth.segments
+    radius = cable.radius_m
     across = mass * (radius**2 / 4 + length**2 / 12)
     inertia = [mass * radius**2 / 2, across, across]
     for index in range(truth.segments):
         place = (length if index else 0.0, length / 2)
-        body = add_piece(body, f"segment_{index}", place, mass, inertia, radius, truth)
+        body = add_piece(body, f"segment_{index}", place, mass, inertia, radius)
         _add_hinges(body, truth, length, first=index == 0)
     # A flat underside, level with the cable's. On a ball as thick as the weight is wide the end
     # would be held up and roll sideways, which drags it by 1–2 % of the cable's length a cast.
     mass = cable.endpoint_mass_kg
     inertia = [0.5 * mass * truth.endpoint_radius_m**2] * 3
-    add_piece(body, "endpoint", (length, 0.0), mass, inertia, radius, truth)
+    add_piece(body, "endpoint", (length, 0.0), mass, inertia, radius)
     return spec
 
 
@@ -103,46 +98,21 @@ def add_piece(
     mass_kg: float,
     inertia: list[float],
     radius_m: float,
-    truth: CableTruth,
 ) -> mujoco.MjsBody:
     """Add a body that touches the board with a ball about its centre of mass.
 
     `place_m` is where it begins on its parent's x axis, and where its centre is on its own.
     """
-    begins_m, centre_m = place_m
-    body = parent.add_body(
-        name=name,
-        pos=[begins_m, 0, 0],
-        explicitinertial=True,
-        mass=mass_kg,
-        ipos=[centre_m, 0, 0],
-        inertia=inertia,
-    )
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        size=[radius_m, 0, 0],
-        pos=[centre_m, 0, 0],
-        mass=0,
-        contype=CABLE_BIT,
-        conaffinity=BOARD_BIT,
-        **_contact(truth),
-    )
+    begin, centre = ([along_m, 0, 0] for along_m in place_m)
+    body = parent.add_body(name=name, pos=begin, explicitinertial=True, mass=mass_kg, ipos=centre)
+    body.inertia = inertia
+    body.add_geom(size=[radius_m, 0, 0], pos=centre)
     return body
 
 
-def _contact(truth: CableTruth) -> dict:
-    return {"friction": [truth.friction, 0, 0], "condim": 3, "solref": [truth.contact_s, 1]}
-
-
 def _add_tool(spec: mujoco.MjSpec, cable: Cable) -> mujoco.MjsBody:
-    tool = spec.worldbody.add_body(
-        name="tool",
-        pos=[0, 0, cable.radius_m],
-        explicitinertial=True,
-        mass=1e-3,
-        ipos=[0, 0, 0],
-        inertia=[1e-6] * 3,
-    )
+    tool = spec.worldbody.add_body(name="tool", pos=[0, 0, cable.radius_m], explicitinertial=True)
+    tool.mass, tool.ipos, tool.inertia = 1e-3, [0, 0, 0], [1e-6] * 3
     slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
     kinds = (slide, slide, slide, hinge, hinge)
     axes = ([1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1], [0, 1, 0])

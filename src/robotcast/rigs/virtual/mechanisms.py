@@ -369,7 +369,7 @@ class SwingingEnd(HiddenEffect):
         end.mass -= mass
         end.inertia = end.inertia * (1 - self.share)
         inertia = [0.5 * mass * truth.endpoint_radius_m**2] * 3
-        bob = add_piece(end, "bob", (0.0, self.arm_m), mass, inertia, cable.radius_m, truth)
+        bob = add_piece(end, "bob", (0.0, self.arm_m), mass, inertia, cable.radius_m)
         bob.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
 
 
