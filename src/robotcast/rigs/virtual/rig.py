@@ -129,8 +129,8 @@ class VirtualRig:
         """Lay the cable down for cast `number`; return it and the arm's path (steps, 5)."""
         friction_factor, gain, delay_s = self.noise.draw(self.seed, number)
         if headings_rad is None:  # a reset leaves the cable along the ray on which the cast starts
-            random = generator(self.seed, number, "start")
-            headings_rad = self.scatter.draw(self.truth.segments, random) + planned.tool.pose[0, 2]
+            drawn = self.scatter.draw(self.truth.segments, generator(self.seed, number, "start"))
+            headings_rad = np.asarray(drawn + planned.tool.pose[0, 2])
         truth = self.truth.with_friction(friction_factor)
         arm = replace(self.arm, gain_error=self.arm.gain_error + gain)
         steps = np.arange(round((planned.end_s + SLOWEST_S) / truth.step_s) + 1) * truth.step_s
