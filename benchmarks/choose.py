@@ -25,7 +25,7 @@ from hydra.utils import instantiate
 from robotcast.policies.choosing.choice import choose_actions
 from robotcast.policies.choosing.refinement import Neighbourhood, refine_choices
 from robotcast.policies.learning.datasets import Dataset, Examples
-from robotcast.rigs.feasible import are_feasible, feasible_actions
+from robotcast.rigs.envelope import are_feasible, feasible_actions
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "stages"))

@@ -21,11 +21,9 @@ import numpy as np
 import polars as pl
 from hydra import compose, initialize_config_dir
 
-from robotcast.rigs.capsules import segment_distance
-from robotcast.rigs.ur5 import Gripper, joint_path, link_points
-from robotcast.rigs.virtual.shot import DRAWN_RADII_M
-from robotcast.sessions.cast_files import TOOL_FILE, TRUTH_FILE, read_tool
-from robotcast.sessions.session import Session, read_session
+from robotcast.rigs.kinematics import Gripper, joint_path, link_points, segment_distance
+from robotcast.rigs.virtual.picture import DRAWN_RADII_M
+from robotcast.sessions import TOOL_FILE, TRUTH_FILE, Session, read_session, read_tool
 from robotcast.vision.camera import Camera
 from robotcast.vision.facts import TrackerFacts
 from robotcast.vision.tracker import track_cast

@@ -28,15 +28,12 @@ from robotcast.casts.plan import PlanLimits, plan_action  # noqa: E402
 from robotcast.measurements.reader import read_measurement_set  # noqa: E402
 from robotcast.measurements.writer import write_measurement_set  # noqa: E402
 from robotcast.rigs.collect import Collected, collect_casts  # noqa: E402
-from robotcast.rigs.envelope import broken_rules  # noqa: E402
-from robotcast.rigs.feasible import are_feasible  # noqa: E402
+from robotcast.rigs.envelope import are_feasible, broken_rules  # noqa: E402
 from robotcast.rigs.rig import RigStopped  # noqa: E402
-from robotcast.rigs.ur5_robot.checks import refuse_unsafe  # noqa: E402
-from robotcast.rigs.ur5_robot.connection import Robot  # noqa: E402
-from robotcast.rigs.ur5_robot.drive import ServoSettings  # noqa: E402
-from robotcast.rigs.ur5_robot.motion import JointMotion, WholeMotion, sway  # noqa: E402
-from robotcast.rigs.ur5_robot.stream import RobotLog, WatchSettings, stream  # noqa: E402
-from robotcast.sessions.session import read_session  # noqa: E402
+from robotcast.rigs.ur5.arm import Arm, RobotLog, WatchSettings  # noqa: E402
+from robotcast.rigs.ur5.controller import Robot, ServoSettings  # noqa: E402
+from robotcast.rigs.ur5.motion import JointMotion, WholeMotion, refuse_unsafe, sway  # noqa: E402
+from robotcast.sessions import read_session  # noqa: E402
 from robotcast.vision.track_session import track_session  # noqa: E402
 from tests.rigs.peer.controller import Settings  # noqa: E402
 from tests.rigs.peer.film import FilmSettings  # noqa: E402
@@ -57,6 +54,10 @@ HASTY = replace(PATIENT, haste=3.0)
 SESSION_FAULTS = (*ROBOT_FAULTS, "camera gone", "cable crooked", "not confirmed")
 LIMITS = PlanLimits()
 CYCLE_S = 0.008
+
+
+def held_by(robot: Robot, **watch: float) -> Arm:
+    return Arm(robot, GRIPPER, WatchSettings(**watch), require_alive=lambda: None)
 
 
 def draw_action(random: np.random.Generator) -> Action:
@@ -107,11 +108,11 @@ def faults(times: int, seed: int) -> None:
             with running_peer(PATIENT) as peer:
                 robot = Robot(peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=2.0))
                 motion, log = sway(HOME, robot.period_s), RobotLog()
-                watch = WatchSettings(stale_s=4.0)
+                arm, after_s = held_by(robot, stale_s=4.0), float(random.uniform(0.1, 3.0))
                 try:
-                    with robot.driving() as drive:
-                        peer.break_in(fault, float(random.uniform(0.1, 3.0)))
-                        stream(robot, drive, motion, log, watch, GRIPPER, lambda: None)
+                    arm.follow(
+                        [motion], log, before=lambda _, f=fault, s=after_s: peer.break_in(f, s)
+                    )
                 except RigStopped:
                     stopped += 1
                 seen = peer.log()
@@ -184,7 +185,7 @@ def actions(count: int, executed: int, seed: int) -> None:
     with running_peer(HASTY) as peer:
         robot = Robot(peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=0.5))
         rig = ur5_rig(peer, scene())
-        watch = WatchSettings(stale_s=15.0)
+        arm = held_by(robot, stale_s=15.0)
         for number in range(count):
             malicious = number % 4 == 0
             name, live = ("malicious" if malicious else "ordinary"), HOME
@@ -203,8 +204,7 @@ def actions(count: int, executed: int, seed: int) -> None:
             if seen["executed"] < executed:
                 seen["executed"] += 1
                 motion = _and_back(whole, robot.period_s)
-                with robot.driving() as drive:
-                    stream(robot, drive, motion, RobotLog(), watch, GRIPPER, lambda: None)
+                arm.follow([motion], RobotLog())
         log = peer.log()
         robot.close()
     broken = broken_rules(log["t_s"], log["joints"], RESET_ENVELOPE) if executed else []
@@ -256,8 +256,7 @@ def _stream_to(host: str) -> None:
     motion = sway(start, robot.period_s)
     begun = time.monotonic()
     try:
-        with robot.driving() as drive:
-            stream(robot, drive, motion, log, WatchSettings(), GRIPPER, lambda: None)
+        held_by(robot).follow([motion], log)
         ended = "to its end"
     except RigStopped as stop:
         ended = f"until: {stop}"
@@ -274,7 +273,7 @@ def offsets(delay_s: float, times: int) -> None:
     for _ in range(times):
         with running_peer(PATIENT, FilmSettings(filmed, delay_s=delay_s)) as peer:
             rig = ur5_rig(peer, filmed)
-            found.append(rig.open_session().clocks.camera_offset_s * 1e3)
+            found.append(rig.open_session().camera_offset_s * 1e3)
             rig.close()
     print(
         f"offset: {delay_s * 1e3:.0f} ms delay found as {', '.join(f'{f:.1f}' for f in found)} ms"

@@ -16,7 +16,7 @@ from omegaconf import DictConfig
 from stage import bar, console, require, stage
 
 from robotcast.files import atomic_file, write_text
-from robotcast.rigs.ur5_robot.webcam import Webcam, WebcamSettings
+from robotcast.rigs.ur5.camera import Webcam, WebcamSettings
 from robotcast.vision.fiducials import BORDER_MODULES, dictionary
 from robotcast.vision.printed_board import DOTS_PER_M, PrintedBoard, calibrate_lens
 

@@ -13,11 +13,9 @@ from stage import bar, console, named_session, output_folder, stage
 
 from robotcast.casts.action import Action
 from robotcast.casts.action_file import read_actions
-from robotcast.rigs.choose import choose_casts, number_further
-from robotcast.rigs.collect import collect_casts
-from robotcast.rigs.feasible import are_feasible
-from robotcast.rigs.recorded import adopt_recorded_set
-from robotcast.sessions.session import SESSION_FILE, read_session
+from robotcast.rigs.collect import choose_casts, collect_casts, number_extra_actions
+from robotcast.rigs.envelope import are_feasible
+from robotcast.sessions import SESSION_FILE, adopt_recorded_set, read_session
 
 
 def collect(config: DictConfig) -> None:
@@ -67,7 +65,7 @@ def _given(config: DictConfig, path: Path, folder: Path) -> list[tuple[int, Acti
         line = 2 + int(np.argmin(feasible))
         raise ValueError(f"{path} line {line}: the arm cannot do this action or its mirror image")
     stood = read_session(folder).casts if (folder / SESSION_FILE).is_file() else ()
-    return number_further(actions, stood)
+    return number_extra_actions(actions, stood)
 
 
 if __name__ == "__main__":

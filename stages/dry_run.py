@@ -11,7 +11,7 @@ from robotcast.casts.plan import plan_action
 from robotcast.files import atomic_file
 from robotcast.reporting.figures.motion import motion_svg
 from robotcast.rigs.rig import Rig
-from robotcast.rigs.ur5_robot.rig import Ur5Rig
+from robotcast.rigs.ur5.rig import Ur5Rig
 
 
 def show_dry_run(config: DictConfig, rig: Rig, actions: list[Action], folder: Path) -> None:

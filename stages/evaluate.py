@@ -19,7 +19,7 @@ from robotcast.policies.choosing.choice import choose_actions, with_spread
 from robotcast.policies.choosing.refinement import Neighbourhood, refine_choices
 from robotcast.policies.evaluating.evaluation import Subject, predicted_table
 from robotcast.policies.learning.forward_model import ForwardModel
-from robotcast.rigs.feasible import are_feasible
+from robotcast.rigs.envelope import are_feasible
 
 
 def evaluate(config: DictConfig) -> None:

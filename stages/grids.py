@@ -9,9 +9,8 @@ from robotcast.casts.grid import ActionGrid, GridCounts
 from robotcast.casts.plan import PlanLimits
 from robotcast.casts.reset import ResetSettings
 from robotcast.progress import Progress, silent
-from robotcast.rigs.envelope import Envelope, ToolBox
-from robotcast.rigs.feasible import FilterReport, feasible_actions
-from robotcast.rigs.ur5 import Gripper
+from robotcast.rigs.envelope import Envelope, FilterReport, ToolBox, feasible_actions
+from robotcast.rigs.kinematics import Gripper
 
 
 def build_limits(config: DictConfig) -> PlanLimits:

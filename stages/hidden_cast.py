@@ -20,7 +20,7 @@ from robotcast.hidden_effects.seal import unseal
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.processes import process_pool
-from robotcast.rigs.virtual.measure import Eye
+from robotcast.rigs.virtual.rig import Eye
 
 
 def hidden_cast(config: DictConfig) -> None:

@@ -11,7 +11,7 @@ from virtual_rig import rig_with_cable
 from robotcast.hidden_effects.actions import CastCounts
 from robotcast.hidden_effects.draw import Composition, Control, Strength, draw_cases
 from robotcast.hidden_effects.generate import Bench, generate_cases
-from robotcast.rigs.virtual.measure import Eye
+from robotcast.rigs.virtual.rig import Eye
 
 
 def hidden_draw(config: DictConfig) -> None:

@@ -13,8 +13,8 @@ from virtual_rig import build_virtual_rig
 from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.plan import plan_action
 from robotcast.files import atomic_file
-from robotcast.rigs.choose import choose_casts
-from robotcast.rigs.virtual.chaos import sensitivities
+from robotcast.rigs.collect import choose_casts
+from robotcast.rigs.virtual.studies import sensitivities
 
 ACTIONS, REPEATS = 40, 4
 

@@ -10,9 +10,9 @@ from virtual_rig import build_virtual_rig
 
 from robotcast.casts.plan import plan_action
 from robotcast.files import atomic_file
-from robotcast.rigs.choose import choose_casts
-from robotcast.rigs.virtual.reset import measure_resets
-from robotcast.rigs.virtual.scatter import packaged_path, scatter_table, straight_start
+from robotcast.rigs.collect import choose_casts
+from robotcast.rigs.virtual.arm import packaged_path, scatter_table, straight_start
+from robotcast.rigs.virtual.studies import measure_resets
 
 RESETS = 20
 

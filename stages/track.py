@@ -11,9 +11,7 @@ from stage import bar, console, named_session, output_folder, stage
 from robotcast.files import write_text
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
-from robotcast.rigs.recorded import recorded_copy
-from robotcast.rigs.ur5_robot.notes import session_notes
-from robotcast.sessions.session import read_session
+from robotcast.sessions import read_session, recorded_copy, summed_robot_notes
 from robotcast.vision.track_session import TrackedSession, track_session
 
 SUMMARY = "tracking.json"
@@ -31,7 +29,7 @@ def track(config: DictConfig) -> None:
             workers = len(os.sched_getaffinity(0))
             tracked = track_session(read_session(sessions), workers=workers, progress=progress)
         _report_lost(tracked)
-        robot = session_notes(tracked.session)
+        robot = summed_robot_notes(tracked.session)
         measured = tracked.measurement_set()
         summary = tracked.summary() | ({"robot": robot} if robot else {})
     _clear(folder)

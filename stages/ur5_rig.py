@@ -10,12 +10,11 @@ from omegaconf import DictConfig
 from stage import console
 
 from robotcast.rigs.envelope import ToolBox
-from robotcast.rigs.ur5_robot.checks import SafetyLimits
-from robotcast.rigs.ur5_robot.connection import require_ur_rtde
-from robotcast.rigs.ur5_robot.drive import ServoSettings
-from robotcast.rigs.ur5_robot.rig import RunSettings, Ur5Rig
-from robotcast.rigs.ur5_robot.stream import WatchSettings
-from robotcast.rigs.ur5_robot.webcam import WebcamSettings
+from robotcast.rigs.ur5.arm import WatchSettings
+from robotcast.rigs.ur5.camera import WebcamSettings
+from robotcast.rigs.ur5.controller import ServoSettings, require_ur_rtde
+from robotcast.rigs.ur5.motion import SafetyLimits
+from robotcast.rigs.ur5.rig import RunSettings, Ur5Rig
 
 
 def build_ur5_rig(config: DictConfig) -> Ur5Rig:

@@ -9,13 +9,11 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from stage import CONFIGURATION
 
-from robotcast.rigs.ur5 import Gripper
-from robotcast.rigs.virtual.arm import ArmDynamics
+from robotcast.rigs.kinematics import Gripper
+from robotcast.rigs.virtual.arm import ArmDynamics, CastNoise, StartScatter, packaged_scatter
 from robotcast.rigs.virtual.cable import CableTruth
-from robotcast.rigs.virtual.chance import CastNoise
 from robotcast.rigs.virtual.picture import PictureSettings
 from robotcast.rigs.virtual.rig import VirtualRig
-from robotcast.rigs.virtual.scatter import StartScatter, packaged_scatter
 from robotcast.vision.camera import Camera
 
 

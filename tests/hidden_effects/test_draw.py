@@ -22,8 +22,8 @@ from robotcast.hidden_effects.layout import answers_folder, sets_folder
 from robotcast.hidden_effects.mechanisms import LIBRARY, MECHANISMS, OUTSIDE, make_effect
 from robotcast.hidden_effects.seal import seal, unseal
 from robotcast.measurements.reader import read_measurement_set
-from robotcast.rigs.virtual.hidden.effect import HiddenEffect
-from robotcast.rigs.virtual.measure import Eye
+from robotcast.rigs.virtual.hidden import HiddenEffect
+from robotcast.rigs.virtual.rig import Eye
 
 COMPOSITION = Composition(
     noise_floor_percent={"cable1": 0.5, "cable2": 1.3},

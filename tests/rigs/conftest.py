@@ -5,9 +5,9 @@ import pytest
 
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_cast
 from robotcast.measurements.measurement_set import Cable
-from robotcast.rigs.ur5 import Gripper
+from robotcast.rigs.kinematics import Gripper
+from robotcast.rigs.virtual.arm import CastNoise
 from robotcast.rigs.virtual.cable import CableTruth
-from robotcast.rigs.virtual.chance import CastNoise
 from robotcast.rigs.virtual.rig import VirtualRig
 from tests.rigs.small_rig import CABLE, R0_M, TRUTH, small_rig
 

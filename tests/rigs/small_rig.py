@@ -1,13 +1,11 @@
 """A virtual rig with a small picture, for tests."""
 
 from robotcast.measurements.measurement_set import Cable
-from robotcast.rigs.ur5 import Gripper
-from robotcast.rigs.virtual.arm import ArmDynamics
+from robotcast.rigs.kinematics import Gripper
+from robotcast.rigs.virtual.arm import ArmDynamics, CastNoise, packaged_scatter
 from robotcast.rigs.virtual.cable import CableTruth
-from robotcast.rigs.virtual.chance import CastNoise
 from robotcast.rigs.virtual.picture import PictureSettings
 from robotcast.rigs.virtual.rig import VirtualRig
-from robotcast.rigs.virtual.scatter import packaged_scatter
 from robotcast.vision.camera import Camera
 from robotcast.vision.facts import TrackerFacts
 from robotcast.vision.fiducials import FiducialBoard

@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 from robotcast.rigs.rig import RigStopped
-from robotcast.rigs.ur5_robot.camera_time import camera_offset
-from robotcast.rigs.ur5_robot.connection import require_ur_rtde
-from robotcast.rigs.ur5_robot.motion import sway
-from robotcast.rigs.ur5_robot.webcam import Webcam, WebcamSettings, require_rate
-from robotcast.sessions.cast_files import CastRecord, read_frame_times, write_frame_times
-from tests.rigs.peer.lab import HOME_RAD, small_cast
+from robotcast.rigs.ur5.camera import Webcam, WebcamSettings, camera_offset, require_rate
+from robotcast.rigs.ur5.controller import require_ur_rtde
+from robotcast.rigs.ur5.motion import sway
+from tests.rigs.peer.lab import HOME_RAD
 
 FPS = 30.0
 
@@ -106,12 +104,3 @@ def test_without_ur_rtde_the_message_says_what_to_install(monkeypatch: pytest.Mo
     monkeypatch.setitem(sys.modules, "rtde_control", None)
     with pytest.raises(ValueError, match=r"pip install 'robotcast\[ur5\]'"):
         require_ur_rtde()
-
-
-def test_frame_times_are_read_back_and_must_fit_the_video(tmp_path: Path):
-    record = CastRecord(1, small_cast().action, "ur5", "rope", -0.1, 50.0, 0.5, 1.0, 2.0, False)
-    assert read_frame_times(record, 0.004, 3, tmp_path) == pytest.approx([-0.098, -0.078, -0.058])
-    write_frame_times(np.array([np.nan, 0.1, 0.15]), tmp_path)
-    assert read_frame_times(record, 0.004, 3, tmp_path)[1:] == pytest.approx([0.1, 0.15])
-    with pytest.raises(ValueError, match="3 times for 4 frames"):
-        read_frame_times(record, 0.004, 4, tmp_path)

@@ -16,26 +16,18 @@ from robotcast.casts.plan import PlanLimits
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.rigs.collect import collect_casts
+from robotcast.rigs.kinematics import joints_pointing_down
 from robotcast.rigs.rig import RigStopped
-from robotcast.rigs.ur5 import joints_pointing_down
-from robotcast.rigs.ur5_robot.connection import Robot
-from robotcast.rigs.ur5_robot.drive import ServoSettings
-from robotcast.rigs.ur5_robot.film import REST_FILM_S
-from robotcast.rigs.ur5_robot.motion import JointMotion, sway
-from robotcast.rigs.ur5_robot.stream import RobotLog, WatchSettings, stream
+from robotcast.rigs.ur5.arm import Arm, RobotLog, WatchSettings
+from robotcast.rigs.ur5.controller import Robot, ServoSettings
+from robotcast.rigs.ur5.motion import JointMotion, sway
+from robotcast.rigs.ur5.rig import REST_FILM_S
 from robotcast.rigs.virtual.rig import VirtualRig
-from robotcast.sessions.session import read_session
+from robotcast.sessions import read_session
 from robotcast.vision.track_session import track_session
 from tests.rigs.peer.controller import Settings
 from tests.rigs.peer.film import FilmSettings
-from tests.rigs.peer.lab import (
-    CAST_ENVELOPE,
-    GRIPPER,
-    HOME_RAD,
-    scene,
-    small_cast,
-    ur5_rig,
-)
+from tests.rigs.peer.lab import CAST_ENVELOPE, GRIPPER, HOME_RAD, scene, small_cast, ur5_rig
 from tests.rigs.peer.process import ROBOT_FAULTS, Peer, running_peer
 
 pytestmark = pytest.mark.slow
@@ -70,6 +62,10 @@ def peer(filmed_peer: Peer) -> Peer:
 def bare_peer() -> Iterator[Peer]:
     with running_peer(PATIENT) as p:
         yield p
+
+
+def held_by(robot: Robot) -> Arm:
+    return Arm(robot, GRIPPER, UNHURRIED, require_alive=lambda: None)
 
 
 def session(rig, folder: Path, *actions: Action):
@@ -116,9 +112,8 @@ def test_after_a_fault_nothing_moves(bare_peer: Peer, fault: str):
     robot = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=0.2))
     motion = sway(HOME, robot.period_s)
     log = RobotLog()
-    with pytest.raises(RigStopped) as stopped, robot.driving() as drive:
-        bare_peer.break_in(fault, 1.0)
-        stream(robot, drive, motion, log, UNHURRIED, GRIPPER, lambda: None)
+    with pytest.raises(RigStopped) as stopped:
+        held_by(robot).follow([motion], log, before=lambda _: bare_peer.break_in(fault, 1.0))
     robot.close()
     words = {
         "connection cut": "connection|the process that|sent nothing new",
@@ -208,8 +203,8 @@ def test_an_arm_that_stands_in_the_air_is_not_moved(peer: Peer, filmed: VirtualR
 def test_targets_that_are_no_numbers_never_leave(bare_peer: Peer):
     robot = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings())
     bad = JointMotion(np.arange(3) * 0.008, np.full((3, 6), np.nan))
-    with pytest.raises(RigStopped), robot.driving() as drive:
-        stream(robot, drive, bad, RobotLog(), UNHURRIED, GRIPPER, lambda: None)
+    with pytest.raises(RigStopped):
+        held_by(robot).follow([bad], RobotLog())
     robot.close()
     assert not bare_peer.log()["commands"]
 
@@ -223,8 +218,7 @@ def test_missed_deadlines_are_counted_and_the_next_target_is_never_skipped(bare_
         if next(hiccups) == 100:
             bare_peer.hurry(0.5)
 
-    with robot.driving() as drive:
-        stream(robot, drive, motion, log, UNHURRIED, GRIPPER, hiccup)
+    held_by(robot).follow([motion], log, hiccup)
     robot.close()
     assert log.missed >= 40
     moving = (motion.joints_rad != motion.joints_rad[0]).any(axis=1)
@@ -235,8 +229,7 @@ def test_missed_deadlines_are_counted_and_the_next_target_is_never_skipped(bare_
 def test_the_peer_keeps_to_the_envelope(bare_peer: Peer):
     robot = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=0.2))
     motion = sway(HOME, robot.period_s)
-    with robot.driving() as drive:
-        stream(robot, drive, motion, RobotLog(), UNHURRIED, GRIPPER, lambda: None)
+    held_by(robot).follow([motion], RobotLog())
     robot.close()
     joints = bare_peer.log()["joints"]
     speed = np.diff(joints, axis=0) / 0.008

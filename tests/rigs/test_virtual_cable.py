@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotcast.rigs.virtual.cable import build_cable, compile_cable
-from robotcast.rigs.virtual.drive import RECORD_S, CableRun
+from robotcast.rigs.virtual.cable import RECORD_S, CableRun, build_cable, compile_cable
 
 HELD = np.array([0.6, 0.0, 0.0, 0.0, 0.0])
 

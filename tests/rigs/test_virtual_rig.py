@@ -5,11 +5,19 @@ import cv2
 import numpy as np
 import polars as pl
 import pytest
+import yaml
 
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_cast
-from robotcast.rigs.virtual.arm import ArmDynamics
-from robotcast.rigs.virtual.scatter import packaged_scatter
-from robotcast.sessions.cast_files import TOOL_FILE, TRUTH_FILE, VIDEO_FILE, read_record
+from robotcast.casts.reset import ResetSettings
+from robotcast.rigs.virtual.arm import ArmDynamics, packaged_scatter
+from robotcast.rigs.virtual.studies import (
+    CHAOTIC,
+    NUDGE_M,
+    amplification,
+    resting_headings,
+    simulate_reset,
+)
+from robotcast.sessions import TOOL_FILE, TRUTH_FILE, VIDEO_FILE, read_record
 
 pytestmark = pytest.mark.rig
 
@@ -111,3 +119,23 @@ def test_the_fingerprint_changes_with_what_shapes_a_cast_and_not_with_the_worker
     assert replace(rig, workers=7).facts()["made"] == made
     assert replace(rig, seed=1).facts()["made"] != made
     assert replace(rig, truth=rig.truth.with_friction(1.1)).facts()["made"] != made
+
+
+CASTS = Path(__file__).parents[2] / "conf/casts/arcs.yaml"
+
+
+@pytest.mark.slow
+def test_the_full_reset_lays_the_cable_straight_again(rig, short_cast):
+    settings = ResetSettings(**yaml.safe_load(CASTS.read_text())["reset"])
+    motion = simulate_reset(rig, short_cast, 0, settings)
+    assert motion.nodes_m[..., 2].max() > 0.5
+    held, end = motion.nodes_m[-1, 0], motion.nodes_m[-1, -1]
+    np.testing.assert_allclose(held[:2], [rig.r0_m, 0], atol=1e-4)
+    assert np.linalg.norm(end - held) == pytest.approx(rig.cable.length_m, rel=0.002)
+    assert np.abs(resting_headings(motion)).max() < 0.03
+
+
+@pytest.mark.slow
+def test_a_gentle_cast_is_not_chaotic(quiet_rig, short_cast):
+    assert NUDGE_M == 0.001
+    assert 0.05 < amplification(quiet_rig, short_cast) < CHAOTIC / 2

@@ -10,16 +10,9 @@ import pytest
 from robotcast.casts.action import Action
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.measurements.measurement_set import Cable
-from robotcast.rigs.ur5 import Gripper, joint_path
+from robotcast.rigs.kinematics import Gripper, joint_path
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, render_cast
-from robotcast.sessions.cast_files import (
-    TOOL_FILE,
-    VIDEO_FILE,
-    CastRecord,
-    write_record,
-    write_tool,
-)
-from robotcast.sessions.session import Session
+from robotcast.sessions import TOOL_FILE, VIDEO_FILE, CastRecord, Session, write_record, write_tool
 from robotcast.vision.camera import Camera
 from robotcast.vision.facts import BLOCK, TrackerFacts
 from robotcast.vision.fiducials import FiducialBoard

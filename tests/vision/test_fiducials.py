@@ -1,7 +1,7 @@
 import cv2
 import numpy as np
 
-from robotcast.rigs.virtual.backdrop import backdrop
+from robotcast.rigs.virtual.picture import backdrop
 from robotcast.vision.facts import TrackerFacts
 from robotcast.vision.fiducials import FiducialBoard, find_markers
 

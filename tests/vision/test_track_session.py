@@ -5,7 +5,7 @@ import pytest
 
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
-from robotcast.sessions.session import CastRequest
+from robotcast.sessions import CastRequest
 from robotcast.vision.track_session import track_session
 from tests.vision.conftest import ACTION
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robotcast.sessions.cast_files import VIDEO_FILE
+from robotcast.sessions import VIDEO_FILE
 from robotcast.vision.tracker import frame_noise, track_cast, track_rest, waypoints_at
 
 

@@ -11,8 +11,7 @@ from robotcast.casts.limits import PlanLimits
 from robotcast.casts.plan import plan_action
 from robotcast.hidden_effects.case import Case
 from robotcast.measurements.measurement_set import MeasurementSet
-from robotcast.rigs.virtual.measure import Eye, measure_cast
-from robotcast.rigs.virtual.rig import VirtualRig
+from robotcast.rigs.virtual.rig import Eye, VirtualRig, measure_cast
 
 
 def further_casts(

@@ -22,8 +22,7 @@ from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.processes import process_pool
 from robotcast.progress import Progress, silent
-from robotcast.rigs.virtual.measure import Eye, measure_cast
-from robotcast.rigs.virtual.rig import VirtualRig
+from robotcast.rigs.virtual.rig import Eye, VirtualRig, measure_cast
 
 RIG = "virtual (hidden effect benchmark)"
 ASTRAY_M = 0.5

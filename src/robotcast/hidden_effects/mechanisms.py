@@ -9,32 +9,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.rigs.virtual.hidden.board import (
+from robotcast.rigs.virtual.hidden import HiddenEffect
+from robotcast.rigs.virtual.mechanisms import (
+    Air,
+    CurvedCable,
+    DistortingCamera,
+    Draught,
+    FastClock,
     Grain,
+    LooseClamp,
+    LooseGrip,
+    MisscaledCamera,
+    Oil,
     RoughEnd,
     RoughPatch,
-    SlowGrip,
-    TiltedBoard,
-    WearingBoard,
-)
-from robotcast.rigs.virtual.hidden.camera import (
-    DistortingCamera,
-    FastClock,
-    MisscaledCamera,
-    ShiftedCamera,
-    SlowCamera,
-    TurnedCamera,
-)
-from robotcast.rigs.virtual.hidden.effect import HiddenEffect
-from robotcast.rigs.virtual.hidden.grip import LooseClamp, LooseGrip, ShiftedGrip, TurnedGrip
-from robotcast.rigs.virtual.hidden.make import CurvedCable, SoftCore, UnevenMass
-from robotcast.rigs.virtual.hidden.medium import Air, Oil
-from robotcast.rigs.virtual.hidden.outside import (
-    Draught,
     RubberBand,
+    ShiftedCamera,
+    ShiftedGrip,
+    SlowCamera,
+    SlowGrip,
+    SoftCore,
     StickyZone,
     SwingingEnd,
+    TiltedBoard,
+    TurnedCamera,
+    TurnedGrip,
+    UnevenMass,
     WarmingBoard,
+    WearingBoard,
 )
 
 Parameters = dict[str, float]

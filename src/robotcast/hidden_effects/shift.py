@@ -10,8 +10,7 @@ import numpy as np
 from robotcast.casts.plan import PlannedCast
 from robotcast.hidden_effects.case import Case
 from robotcast.hidden_effects.mechanisms import MECHANISMS, Parameters
-from robotcast.rigs.virtual.measure import seen_places
-from robotcast.rigs.virtual.rig import SLOWEST_S, VirtualRig
+from robotcast.rigs.virtual.rig import SLOWEST_S, VirtualRig, seen_places
 
 NEAR = 0.1  # a shift within 10 % of the wanted one will do
 TRIALS = 4

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import yaml
 
 from robotcast.casts.action import Action
@@ -16,7 +17,7 @@ from robotcast.files import atomic_folder, write_text
 from robotcast.processes import process_pool
 from robotcast.progress import Progress, silent
 from robotcast.rigs.rig import CastNotUsed, Rig, RigStopped
-from robotcast.sessions.session import (
+from robotcast.sessions import (
     REQUEST_FILE,
     CastRequest,
     exclusive,
@@ -27,24 +28,47 @@ from robotcast.sessions.session import (
 )
 
 Plan = Callable[..., PlannedCast]
-Planner = Callable[[Action], PlannedCast]
-Describe = Callable[[CastRequest, Path], str]
+
+REPEATS_OF_ONE = 3
+FIRST_EXTRA_ID = 5_000  # of actions outside the grid, which numbers its own from 0
+
+
+def choose_casts(
+    actions: np.ndarray, casts: int, repeats: int, seed: int
+) -> list[tuple[int, Action]]:
+    """Choose up to `casts` of the feasible actions (m, 6) at random, by row.
+
+    Further `repeats` casts repeat the first of the chosen actions, three times each. The choice
+    for fewer casts is contained in the choice for more.
+    """
+    order = np.random.default_rng(seed).permutation(len(actions))[:casts]
+    again = np.repeat(order, REPEATS_OF_ONE)[:repeats]
+    return [(int(row), Action.from_array(actions[row])) for row in (*order, *again)]
+
+
+def number_extra_actions(
+    actions: Sequence[Action], casts: Sequence[CastRequest]
+) -> list[tuple[int, Action]]:
+    """Give actions that are of no grid the ids under which a session of `casts` may hold them.
+
+    An action that the session was asked for before keeps its id, so that a call that was cut
+    off can go on; one that stands there twice is cast twice.
+    """
+    known = {c.action: c.action_id for c in casts if c.action_id >= FIRST_EXTRA_ID}
+    new = itertools.count(max(known.values(), default=FIRST_EXTRA_ID - 1) + 1)
+    for action in actions:
+        if action not in known:
+            known[action] = next(new)
+    return [(known[action], action) for action in actions]
 
 
 @dataclass(frozen=True)
 class Collected:
-    """What a call of `collect_casts` did.
+    """What a call of `collect_casts` did."""
 
-    Attributes
-    ----------
-    stood : casts that were finished before.
-    added : casts that were executed now.
-    failed : why a cast failed, by its number.
-    """
-
-    stood: int
+    stood: int  # casts that were finished before
     added: int
-    failed: dict[int, str]
+    failed: dict[int, str]  # why a cast failed, by its number
 
 
 def collect_casts(
@@ -55,7 +79,7 @@ def collect_casts(
     progress: Progress = silent,
     *,
     plan: Plan = plan_action,
-    describe: Describe | None = None,
+    describe: Callable[[CastRequest, Path], str] | None = None,
 ) -> Collected:
     """Execute the casts of `actions` that the session in `folder` does not hold yet.
 
@@ -82,25 +106,30 @@ def collect_casts(
                 if reason:
                     failed[request.number] = reason
                 _note_failure(folder, request, reason)
-                said = describe(request, folder) if describe and not reason else ""
-                progress(stood + done, len(requests), _state(request, said, len(failed)))
+                note = describe(request, folder) if describe and not reason else ""
+                failures = f"{len(failed)} failed" if failed else ""
+                parts = (f"cast {request.number}", note, failures)
+                progress(stood + done, len(requests), ", ".join(filter(None, parts)))
     return Collected(stood, len(missing) - len(failed), dict(sorted(failed.items())))
 
 
 def _outcomes(
-    rig: Rig, requests: list[CastRequest], folder: Path, planner: Planner
+    rig: Rig, requests: list[CastRequest], folder: Path, planner: Callable[[Action], PlannedCast]
 ) -> Generator[tuple[CastRequest, str], None, None]:
     """Execute the requests; yield each with "" or with why it failed, as they finish."""
+    execute = partial(_execute, rig=rig, folder=folder, planner=planner)
     workers = min(rig.workers, len(requests))
     if workers <= 1:
-        yield from ((request, _execute(rig, request, folder, planner)) for request in requests)
+        yield from ((request, execute(request)) for request in requests)
         return
-    with process_pool(workers, partial(_begin_worker, rig, folder, planner)) as pool:
-        running = {pool.submit(_execute_in_worker, request): request for request in requests}
+    with process_pool(workers) as pool:
+        running = {pool.submit(execute, request): request for request in requests}
         yield from ((running[future], future.result()) for future in as_completed(running))
 
 
-def _execute(rig: Rig, request: CastRequest, folder: Path, planner: Planner) -> str:
+def _execute(
+    request: CastRequest, *, rig: Rig, folder: Path, planner: Callable[[Action], PlannedCast]
+) -> str:
     try:
         planned = planner(request.action)
         with atomic_folder(folder / request.folder_name) as unfinished:
@@ -123,17 +152,8 @@ def _set_aside(unfinished: Path, folder: Path, request: CastRequest, reason: str
     if all(entry.name == REQUEST_FILE for entry in unfinished.iterdir()):
         return
     write_text(unfinished / "unused.yaml", yaml.safe_dump({"reason": reason}))
-    place = next(
-        path
-        for attempt in itertools.count(1)
-        if not (path := folder / f"unused_{request.number:05d}_{attempt}").exists()
-    )
-    unfinished.rename(place)
-
-
-def _state(request: CastRequest, said: str, failed: int) -> str:
-    parts = (f"cast {request.number}", said, f"{failed} failed" if failed else "")
-    return ", ".join(part for part in parts if part)
+    names = (folder / f"unused_{request.number:05d}_{attempt}" for attempt in itertools.count(1))
+    unfinished.rename(next(path for path in names if not path.exists()))
 
 
 def _note_failure(folder: Path, request: CastRequest, reason: str) -> None:
@@ -142,16 +162,3 @@ def _note_failure(folder: Path, request: CastRequest, reason: str) -> None:
         write_text(path, yaml.safe_dump({"number": request.number, "reason": reason}))
     else:
         path.unlink(missing_ok=True)
-
-
-_in_worker: tuple[Rig, Path, Planner]
-
-
-def _begin_worker(rig: Rig, folder: Path, planner: Planner) -> None:
-    global _in_worker
-    _in_worker = (rig, folder, planner)
-
-
-def _execute_in_worker(request: CastRequest) -> str:
-    rig, folder, planner = _in_worker
-    return _execute(rig, request, folder, planner)

@@ -2,18 +2,30 @@
 
 A motion is a sequence of joint angles, at rest before its first and after its last sample.
 Speeds and accelerations are finite differences of those samples, so a jump between two of
-them, or a motion that does not start and end at rest, breaks a limit.
+them, or a motion that does not start and end at rest, breaks a limit. An action is feasible when
+neither its motion nor the mirror image breaks a rule.
 """
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from robotcast.rigs.arm_shape import LINK_CAPSULES, capsule_axis
-from robotcast.rigs.capsules import segment_distance
-from robotcast.rigs.ur5 import JOINTS, Gripper, link_points
+from robotcast.casts.curves import CastCurves, distinct_arcs, plan_curves
+from robotcast.casts.grid import ActionGrid
+from robotcast.casts.limits import PlanLimits
+from robotcast.progress import Progress, silent
+from robotcast.rigs.kinematics import (
+    JOINTS,
+    LINK_CAPSULES,
+    Gripper,
+    capsule_axis,
+    joints_pointing_down,
+    link_points,
+    segment_distance,
+)
 
 Rule = Literal[
     "reach",
@@ -27,6 +39,7 @@ Rule = Literal[
     "base collision",
     "self collision",
 ]
+RuleGroup = Literal["joints", "tool", "clearances"]
 
 HAND_LINKS = ("wrist 1", "wrist 2", "wrist 3", "gripper", "fingers")
 BASE_LINKS = ("forearm", *HAND_LINKS)
@@ -41,18 +54,12 @@ SELF_PAIRS = (
 
 @dataclass(frozen=True)
 class ToolBox:
-    """Where the held end may be, in the board's frame.
-
-    Attributes
-    ----------
-    x_m, y_m, z_m : lowest and highest coordinate.
-    r_min_m : radius about the base's axis that the held end keeps out of.
-    """
+    """Where the held end may be, [low, high] in the board's frame."""
 
     x_m: tuple[float, float]
     y_m: tuple[float, float]
     z_m: tuple[float, float]
-    r_min_m: float
+    r_min_m: float  # radius about the base's axis that it keeps out of
 
     def __post_init__(self) -> None:
         for name in ("x_m", "y_m", "z_m"):
@@ -65,22 +72,14 @@ class ToolBox:
 
 @dataclass(frozen=True)
 class Envelope:
-    """Limits of the arm and of the held end.
-
-    Attributes
-    ----------
-    joint_min_rad, joint_max_rad, joint_speed_rad_s, joint_acceleration_rad_s2 : six values
-        each, base to wrist 3.
-    tool_speed_m_s : of the held end.
-    clearance_m : left between the arm's capsules, and between them and the board and the base.
-    """
+    """Limits of the joints, six values each from base to wrist 3, and of the held end."""
 
     joint_min_rad: tuple[float, ...]
     joint_max_rad: tuple[float, ...]
     joint_speed_rad_s: tuple[float, ...]
     joint_acceleration_rad_s2: tuple[float, ...]
     tool_speed_m_s: float
-    clearance_m: float
+    clearance_m: float  # between the arm's capsules, and between them and the board and the base
     box: ToolBox
     gripper: Gripper
 
@@ -91,31 +90,20 @@ class Envelope:
                 raise ValueError(f"envelope: {field.name} must be six finite numbers, got {values}")
         if not np.less(self.joint_min_rad, self.joint_max_rad).all():
             raise ValueError("envelope: joint_min_rad must be below joint_max_rad for every joint")
-        positive = {
-            "joint_speed_rad_s": min(self.joint_speed_rad_s),
-            "joint_acceleration_rad_s2": min(self.joint_acceleration_rad_s2),
-            "tool_speed_m_s": self.tool_speed_m_s,
-            "clearance_m": self.clearance_m,
-        }
-        for name, value in positive.items():
+        for name in [field.name for field in fields(self)][2:6]:
+            value = np.min(getattr(self, name))
             if not (np.isfinite(value) and value > 0):
                 raise ValueError(f"envelope: {name} must be positive and finite, got {value}")
 
 
 @dataclass(frozen=True)
 class BrokenRule:
-    """One rule broken by a motion, where it is broken worst.
-
-    Attributes
-    ----------
-    part : the joint, link, pair of links or coordinate concerned.
-    value, limit : in the rule's SI unit; a distance must stay above its limit.
-    """
+    """One rule broken by a motion, where it is broken worst."""
 
     rule: Rule
-    part: str
+    part: str  # the joint, link, pair of links or coordinate concerned
     t_s: float
-    value: float
+    value: float  # in the rule's SI unit; a distance must stay above its limit
     limit: float
 
     def __str__(self) -> str:
@@ -125,8 +113,7 @@ class BrokenRule:
         )
 
 
-@dataclass(frozen=True)
-class _Measured:
+class _Measured(NamedTuple):
     """A quantity along many motions: `value` (n, m) at `t_s` (m,), kept within [low, high]."""
 
     rule: Rule
@@ -144,10 +131,7 @@ class _Measured:
 def broken_rules(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> list[BrokenRule]:
     """Return every rule that a motion breaks, each at its worst; empty when it may be executed.
 
-    Parameters
-    ----------
-    t_s : ndarray of shape (n,) [s], increasing.
-    joints : ndarray of shape (n, 6) [rad].
+    The motion is `joints` (n, 6) [rad] at the increasing times `t_s` (n,).
     """
     t_s, joints = np.asarray(t_s, dtype=float), np.asarray(joints, dtype=float)
     if joints.shape != (len(t_s), 6) or len(t_s) < 2:
@@ -160,13 +144,9 @@ def broken_rules(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> lis
             raise ValueError(f"envelope: {name} are not finite at sample {int(np.argmax(bad))}")
     if not (np.diff(t_s) > 0).all():
         raise ValueError("envelope: times must increase")
-    points = link_points(joints[None], envelope.gripper)
     broken = []
-    for measured in (
-        *_measure_joints(t_s, joints[None], envelope),
-        *_measure_tool(t_s, points[..., -1, :], envelope),
-        *_measure_clearances(t_s, points, envelope),
-    ):
+    measures = (measure(t_s, joints[None], envelope) for measure in _MEASURES.values())
+    for measured in itertools.chain.from_iterable(measures):
         excess = measured.excess()[0]
         worst = int(np.argmax(excess))
         if excess[worst] > 0:
@@ -177,52 +157,23 @@ def broken_rules(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> lis
     return broken
 
 
-def broken_joint_rules(
-    t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
+def rules_broken_by_many(
+    group: RuleGroup, t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
 ) -> dict[Rule, np.ndarray]:
-    """Return which of many motions break the rules of single joints, each (n,) of bool.
+    """Return which of many motions break each rule of a group, (n,) of bool.
+
+    "joints" concerns single joints, "tool" the held end's place and speed, whatever the angle of
+    wrist 3, and "clearances" board, base and arm itself, whatever the angles of base and wrist 3.
 
     Parameters
     ----------
     t_s : ndarray of shape (m,) [s], shared by all motions.
     joints : ndarray of shape (n, m, 6) [rad]; NaN where the arm does not reach, which breaks
-        "reach" and no other rule.
+        "reach", one of the joints' rules, and no other.
     """
-    broken: dict[Rule, np.ndarray] = {"reach": _out_of_reach(joints)}
-    return broken | _broken(_measure_joints(t_s, joints, envelope), broken["reach"])
-
-
-def broken_tool_rules(
-    t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
-) -> dict[Rule, np.ndarray]:
-    """Return which of many motions break the rules of the held end's place and speed.
-
-    Parameters and result are those of `broken_joint_rules`. The angle of wrist 3 does not
-    matter: it turns the tool about its own axis.
-    """
-    tool = link_points(joints, envelope.gripper)[..., -1, :]
-    return _broken(_measure_tool(t_s, tool, envelope), _out_of_reach(joints))
-
-
-def broken_collision_rules(
-    t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
-) -> dict[Rule, np.ndarray]:
-    """Return which of many motions come too near to the board, the base or the arm itself.
-
-    Parameters and result are those of `broken_joint_rules`. Neither the base's angle nor
-    that of wrist 3 matters: they change no distance.
-    """
-    points = link_points(joints, envelope.gripper)
-    return _broken(_measure_clearances(t_s, points, envelope), _out_of_reach(joints))
-
-
-def _out_of_reach(joints: np.ndarray) -> np.ndarray:
-    return np.asarray(~np.isfinite(joints).all(axis=(1, 2)))
-
-
-def _broken(measures: Iterator[_Measured], lost: np.ndarray) -> dict[Rule, np.ndarray]:
-    broken: dict[Rule, np.ndarray] = {}
-    for measured in measures:
+    lost = np.asarray(~np.isfinite(joints).all(axis=(1, 2)))
+    broken: dict[Rule, np.ndarray] = {"reach": lost} if group == "joints" else {}
+    for measured in _MEASURES[group](t_s, joints, envelope):
         outside = ~(measured.excess() <= 0).all(axis=1) & ~lost
         broken[measured.rule] = broken.get(measured.rule, np.zeros_like(lost)) | outside
     return broken
@@ -245,8 +196,8 @@ def _measure_joints(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> 
         yield _Measured("joint acceleration", part, t_s, acceleration, -limit, limit)
 
 
-def _measure_tool(t_s: np.ndarray, tool: np.ndarray, envelope: Envelope) -> Iterator[_Measured]:
-    box = envelope.box
+def _measure_tool(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> Iterator[_Measured]:
+    tool, box = link_points(joints, envelope.gripper)[..., -1, :], envelope.box
     for index, (part, (low, high)) in enumerate((("x", box.x_m), ("y", box.y_m), ("z", box.z_m))):
         yield _Measured("tool box", part, t_s, tool[..., index], low, high)
     radius = np.hypot(tool[..., 0], tool[..., 1])
@@ -257,8 +208,9 @@ def _measure_tool(t_s: np.ndarray, tool: np.ndarray, envelope: Envelope) -> Iter
 
 
 def _measure_clearances(
-    t_s: np.ndarray, points: np.ndarray, envelope: Envelope
+    t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
 ) -> Iterator[_Measured]:
+    points = link_points(joints, envelope.gripper)
     for name in BOARD_LINKS:
         start, end = capsule_axis(points, name)
         height = np.minimum(start[..., 2], end[..., 2]) - LINK_CAPSULES[name].radius_m
@@ -276,3 +228,86 @@ def _measure_clearances(
 def _gap(points: np.ndarray, one: str, other: str) -> np.ndarray:
     apart = segment_distance(*capsule_axis(points, one), *capsule_axis(points, other))
     return apart - LINK_CAPSULES[one].radius_m - LINK_CAPSULES[other].radius_m
+
+
+_MEASURES = {"joints": _measure_joints, "tool": _measure_tool, "clearances": _measure_clearances}
+
+JOINT_SAMPLE_S = 0.004
+PLACE_SAMPLE_S = 0.008
+ROWS_AT_ONCE = 256
+AS_IT_IS, MIRRORED = np.ones(3), np.array([1.0, -1.0, -1.0])  # of x, y, yaw
+
+
+@dataclass(frozen=True)
+class FilterReport:
+    """What became of the actions of a grid."""
+
+    candidates: int
+    feasible: int
+    broken: dict[Rule, int]  # how many candidates break each rule; one may break several
+
+
+def feasible_actions(
+    grid: ActionGrid,
+    r0_m: float,
+    limits: PlanLimits,
+    envelope: Envelope,
+    progress: Progress = silent,
+) -> tuple[np.ndarray, FilterReport]:
+    """Return the actions of the grid that the arm can do, (m, 6), and why others fell.
+
+    An action stays when the arm can do it and its mirror image: the arm itself is not
+    symmetric, and a policy uses both.
+    """
+    curves = grid.curves(r0_m, limits)
+    broken = _rules_broken_by_casts(curves, envelope, progress)
+    kept = ~np.any(list(broken.values()), axis=0)
+    counts: dict[Rule, int] = {rule: int(bad.sum()) for rule, bad in broken.items()}
+    return curves.actions[kept], FilterReport(len(kept), int(kept.sum()), counts)
+
+
+def are_feasible(
+    actions: np.ndarray, r0_m: float, limits: PlanLimits, envelope: Envelope
+) -> np.ndarray:
+    """Tell which of `actions` (n, 6) the arm can do, mirrored or not, (n,) of bool."""
+    broken = _rules_broken_by_casts(plan_curves(actions, r0_m, limits), envelope, silent)
+    return ~np.any(list(broken.values()), axis=0)
+
+
+def _rules_broken_by_casts(
+    curves: CastCurves, envelope: Envelope, progress: Progress
+) -> dict[Rule, np.ndarray]:
+    """Return which casts break which rule, mirrored or not, each (n,) of bool."""
+    first, member = distinct_arcs(curves.actions)  # α turns the wrist alone
+    arcs, both = curves.rows(first), (AS_IT_IS, MIRRORED)
+    places = _broken_in("tool", arcs, PLACE_SAMPLE_S, envelope, both)
+    places |= _broken_in("clearances", arcs, PLACE_SAMPLE_S, envelope, (AS_IT_IS,))
+    joints = _broken_in("joints", curves, JOINT_SAMPLE_S, envelope, both, progress)
+    broken: dict[Rule, np.ndarray] = {rule: bad[member] for rule, bad in places.items()}
+    return broken | joints
+
+
+def _broken_in(
+    group: RuleGroup,
+    curves: CastCurves,
+    sample_s: float,
+    envelope: Envelope,
+    images: tuple[np.ndarray, ...],
+    progress: Progress = silent,
+) -> dict[Rule, np.ndarray]:
+    """Return which casts break which rule of a group in any of their images, each (n,) of bool."""
+    n, done = len(curves.actions), 0
+    broken: dict[Rule, np.ndarray] = {}
+    order = np.argsort(curves.end_s, kind="stable")
+    for start in range(0, n, ROWS_AT_ONCE):
+        rows = order[start : start + ROWS_AT_ONCE]
+        some = curves.rows(rows)
+        t_s = np.arange(0.0, some.end_s.max() + 2 * sample_s, sample_s)
+        pose = some.poses_at(t_s)
+        for image in images:
+            joints = joints_pointing_down(pose * image, envelope.gripper)
+            for rule, outside in rules_broken_by_many(group, t_s, joints, envelope).items():
+                broken.setdefault(rule, np.zeros(n, dtype=bool))[rows] |= outside
+        done += len(rows)
+        progress(done, n, "filtering")
+    return broken

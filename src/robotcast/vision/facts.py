@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from robotcast.sessions.session import Session
+from robotcast.sessions import Session
 from robotcast.vision.fiducials import FiducialBoard
 
 BLOCK = "vision"

@@ -12,8 +12,7 @@ import numpy as np
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.processes import process_pool
 from robotcast.progress import Progress, silent
-from robotcast.sessions.cast_files import TOOL_FILE, read_tool
-from robotcast.sessions.session import CastRequest, Session
+from robotcast.sessions import TOOL_FILE, CastRequest, Session, read_tool
 from robotcast.vision.facts import TrackerFacts
 from robotcast.vision.tracker import TrackedCast, track_cast
 

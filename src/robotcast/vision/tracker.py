@@ -7,8 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from robotcast.sessions.cast_files import VIDEO_FILE, read_frame_times, read_record
-from robotcast.sessions.session import Session
+from robotcast.sessions import VIDEO_FILE, Session, read_frame_times, read_record
 from robotcast.vision.calibration import Calibration, calibrate
 from robotcast.vision.detector import Detection, EndpointDetector
 from robotcast.vision.facts import TrackerFacts

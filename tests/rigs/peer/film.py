@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from robotcast.rigs.ur5 import joints_pointing_down, link_points
-from robotcast.rigs.virtual.cable import build_cable, compile_cable, nodes
-from robotcast.rigs.virtual.drive import CableRun
+from robotcast.rigs.kinematics import joints_pointing_down, link_points
+from robotcast.rigs.virtual.cable import CableRun, build_cable, compile_cable, nodes
 from robotcast.rigs.virtual.picture import SceneMotion, frames
 from robotcast.rigs.virtual.rig import VirtualRig
 

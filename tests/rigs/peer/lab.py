@@ -8,12 +8,12 @@ import numpy as np
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_cast
 from robotcast.casts.reset import ResetSettings
 from robotcast.rigs.envelope import Envelope, ToolBox
-from robotcast.rigs.ur5 import GRIPPER, joints_pointing_down
-from robotcast.rigs.ur5_robot.checks import SafetyLimits
-from robotcast.rigs.ur5_robot.drive import ServoSettings
-from robotcast.rigs.ur5_robot.rig import RunSettings, Ur5Rig
-from robotcast.rigs.ur5_robot.stream import WatchSettings
-from robotcast.rigs.ur5_robot.webcam import WebcamSettings
+from robotcast.rigs.kinematics import GRIPPER, joints_pointing_down
+from robotcast.rigs.ur5.arm import WatchSettings
+from robotcast.rigs.ur5.camera import WebcamSettings
+from robotcast.rigs.ur5.controller import ServoSettings
+from robotcast.rigs.ur5.motion import SafetyLimits
+from robotcast.rigs.ur5.rig import RunSettings, Ur5Rig
 from robotcast.rigs.virtual.rig import VirtualRig
 from tests.rigs.peer.process import Peer
 from tests.rigs.small_rig import CABLE, R0_M, TRUTH, small_rig
@@ -66,11 +66,7 @@ def ur5_rig(peer: Peer, filmed: VirtualRig, **changes: Any) -> Ur5Rig:
         servo=ServoSettings(watchdog_hz=0.2),
         watch=WatchSettings(stale_s=8.0),  # a busy machine shall not decide a test
         webcam=WebcamSettings(
-            peer.camera,
-            filmed.camera.width,
-            filmed.camera.height,
-            filmed.picture.fps,
-            gone_s=8.0,
+            peer.camera, filmed.camera.width, filmed.camera.height, filmed.picture.fps, gone_s=8.0
         ),
         tracker=filmed.tracker,
         run=RunSettings(first_speed=1.0, rest_s=1.0, most_missed=0.5),

@@ -18,7 +18,7 @@ from robotcast.policies.learning.forward_model import UncertainPredictor
 from robotcast.progress import Progress, silent
 from robotcast.rigs.collect import Plan, collect_casts
 from robotcast.rigs.rig import Rig
-from robotcast.sessions.session import CastRequest, Session, number_requests, read_session
+from robotcast.sessions import CastRequest, Session, number_requests, read_session
 from robotcast.vision.tracker import track_rest
 
 # Evaluated casts are numbered apart from collected ones, so that a virtual rig draws them

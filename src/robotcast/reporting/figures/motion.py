@@ -5,8 +5,8 @@ from matplotlib.figure import Figure
 
 from robotcast.reporting.figures.style import BLUE, CYCLE, GREY, VERMILION, board_axes, style, svg
 from robotcast.rigs.envelope import Envelope
-from robotcast.rigs.ur5 import JOINTS, Gripper, link_points
-from robotcast.rigs.ur5_robot.motion import WholeMotion
+from robotcast.rigs.kinematics import JOINTS, Gripper, link_points
+from robotcast.rigs.ur5.motion import WholeMotion
 
 
 def motion_svg(whole: WholeMotion, gripper: Gripper, envelope: Envelope) -> bytes:

@@ -4,6 +4,7 @@ It is of another make than the simulators that are tuned: it lifts, sags and bou
 board acts on it only through contacts.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -16,33 +17,24 @@ TOOL_ARMATURE = 1e3  # kg and kg m²: what the cable's pull cannot move
 STEEPEST_RAD = 0.8
 BOARD_BIT, CABLE_BIT = 1, 2
 
+RECORD_S = 0.002
+SETTLE_CAP_S = 1.0
+REST_SPEED_M_S, REST_S = 0.005, 0.2
+
 
 @dataclass(frozen=True)
 class CableTruth:
-    """What nobody can weigh: how the cable really bends and slides.
+    """What nobody can weigh: how the cable really bends and slides."""
 
-    Attributes
-    ----------
-    friction : Coulomb coefficient of cable and endpoint on the board.
-    bending_stiffness_n_m2 : EI.
-    bending_damping_s : Kelvin–Voigt time, moment = EI (κ + τ dκ/dt).
-    hysteresis_n_m : Coulomb moment that opposes bending.
-    tightest_bend_m : smallest radius of curvature, where the cable's inside is squeezed.
-    endpoint_radius_m : of the bright round weight at the free end.
-    segments : rigid pieces of the chain.
-    step_s : time step; halving 1 ms moves the resting end by less than the resets scatter it.
-    contact_s : time constant of a contact.
-    """
-
-    friction: float
-    bending_stiffness_n_m2: float
-    bending_damping_s: float
-    hysteresis_n_m: float
-    tightest_bend_m: float
-    endpoint_radius_m: float
-    segments: int = 30
-    step_s: float = 0.001
-    contact_s: float = 0.003
+    friction: float  # Coulomb coefficient of cable and endpoint on the board
+    bending_stiffness_n_m2: float  # EI
+    bending_damping_s: float  # Kelvin–Voigt time, moment = EI (κ + τ dκ/dt)
+    hysteresis_n_m: float  # Coulomb moment that opposes bending
+    tightest_bend_m: float  # smallest radius of curvature, where the cable's inside is squeezed
+    endpoint_radius_m: float  # of the bright round weight at the free end
+    segments: int = 30  # rigid pieces of the chain
+    step_s: float = 0.001  # halving it moves the resting end by less than the resets scatter it
+    contact_s: float = 0.003  # time constant of a contact
 
     def with_friction(self, factor: float) -> "CableTruth":
         """Return the cable on a board whose friction is `factor` times as strong."""
@@ -52,28 +44,39 @@ class CableTruth:
 def build_cable(cable: Cable, truth: CableTruth) -> mujoco.MjSpec:
     """Return the held end, the chain and the board as an editable MuJoCo specification.
 
-    The held end has five joints (`TOOL_JOINTS`) that `drive` moves; every segment hinges about
+    The held end has five joints (`TOOL_JOINTS`) that `CableRun` moves; every segment hinges about
     z and about y against the one before. A third hinge is left out: the gripper keeps the cable
     from rolling about its own axis, which would let it cross the board without friction.
     """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
-    _set_solver(spec, truth)
-    spec.worldbody.add_geom(
-        name="board",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[0, 0, 1],
-        contype=BOARD_BIT,
-        conaffinity=CABLE_BIT,
-        **_surface(truth),
-    )
+    # The pyramidal cone moves the resting end by 5–30 cm, the elliptic one is isotropic.
+    option = spec.option
+    option.timestep = truth.step_s
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.solver = mujoco.mjtSolver.mjSOL_CG
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.impratio = 5
+    piece = spec.default.geom
+    piece.type, piece.mass = mujoco.mjtGeom.mjGEOM_SPHERE, 0
+    piece.contype, piece.conaffinity, piece.condim = CABLE_BIT, BOARD_BIT, 3
+    piece.friction, piece.solref = [truth.friction, 0, 0], [truth.contact_s, 1]
+    board = spec.worldbody.add_geom(name="board", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
+    board.contype, board.conaffinity = BOARD_BIT, CABLE_BIT
     body = _add_tool(spec, cable)
-    length = cable.length_m / truth.segments
+    length, mass = cable.length_m / truth.segments, cable.mass_kg / truth.segments
+    radius = cable.radius_m
+    across = mass * (radius**2 / 4 + length**2 / 12)
+    inertia = [mass * radius**2 / 2, across, across]
     for index in range(truth.segments):
-        body = body.add_body(name=f"segment_{index}", pos=[length if index else 0, 0, 0])
-        _add_joints(body, truth, length, first=index == 0)
-        _add_segment(body, cable, truth, length)
-    _add_endpoint(body, cable, truth, length)
+        place = (length if index else 0.0, length / 2)
+        body = add_piece(body, f"segment_{index}", place, mass, inertia, radius)
+        _add_hinges(body, truth, length, first=index == 0)
+    # A flat underside, level with the cable's. On a ball as thick as the weight is wide the end
+    # would be held up and roll sideways, which drags it by 1–2 % of the cable's length a cast.
+    mass = cable.endpoint_mass_kg
+    inertia = [0.5 * mass * truth.endpoint_radius_m**2] * 3
+    add_piece(body, "endpoint", (length, 0.0), mass, inertia, radius)
     return spec
 
 
@@ -88,45 +91,28 @@ def compile_cable(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return model
 
 
-def bend_angles(headings_rad: np.ndarray) -> np.ndarray:
-    """Return hinge angles (segments,) about z of a flat cable from segment headings."""
-    return np.diff(headings_rad, prepend=0.0)
+def add_piece(
+    parent: mujoco.MjsBody,
+    name: str,
+    place_m: tuple[float, float],
+    mass_kg: float,
+    inertia: list[float],
+    radius_m: float,
+) -> mujoco.MjsBody:
+    """Add a body that touches the board with a ball about its centre of mass.
 
-
-def nodes(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
-    """Return the chain's nodes (segments + 1, 3) [m] from the held end to the free end."""
-    mujoco.mj_kinematics(model, data)  # a step leaves positions as they were before it
-    first, last = model.body("segment_0").id, model.body("endpoint").id
-    return data.xpos[first : last + 1].copy()
-
-
-def _set_solver(spec: mujoco.MjSpec, truth: CableTruth) -> None:
-    # The pyramidal cone moves the resting end by 5–30 cm, the elliptic one is isotropic.
-    option = spec.option
-    option.timestep = truth.step_s
-    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    option.solver = mujoco.mjtSolver.mjSOL_CG
-    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.impratio = 5
-
-
-def _surface(truth: CableTruth) -> dict:
-    return {
-        "friction": [truth.friction, 0, 0],
-        "condim": 3,
-        "solref": [truth.contact_s, 1],
-    }
+    `place_m` is where it begins on its parent's x axis, and where its centre is on its own.
+    """
+    begin, centre = ([along_m, 0, 0] for along_m in place_m)
+    body = parent.add_body(name=name, pos=begin, explicitinertial=True, mass=mass_kg, ipos=centre)
+    body.inertia = inertia
+    body.add_geom(size=[radius_m, 0, 0], pos=centre)
+    return body
 
 
 def _add_tool(spec: mujoco.MjSpec, cable: Cable) -> mujoco.MjsBody:
-    tool = spec.worldbody.add_body(
-        name="tool",
-        pos=[0, 0, cable.radius_m],
-        explicitinertial=True,
-        mass=1e-3,
-        ipos=[0, 0, 0],
-        inertia=[1e-6] * 3,
-    )
+    tool = spec.worldbody.add_body(name="tool", pos=[0, 0, cable.radius_m], explicitinertial=True)
+    tool.mass, tool.ipos, tool.inertia = 1e-3, [0, 0, 0], [1e-6] * 3
     slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
     kinds = (slide, slide, slide, hinge, hinge)
     axes = ([1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1], [0, 1, 0])
@@ -135,7 +121,7 @@ def _add_tool(spec: mujoco.MjSpec, cable: Cable) -> mujoco.MjsBody:
     return tool
 
 
-def _add_joints(body: mujoco.MjsBody, truth: CableTruth, length: float, *, first: bool) -> None:
+def _add_hinges(body: mujoco.MjsBody, truth: CableTruth, length: float, *, first: bool) -> None:
     # Half a segment bends between the gripper and the first segment's middle.
     stiffness = truth.bending_stiffness_n_m2 / length * (2 if first else 1)
     widest = length / truth.tightest_bend_m
@@ -154,38 +140,95 @@ def _add_joints(body: mujoco.MjsBody, truth: CableTruth, length: float, *, first
         )
 
 
-def _add_segment(body: mujoco.MjsBody, cable: Cable, truth: CableTruth, length: float) -> None:
-    mass, radius = cable.mass_kg / truth.segments, cable.radius_m
-    across = mass * (radius**2 / 4 + length**2 / 12)
-    body.explicitinertial = True
-    body.mass = mass
-    body.ipos = [length / 2, 0, 0]
-    body.inertia = [mass * radius**2 / 2, across, across]
-    _add_ball(body, radius, length / 2, truth)
+@dataclass(frozen=True)
+class Motion:
+    """What the cable did: `nodes_m` (n, segments + 1, 3), the held end first and the free end last,
+    at the times `t_s` (n,), every `RECORD_S` from the start of the path.
+    """
+
+    t_s: np.ndarray
+    nodes_m: np.ndarray
+
+    @property
+    def end_m(self) -> np.ndarray:
+        """Path of the free end, (n, 3)."""
+        return self.nodes_m[:, -1]
 
 
-def _add_endpoint(body: mujoco.MjsBody, cable: Cable, truth: CableTruth, length: float) -> None:
-    radius = truth.endpoint_radius_m
-    end = body.add_body(
-        name="endpoint",
-        pos=[length, 0, 0],
-        explicitinertial=True,
-        mass=cable.endpoint_mass_kg,
-        ipos=[0, 0, 0],
-        inertia=[0.5 * cable.endpoint_mass_kg * radius**2] * 3,
-    )
-    # A flat underside, level with the cable's. On a ball as thick as the weight is wide the end
-    # would be held up and roll sideways, which drags it by 1–2 % of the cable's length a cast.
-    _add_ball(end, cable.radius_m, 0.0, truth)
+class CableRun:
+    """One cable that is laid down, settled and then driven by its held end.
+
+    Parameters
+    ----------
+    headings_rad : ndarray of shape (segments,), directions of the segments on the board.
+    held : ndarray of shape (5,), x, y, height above the resting height [m], yaw, pitch [rad].
+    disturb : called before every step, to change the model or what acts on the cable.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        headings_rad: np.ndarray,
+        held: np.ndarray,
+        disturb: Callable[[mujoco.MjData], None] = lambda data: None,
+    ) -> None:
+        self.model, self.data = model, mujoco.MjData(model)
+        self.disturb = disturb
+        self._stride = max(1, round(RECORD_S / model.opt.timestep))
+        count = len(TOOL_JOINTS)
+        self.data.qpos[:count] = held
+        hinges = slice(count, count + 2 * len(headings_rad), 2)
+        self.data.qpos[hinges] = np.diff(headings_rad - held[3], prepend=0.0)
+        mujoco.mj_forward(model, self.data)
+
+    @property
+    def held(self) -> np.ndarray:
+        """Pose of the held end now, (5,) as in the constructor."""
+        return self.data.qpos[: len(TOOL_JOINTS)].copy()
+
+    def settle(self) -> None:
+        """Let the cable come to rest with the held end kept where it is."""
+        steps = round(SETTLE_CAP_S / self.model.opt.timestep)
+        self.drive(np.tile(self.held, (steps + 1, 1)), moving_s=0.0, start_s=-SETTLE_CAP_S)
+
+    def drive(self, path: np.ndarray, *, moving_s: float, start_s: float = 0.0) -> Motion:
+        """Move the held end along `path` and stop when the cable rests.
+
+        Parameters
+        ----------
+        path : ndarray of shape (steps + 1, 5), the held end at every time step; its end is
+            the time cap.
+        moving_s : until when the held end moves; rest is not looked for before.
+        start_s : what the clock shows at the start, below zero before a cast begins.
+        """
+        model, data, dt = self.model, self.data, self.model.opt.timestep
+        count = len(TOOL_JOINTS)
+        velocity = np.diff(path, axis=0) / dt
+        recorded, resting_s = [nodes(model, data)], 0.0
+        data.time = start_s
+        for step in range(1, len(path)):
+            # Impressed as a force: overwriting the pose would lose the cable's inertia.
+            pull = (velocity[step - 1] - data.qvel[:count]) / dt
+            data.qfrc_applied[:count] = TOOL_ARMATURE * pull
+            self.disturb(data)
+            mujoco.mj_step(model, data)
+            if step % self._stride:
+                continue
+            recorded.append(nodes(model, data))
+            speed = np.abs(recorded[-1] - recorded[-2]).max() / (self._stride * dt)
+            resting_s = resting_s + self._stride * dt if speed < REST_SPEED_M_S else 0.0
+            if resting_s >= REST_S and step * dt >= moving_s + REST_S:
+                break
+        kinds = mujoco.mjtWarning
+        bad = (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
+        if any(data.warning[int(kind)].number for kind in bad):
+            raise ValueError("virtual rig: the simulated cable diverged")
+        times = np.arange(len(recorded)) * self._stride * dt
+        return Motion(times, np.stack(recorded))
 
 
-def _add_ball(body: mujoco.MjsBody, radius: float, along: float, truth: CableTruth) -> None:
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        size=[radius, 0, 0],
-        pos=[along, 0, 0],
-        mass=0,
-        contype=CABLE_BIT,
-        conaffinity=BOARD_BIT,
-        **_surface(truth),
-    )
+def nodes(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """Return the chain's nodes (segments + 1, 3) [m] from the held end to the free end."""
+    mujoco.mj_kinematics(model, data)  # a step leaves positions as they were before it
+    first, last = model.body("segment_0").id, model.body("endpoint").id
+    return data.xpos[first : last + 1].copy()

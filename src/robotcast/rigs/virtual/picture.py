@@ -9,38 +9,42 @@ import cv2
 import numpy as np
 
 from robotcast.files import atomic_file
-from robotcast.rigs.ur5 import Gripper, link_points
-from robotcast.rigs.virtual.backdrop import backdrop
-from robotcast.rigs.virtual.shot import Shot
+from robotcast.rigs.kinematics import Gripper, link_points
 from robotcast.vision.camera import Camera
-from robotcast.vision.fiducials import FiducialBoard
+from robotcast.vision.fiducials import BORDER_MODULES, MODULES, FiducialBoard, dictionary
+
+Colour = tuple[float, float, float]
 
 CODEC = "mp4v"
-_BLUR_STEP_PX = 2.5
-_MOST_INSTANTS = 12
-_STILL_PX = 0.2
+DRAWN_RADII_M = np.array([0.075, 0.06, 0.06, 0.06, 0.05, 0.045, 0.045, 0.045, 0.05, 0.012])
+"""How thick the arm's `LINKS` are in pictures."""
+
+_BLUR_STEP_PX, _MOST_INSTANTS, _STILL_PX = 2.5, 12, 0.2
 _NOISE_SLACK_PX = 64
 _NOISE_GREY = 12  # added to the noise and taken off the scene, so that both are unsigned
+_LINK_BGR, _LINK_RIM_BGR, _LINK_CORE = (140.0, 139.0, 137.0), (96.0, 95.0, 94.0), 0.7
+_CABLE_RIM, _CABLE_CORE, _BALL_RIM = 0.75, 0.6, 0.88
+_CAP_POINTS, _MARGIN_PX = 9, 4
+_SHIFT = 4  # bits of OpenCV's fixed-point pixels
+
+FLOOR_BGR = (66.0, 64.0, 62.0)
+_PAPER_GREY, _INK_GREY = 225.0, 28.0
+_TEXEL_M, _FLOOR_M = 0.001, 0.7  # the floor is drawn so far about the board
+_OVERSAMPLING, _NODE_EVERY = 2, 8
+_BOARD_SEED = 20220411
 
 
 @dataclass(frozen=True)
 class SceneMotion:
-    """Everything that moves before the camera.
+    """Everything that moves before the camera, at the increasing times `t_s` (n,).
 
-    Attributes
-    ----------
-    t_s : ndarray of shape (n,), increasing; the video begins at t_s[0] and ends by t_s[-1].
-        Let it begin two frames or more before t = 0, so that a waypoint at t = 0 has frames on
-        both sides; 240 Hz or denser, for motion blur.
-    cable_m : ndarray of shape (n, m, 3), nodes from the held end to the free end's centre.
-    joints_rad : ndarray of shape (n, 6), the arm's joint angles.
-    gripper : what the arm holds the cable with.
-    cable_radius_m, endpoint_radius_m : radii of the cable and of the ball at its free end.
+    The video begins at t_s[0] and ends by t_s[-1]. Let it begin two frames or more before t = 0,
+    so that a waypoint at t = 0 has frames on both sides; 240 Hz or denser, for motion blur.
     """
 
     t_s: np.ndarray
-    cable_m: np.ndarray
-    joints_rad: np.ndarray
+    cable_m: np.ndarray  # (n, m, 3), nodes from the held end to the free end's centre
+    joints_rad: np.ndarray  # (n, 6), of the arm
     gripper: Gripper
     cable_radius_m: float
     endpoint_radius_m: float
@@ -57,25 +61,18 @@ class SceneMotion:
 
 @dataclass(frozen=True)
 class PictureSettings:
-    """The camera's shutter and sensor, and the colours of what it looks at.
-
-    Attributes
-    ----------
-    fps, exposure_s : frame k is exposed from t_s[0] + k / fps on, for `exposure_s`.
-    noise_grey : standard deviation of the sensor noise [grey levels of 255].
-    vignetting : how much darker the image's corners are, 0–1.
-    """
+    """The camera's shutter and sensor, and the colours of what it looks at."""
 
     fiducials: FiducialBoard
     board_length_m: float
     board_width_m: float
-    fps: float
+    fps: float  # frame k is exposed from t_s[0] + k / fps on
     exposure_s: float
-    noise_grey: float
-    vignetting: float
-    board_bgr: tuple[float, float, float]
-    endpoint_bgr: tuple[float, float, float]
-    cable_bgr: tuple[float, float, float]
+    noise_grey: float  # standard deviation of the sensor noise [grey levels of 255]
+    vignetting: float  # how much darker the image's corners are, 0–1
+    board_bgr: Colour
+    endpoint_bgr: Colour
+    cable_bgr: Colour
 
 
 def frame_starts(motion: SceneMotion, settings: PictureSettings) -> np.ndarray:
@@ -105,7 +102,10 @@ def render_cast(
 def frames(
     motion: SceneMotion, camera: Camera, settings: PictureSettings, seed: int
 ) -> Iterator[np.ndarray]:
-    """Yield the frames of a cast, uint8 (height, width, 3); each is overwritten by the next."""
+    """Yield the frames of a cast, uint8 (height, width, 3); each is overwritten by the next.
+
+    What moves is drawn at several instants of an exposure, more the faster its image moves.
+    """
     board_m = (settings.board_length_m, settings.board_width_m)
     scene = backdrop(camera, settings.fiducials, settings.board_bgr, board_m)
     light = _vignette(camera, settings.vignetting)
@@ -116,21 +116,8 @@ def frames(
     rng = np.random.default_rng(seed)
     picture, canvas = np.empty_like(scene), np.empty_like(scene)
     total = np.empty(scene.shape, np.float32)
-    for shot in _shots(motion, camera, settings, light):
-        row, column = rng.integers(0, _NOISE_SLACK_PX, 2)
-        noise = bank[row : row + camera.height, column : column + camera.width]
-        cv2.add(darker, noise, picture)
-        box = shot.box
-        moving = _expose(shot, scene[box], canvas[box], total[box])
-        picture[box] = cv2.add(cv2.subtract(moving, offset[box]), noise[box])
-        yield picture
 
-
-def _shots(
-    motion: SceneMotion, camera: Camera, settings: PictureSettings, light: np.ndarray
-) -> Iterator[Shot]:
-    """Yield what moves during each frame: at more instants the faster its image moves."""
-    arm_m = link_points(motion.joints_rad, motion.gripper)
+    moving_m = (motion.cable_m, link_points(motion.joints_rad, motion.gripper))
     begins = frame_starts(motion, settings)
     ends = begins + settings.exposure_s
     cable_travel, arm_travel = (
@@ -139,37 +126,125 @@ def _shots(
             - camera.project(_at(begins, motion.t_s, points)),
             axis=-1,
         ).max(axis=-1)
-        for points in (motion.cable_m, arm_m)
+        for points in moving_m
     )
     fastest = np.maximum(cable_travel, arm_travel)
     counts = np.clip(np.ceil(fastest / _BLUR_STEP_PX), 1, _MOST_INSTANTS).astype(int)
     for begin, count, travel in zip(begins, counts, arm_travel, strict=True):
+        row, column = rng.integers(0, _NOISE_SLACK_PX, 2)
+        noise = bank[row : row + camera.height, column : column + camera.width]
+        cv2.add(darker, noise, picture)
         times = begin + (np.arange(count) + 0.5) / count * settings.exposure_s
-        yield Shot.of(
-            _at(times, motion.t_s, motion.cable_m),
-            _at(times, motion.t_s, arm_m),
-            (motion.cable_radius_m, motion.endpoint_radius_m),
-            (settings.cable_bgr, settings.endpoint_bgr),
-            camera,
-            light,
-            arm_moves=bool(travel > _STILL_PX),
-        )
+        cable_m, arm_m = (_at(times, motion.t_s, points) for points in moving_m)
+        images, arm_moves = (scene, light, canvas, total), bool(travel > _STILL_PX)
+        box, moving = _expose(cable_m, arm_m, motion, settings, camera, images, arm_moves=arm_moves)
+        picture[box] = cv2.add(cv2.subtract(moving, offset[box]), noise[box])
+        yield picture
 
 
-def _expose(shot: Shot, scene: np.ndarray, canvas: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """Return the mean over the shot's instants, uint8; `canvas` and `total` are overwritten."""
+def _expose(
+    cable_m: np.ndarray,
+    arm_m: np.ndarray,
+    motion: SceneMotion,
+    settings: PictureSettings,
+    camera: Camera,
+    images: tuple[np.ndarray, ...],
+    *,
+    arm_moves: bool,
+) -> tuple[tuple[slice, slice], np.ndarray]:
+    """Return the box, rows and columns, of all that moves in an exposure, and its mean, uint8.
+
+    The cable (n, m, 3) and the arm (n, k, 3) are drawn at n instants, an arm that stands still
+    once. `images` are the scene, the share of light that reaches each pixel, and two that are
+    overwritten, uint8 and float32.
+    """
+    scene, light, canvas, total = images
+    cable_px = camera.project(cable_m)
+    ball_px, axes = camera.ball_outline(cable_m[:, -1], motion.endpoint_radius_m)
+    arm_px = _link_outlines(camera.project(arm_m), camera.focal_px / camera.depth(arm_m))
+    width = 2 * motion.cable_radius_m * camera.focal_px / float(camera.depth(cable_m[0, -1]))
+    margin = max(width, np.abs(axes).sum(axis=-1).max()) + _MARGIN_PX
+    everything = np.concatenate([cable_px.reshape(-1, 2), arm_px.reshape(-1, 2)])
+    size = np.array([camera.width, camera.height])
+    low = np.clip(np.floor(everything.min(axis=0) - margin), 0, size - 1).astype(int)
+    high = np.clip(np.ceil(everything.max(axis=0) + margin), low + 1, size).astype(int)
+    box = slice(low[1], high[1]), slice(low[0], high[0])
+    lit_px = (cable_px[0, len(cable_px[0]) // 2], ball_px[0])
+    u, v = np.clip(np.rint(lit_px), 0, size - 1).astype(int).T
+    cable_bgr, ball_bgr = np.array([settings.cable_bgr, settings.endpoint_bgr]) * light[v, u, None]
+    scene, canvas, total = scene[box], canvas[box], total[box]
     total[:] = 0
-    for instant in range(len(shot.cable_px)):
+    for instant in range(len(cable_px)):
         np.copyto(canvas, scene)
-        shot.draw_cable(canvas, instant)
-        shot.draw_ball(canvas, instant)
-        if shot.arm_moves:
-            shot.draw_arm(canvas, instant)
+        _draw_cable(canvas, cable_px[instant] - low, width, cable_bgr)
+        _draw_ball(canvas, ball_px[instant] - low, axes[instant], ball_bgr)
+        if arm_moves:
+            _draw_arm(canvas, arm_px[:, instant] - low)
         cv2.accumulate(canvas, total)
-    mean = cv2.convertScaleAbs(total, alpha=1.0 / len(shot.cable_px))
-    if not shot.arm_moves:
-        shot.draw_arm(mean, 0)
-    return mean
+    mean = cv2.convertScaleAbs(total, alpha=1.0 / len(cable_px))
+    if not arm_moves:
+        _draw_arm(mean, arm_px[:, 0] - low)
+    return box, mean
+
+
+def _draw_cable(canvas: np.ndarray, line_px: np.ndarray, width: float, bgr: np.ndarray) -> None:
+    """Draw the cable (m, 2), darker at its rims."""
+    for share, colour in ((1.0, _CABLE_RIM * bgr), (_CABLE_CORE, bgr)):
+        thickness = max(round(share * width), 1)
+        line = [_fixed(line_px)]
+        cv2.polylines(canvas, line, False, colour.tolist(), thickness, cv2.LINE_AA, _SHIFT)
+
+
+def _draw_ball(canvas: np.ndarray, middle: np.ndarray, axes: np.ndarray, bgr: np.ndarray) -> None:
+    """Draw the ball, each pixel by its covered share, a little darker at its rim.
+
+    Its silhouette is the ellipse about `middle` (2,) with the half-axes (2, 2) as columns.
+    """
+    reach = np.abs(axes).sum(axis=1) + 1.5
+    low = np.maximum(np.floor(middle - reach), 0).astype(int)
+    high = np.minimum(np.ceil(middle + reach) + 1, canvas.shape[1::-1]).astype(int)
+    if np.any(high <= low):
+        return
+    u, v = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]))
+    offsets = np.stack([u - middle[0], v - middle[1]], axis=-1)
+    out = np.linalg.norm(offsets @ np.linalg.inv(axes).T, axis=-1)[..., None]
+    cover = np.clip((1 - out) * np.sqrt(abs(np.linalg.det(axes))) + 0.5, 0, 1)
+    shade = 1 - (1 - _BALL_RIM) * np.minimum(out, 1) ** 2
+    patch = canvas[low[1] : high[1], low[0] : high[0]]
+    patch[:] = np.rint(patch + cover * (shade * bgr - patch))
+
+
+def _draw_arm(canvas: np.ndarray, outlines_px: np.ndarray) -> None:
+    """Draw the arm's outlines (2, links, points, 2) from the tool up, higher over lower ones."""
+    for rim, core in zip(*_fixed(outlines_px)[:, ::-1], strict=True):
+        cv2.fillConvexPoly(canvas, rim, _LINK_RIM_BGR, cv2.LINE_AA, _SHIFT)
+        cv2.fillConvexPoly(canvas, core, _LINK_BGR, cv2.LINE_AA, _SHIFT)
+
+
+def _link_outlines(points_px: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Return outlines of links between points (n, k, 2) seen at `scale` (n, k) [px/m].
+
+    Each outline is the hull of the discs at the link's two ends: of full size in [0], of the
+    core's size in [1]; shape (2, n, k − 1, points, 2).
+    """
+    ends = np.stack([points_px[:, :-1], points_px[:, 1:]], axis=2)
+    radii = np.stack([scale[:, :-1], scale[:, 1:]], axis=2) * DRAWN_RADII_M[:, None]
+    radii = np.stack([radii, _LINK_CORE * radii])
+    along = ends[:, :, 1] - ends[:, :, 0]
+    length = np.linalg.norm(along, axis=-1) + 1e-9
+    heading = np.arctan2(along[..., 1], along[..., 0])
+    tangent = np.arccos(np.clip((radii[..., 0] - radii[..., 1]) / length, -1, 1))[..., None]
+    sweep = np.linspace(-1, 1, _CAP_POINTS)
+    angles = np.stack([np.pi + sweep * (np.pi - tangent), sweep * tangent], axis=-2)
+    angles = angles + heading[..., None, None]
+    rays = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    outlines = ends[..., None, :] + radii[..., None, None] * rays
+    return outlines.reshape(*outlines.shape[:3], 2 * _CAP_POINTS, 2)
+
+
+def _fixed(pixels: np.ndarray) -> np.ndarray:
+    """Return pixels as the fixed-point integers that OpenCV draws sub-pixel lines with."""
+    return np.rint(pixels * 2**_SHIFT).astype(np.int32)
 
 
 def _at(times: np.ndarray, t_s: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -196,3 +271,97 @@ def _noise_bank(width: int, height: int, deviation: float) -> np.ndarray:
     shape = (height + _NOISE_SLACK_PX, width + _NOISE_SLACK_PX, 3)
     drawn = np.random.default_rng(0).standard_normal(shape, dtype=np.float32)
     return np.clip(np.rint(_NOISE_GREY + deviation * drawn), 0, 2 * _NOISE_GREY).astype(np.uint8)
+
+
+@lru_cache(maxsize=4)
+def backdrop(
+    camera: Camera,
+    fiducials: FiducialBoard,
+    board_bgr: tuple[float, float, float],
+    board_m: tuple[float, float],
+) -> np.ndarray:
+    """Return the empty scene through the lens, uint8 (height, width, 3), without vignetting.
+
+    Parameters
+    ----------
+    board_m : the board's length along x and width along y.
+    """
+    texture = _texture(fiducials, board_bgr, board_m)
+    xy_m = _board_points(camera)
+    rows = (xy_m[..., 0] + _FLOOR_M) / _TEXEL_M - 0.5
+    columns = (xy_m[..., 1] + board_m[1] / 2 + _FLOOR_M) / _TEXEL_M - 0.5
+    fine = cv2.remap(
+        texture,
+        columns.astype(np.float32),
+        rows.astype(np.float32),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_CONSTANT,
+        borderValue=FLOOR_BGR,
+    )
+    return cv2.resize(fine, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
+
+
+def _board_points(camera: Camera) -> np.ndarray:
+    """Return where each oversampled pixel looks on the board, (…, …, 2) [m].
+
+    The lens is smooth, so rays are undistorted at every eighth pixel and interpolated between.
+    """
+    size = np.array([camera.height, camera.width]) * _OVERSAMPLING
+    counts = -(-size // _NODE_EVERY) + 2
+    nodes = [(np.arange(n) - 0.5) * _NODE_EVERY - 0.5 for n in counts]
+    v, u = np.meshgrid(*[(n + 0.5) / _OVERSAMPLING - 0.5 for n in nodes], indexing="ij")
+    coarse = camera.to_plane(np.stack([u, v], axis=-1))
+    fine = cv2.resize(coarse, None, fx=_NODE_EVERY, fy=_NODE_EVERY, interpolation=cv2.INTER_LINEAR)
+    return fine[_NODE_EVERY : _NODE_EVERY + size[0], _NODE_EVERY : _NODE_EVERY + size[1]]
+
+
+def _texture(
+    fiducials: FiducialBoard, board_bgr: tuple[float, float, float], board_m: tuple[float, float]
+) -> np.ndarray:
+    """Return floor and board from above, one texel a millimetre; rows run along x, columns y."""
+    shape = tuple(round((side + 2 * _FLOOR_M) / _TEXEL_M) for side in board_m)
+    texture = np.empty((*shape, 3), np.float32)
+    texture[:] = FLOOR_BGR
+    near, far = (round(m / _TEXEL_M) for m in (_FLOOR_M, _FLOOR_M + board_m[0]))
+    left, right = (round(m / _TEXEL_M) for m in (_FLOOR_M, _FLOOR_M + board_m[1]))
+    texture[near:far, left:right] = board_bgr
+    texture *= _mottling(shape)[..., None]
+    origin = np.array([_FLOOR_M, board_m[1] / 2 + _FLOOR_M])
+    for number, centre in enumerate(fiducials.centres_m):
+        _stick_marker(texture, number, origin + centre, fiducials.side_m)
+    return np.clip(texture, 0, 255).astype(np.uint8)
+
+
+def _mottling(shape: tuple[int, ...]) -> np.ndarray:
+    """Return the uneven brightness of sanded paint, (rows, columns), about 1."""
+    rng = np.random.default_rng(_BOARD_SEED)
+    rows, columns = shape
+    light = np.ones(shape, np.float32)
+    for cell, depth in ((250, 0.03), (30, 0.015), (2, 0.01)):
+        coarse = rng.standard_normal((rows // cell + 2, columns // cell + 2)).astype(np.float32)
+        light += depth * cv2.resize(coarse, (columns, rows), interpolation=cv2.INTER_LINEAR)
+    return light
+
+
+def _stick_marker(texture: np.ndarray, number: int, centre_m: np.ndarray, side_m: float) -> None:
+    """Print a marker with its white margin into the texture, each texel by its covered area."""
+    bits = cv2.aruco.generateImageMarker(dictionary(), number, MODULES, borderBits=BORDER_MODULES)
+    grey = np.pad(np.where(bits > 0, _PAPER_GREY, _INK_GREY), 1, constant_values=_PAPER_GREY)
+    module = side_m / MODULES / _TEXEL_M
+    edges = (np.arange(len(grey) + 1) - len(grey) / 2) * module
+    spans = [_coverage(edges + c / _TEXEL_M) for c in centre_m]
+    (row, row_cover), (column, column_cover) = spans
+    # The image's top is the marker's far edge (+x), its left the +y side: both axes run back.
+    ink = row_cover @ grey[::-1, ::-1] @ column_cover.T
+    bare = 1 - np.outer(row_cover.sum(1), column_cover.sum(1))
+    patch = texture[row : row + len(ink), column : column + ink.shape[1]]
+    patch *= bare[..., None]
+    patch += ink[..., None]
+
+
+def _coverage(edges: np.ndarray) -> tuple[int, np.ndarray]:
+    """Return the first texel and how much of each texel each module covers, (texels, modules)."""
+    first, last = int(np.floor(edges[0])), int(np.ceil(edges[-1]))
+    texels = np.arange(first, last)[:, None]
+    overlap = np.minimum(texels + 1, edges[1:]) - np.maximum(texels, edges[:-1])
+    return first, np.maximum(overlap, 0.0)

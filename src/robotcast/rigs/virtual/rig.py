@@ -6,26 +6,28 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import polars as pl
 
 from robotcast.casts.plan import PlannedCast
 from robotcast.casts.tool_motion import ToolMotion
-from robotcast.files import atomic_file
-from robotcast.measurements.measurement_set import Cable
-from robotcast.rigs.ur5 import Gripper, joint_path
-from robotcast.rigs.virtual.arm import ArmDynamics
-from robotcast.rigs.virtual.cable import TOOL_JOINTS, CableTruth, build_cable, compile_cable
-from robotcast.rigs.virtual.chance import CastNoise, draw, generator
-from robotcast.rigs.virtual.drive import CableRun, Motion, undisturbed
-from robotcast.rigs.virtual.hidden.disturbance import Disturbance
-from robotcast.rigs.virtual.hidden.effect import Built, HiddenEffect, Holding
+from robotcast.measurements.measurement_set import Cable, Trial
+from robotcast.rigs.kinematics import Gripper, joint_path
+from robotcast.rigs.virtual.arm import ArmDynamics, CastNoise, StartScatter, generator
+from robotcast.rigs.virtual.cable import (
+    TOOL_JOINTS,
+    CableRun,
+    CableTruth,
+    Motion,
+    build_cable,
+    compile_cable,
+)
+from robotcast.rigs.virtual.hidden import Disturbance, HiddenEffect
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, frame_starts, render_cast
-from robotcast.rigs.virtual.scatter import StartScatter
-from robotcast.sessions.cast_files import (
+from robotcast.sessions import (
     TOOL_FILE,
     TRUTH_FILE,
     VIDEO_FILE,
     CastRecord,
+    write_columns,
     write_record,
     write_tool,
 )
@@ -40,12 +42,8 @@ SLOWEST_S = 4.0  # cap on how long the cable moves on after the arm stopped
 
 @dataclass(frozen=True)
 class Truth:
-    """What really happened in a cast.
-
-    Attributes
-    ----------
-    cable : the cable's motion from t = 0 until it rests.
-    tool : pose of the held end at the times of `cable`.
+    """What really happened in a cast: how the cable moved from t = 0 until it rested, and the arm's
+    tool at the same times.
     """
 
     cable: Motion
@@ -56,11 +54,9 @@ class Truth:
 class VirtualRig:
     """A `Rig` made of a 3-D cable in MuJoCo, an arm that lags, and a rendered camera.
 
-    Attributes
-    ----------
-    seed : every cast draws its chance from (seed, number of the cast).
-    hidden : effects that the cable, the board and the gripper have and nobody is told. Those
-        of the camera act on waypoints (`measure`), not on the video.
+    Every cast draws its chance from `seed` and its number. The `hidden` effects of the cable, the
+    board and the gripper act in every cast; those of the camera act on waypoints
+    (`measure_cast`), not on the video.
     """
 
     cable: Cable
@@ -79,7 +75,6 @@ class VirtualRig:
     hidden: tuple[HiddenEffect, ...] = ()
 
     def facts(self) -> dict[str, Any]:
-        """Return what session.yaml tells the tracker."""
         return {"vision": self.tracker.as_dict(), "made": self._fingerprint()}
 
     def cast(
@@ -90,8 +85,11 @@ class VirtualRig:
         write_tool(self.log_tool(truth.tool, number), folder / TOOL_FILE)
         scene = self._scene(truth, rest_only=rest_only)
         frames = frame_starts(scene, self.picture)
-        render_cast(folder / VIDEO_FILE, scene, self.camera, self.picture, self._film_seed(number))
-        _write_truth(truth.cable, frames + self.picture.exposure_s / 2, folder / TRUTH_FILE)
+        film_seed = int(generator(self.seed, number, "film").integers(2**31))
+        render_cast(folder / VIDEO_FILE, scene, self.camera, self.picture, film_seed)
+        middle_s = frames + self.picture.exposure_s / 2
+        x, y, _ = ToolMotion(truth.cable.t_s, truth.cable.end_m).at(middle_s).T
+        write_columns({"t": middle_s, "x": x, "y": y}, folder / TRUTH_FILE)
         record = CastRecord(
             number=number,
             action=planned.action,
@@ -111,61 +109,45 @@ class VirtualRig:
     ) -> Truth:
         """Simulate cast `number` and return what really happened.
 
-        Parameters
-        ----------
-        headings_rad : ndarray of shape (segments,), how the cable lies at the start, in place
-            of a draw from the resets' scatter.
+        `headings_rad` (segments,) says how the cable lies at the start, in place of a draw from
+        the resets' scatter.
         """
-        rig = self._in_cast(planned, number)
-        run, path = rig.begin(planned, number, headings_rad=headings_rad)
-        cable = run.drive(rig._held(path), moving_s=planned.end_s + 5 * self.arm.lag_s)
-        steps = np.arange(len(path)) * self.truth.step_s
-        tool = ToolMotion(steps, path[:, [0, 1, 3]])
-        return Truth(cable, ToolMotion(cable.t_s, tool.at(cable.t_s)))
-
-    def _in_cast(self, planned: PlannedCast, number: int) -> "VirtualRig":
-        """Return the rig with its hidden effects as they are in one cast."""
         cable = self.cable
         for effect in self.hidden:
-            cable = effect.dragged(cable, planned)
+            cable = effect.slipped(cable, planned)
         hidden = tuple(effect.in_cast(planned, number) for effect in self.hidden)
-        return replace(self, cable=cable, hidden=hidden)
+        rig = replace(self, cable=cable, hidden=hidden)
+        run, path = rig.begin(planned, number, headings_rad=headings_rad)
+        motion = run.drive(rig._held(path), moving_s=planned.end_s + 5 * self.arm.lag_s)
+        steps = np.arange(len(path)) * self.truth.step_s
+        tool = ToolMotion(steps, path[:, [0, 1, 3]])
+        return Truth(motion, ToolMotion(motion.t_s, tool.at(motion.t_s)))
 
     def begin(
         self, planned: PlannedCast, number: int, *, headings_rad: np.ndarray | None = None
     ) -> tuple[CableRun, np.ndarray]:
         """Lay the cable down for cast `number`; return it and the arm's path (steps, 5)."""
-        chance = draw(self.noise, self.seed, number)
-        if headings_rad is None:
-            headings_rad = self._reset(planned, number)
-        truth = self.truth.with_friction(chance.friction_factor)
-        arm = replace(self.arm, gain_error=self.arm.gain_error + chance.tool_gain)
+        friction_factor, gain, delay_s = self.noise.draw(self.seed, number)
+        if headings_rad is None:  # a reset leaves the cable along the ray on which the cast starts
+            drawn = self.scatter.draw(self.truth.segments, generator(self.seed, number, "start"))
+            headings_rad = np.asarray(drawn + planned.tool.pose[0, 2])
+        truth = self.truth.with_friction(friction_factor)
+        arm = replace(self.arm, gain_error=self.arm.gain_error + gain)
         steps = np.arange(round((planned.end_s + SLOWEST_S) / truth.step_s) + 1) * truth.step_s
         path = np.zeros((len(steps), len(TOOL_JOINTS)))
-        path[:, [0, 1, 3]] = arm.follow(planned.tool, steps, delay_s=chance.tool_delay_s)
-        run = self._lay_down(truth, headings_rad, self._held(path)[0])
-        run.settle()
-        return run, path
-
-    def _reset(self, planned: PlannedCast, number: int) -> np.ndarray:
-        """Return how a reset leaves the cable, turned to the ray on which the cast starts."""
-        random = generator(self.seed, number, "start")
-        return self.scatter.draw(self.truth.segments, random) + planned.tool.pose[0, 2]
-
-    def _lay_down(self, truth: CableTruth, headings_rad: np.ndarray, held: np.ndarray) -> CableRun:
+        path[:, [0, 1, 3]] = arm.follow(planned.tool, steps, delay_s=delay_s)
         spec = build_cable(self.cable, truth)
         for effect in self.hidden:
-            if isinstance(effect, Built):
-                effect.build(spec, self.cable, truth)
+            effect.build(spec, self.cable, truth)
         model = compile_cable(spec)
-        disturb = Disturbance(self.hidden, model) if self.hidden else undisturbed
-        return CableRun(model, headings_rad, held, disturb)
+        run = CableRun(model, headings_rad, self._held(path)[0], Disturbance(self.hidden, model))
+        run.settle()
+        return run, path
 
     def _held(self, path: np.ndarray) -> np.ndarray:
         """Return where the cable is really held while the arm takes `path` (steps, 5)."""
         for effect in self.hidden:
-            if isinstance(effect, Holding):
-                path = effect.hold(path, self.truth.step_s)
+            path = effect.hold(path, self.truth.step_s)
         return path
 
     def log_tool(self, tool: ToolMotion, number: int) -> ToolMotion:
@@ -190,13 +172,47 @@ class VirtualRig:
         parts = (self.truth, self.arm, self.noise, self.scatter.digest(), self.seed, *self.hidden)
         return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
 
-    def _film_seed(self, number: int) -> int:
-        return int(generator(self.seed, number, "film").integers(2**31))
+
+@dataclass(frozen=True)
+class Eye:
+    """How the free end is tracked without a video: a waypoint every `period_s`.
+
+    One coordinate has the standard deviation `noise_m`, and `noise_s` more with the end's speed
+    [m per m/s], as in blurred frames.
+    """
+
+    period_s: float = 0.1
+    noise_m: float = 0.001
+    noise_s: float = 0.0
 
 
-def _write_truth(cable: Motion, t_s: np.ndarray, path: Path) -> None:
-    end = ToolMotion(cable.t_s, cable.end_m).at(t_s)
-    with atomic_file(path) as temporary:
-        pl.DataFrame({"t": t_s, "x": end[:, 0], "y": end[:, 1]}).write_csv(
-            temporary, float_precision=7
-        )
+def measure_cast(
+    rig: VirtualRig, eye: Eye, planned: PlannedCast, number: int, action_id: int
+) -> Trial:
+    """Simulate cast `number`, log its tool and track its free end until it rests."""
+    truth = rig.simulate_truth(planned, number)
+    cable = truth.cable
+    stamps = np.arange(int(cable.t_s[-1] / eye.period_s + 1e-9) + 1) * eye.period_s
+    places = seen_places(rig, cable, stamps)
+    velocities = np.gradient(cable.end_m[:, :2], cable.t_s, axis=0)
+    speeds = np.interp(stamps, cable.t_s, np.linalg.norm(velocities, axis=1))
+    random = generator(rig.seed, number, "track")
+    spread = (eye.noise_m + eye.noise_s * speeds)[:, None]
+    return Trial(
+        trial=number,
+        action_id=action_id,
+        action=planned.action,
+        tool=rig.log_tool(truth.tool, number),
+        waypoints_s=stamps,
+        waypoints_m=places + spread * random.standard_normal(places.shape),
+    )
+
+
+def seen_places(rig: VirtualRig, cable: Motion, stamp_s: np.ndarray) -> np.ndarray:
+    """Return where the rig's camera puts the free end in waypoints so stamped, (k, 2)."""
+    for effect in rig.hidden:
+        stamp_s = effect.seen_s(stamp_s)
+    places = ToolMotion(cable.t_s, cable.end_m).at(stamp_s)[:, :2]
+    for effect in rig.hidden:
+        places = effect.seen_m(places)
+    return places

@@ -1,4 +1,4 @@
-"""Kinematics of a UR5 (CB3) that holds the cable's end over the board.
+"""Kinematics of a UR5 (CB3) that holds the cable's end over the board, and the room it takes up.
 
 The base stands at the origin of the board's frame and is not turned. Angles are those of
 the controller: base, shoulder, elbow, wrist 1, wrist 2, wrist 3. Of the eight solutions of
@@ -6,6 +6,7 @@ the inverse kinematics the elbow-up one with the wrist reaching outwards is used
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from ur_analytic_ik import ur5  # pyright: ignore[reportAttributeAccessIssue]
@@ -13,19 +14,6 @@ from ur_analytic_ik import ur5  # pyright: ignore[reportAttributeAccessIssue]
 from robotcast.casts.tool_motion import ToolMotion
 
 JOINTS = ("base", "shoulder", "elbow", "wrist 1", "wrist 2", "wrist 3")
-LINKS = (
-    "column",
-    "shoulder",
-    "upper arm",
-    "elbow",
-    "forearm",
-    "wrist 1",
-    "wrist 2",
-    "wrist 3",
-    "gripper",
-    "fingers",
-)
-"""The straight pieces between consecutive points of `link_points`."""
 
 BASE_HEIGHT_M = 0.089159  # d1 in the maker's table
 UPPER_ARM_M = 0.425  # -a2
@@ -37,20 +25,43 @@ SHOULDER_OFFSET_M = 0.13585  # to the upper arm's axis, which stands beside the 
 FOREARM_OFFSET_M = 0.01615  # to the forearm's axis
 
 
+class Capsule(NamedTuple):
+    """All points within `radius_m` of a piece that is drawn out by so much at its two ends."""
+
+    radius_m: float
+    before_m: float = 0.0
+    beyond_m: float = 0.0
+
+
+LINK_CAPSULES = {
+    "column": Capsule(0.075, beyond_m=0.03),
+    "shoulder": Capsule(0.068, beyond_m=0.04),
+    "upper arm": Capsule(0.06),
+    "elbow": Capsule(0.068, before_m=0.04, beyond_m=0.02),
+    "forearm": Capsule(0.046),
+    "wrist 1": Capsule(0.05, before_m=0.03, beyond_m=0.02),
+    "wrist 2": Capsule(0.05, before_m=0.03, beyond_m=0.02),
+    "wrist 3": Capsule(0.05, before_m=0.03),
+    "gripper": Capsule(0.05),
+    "fingers": Capsule(0.012),
+}
+"""A capsule around each straight piece between consecutive points of `link_points`.
+
+They hold the collision meshes of the UR5 in ROS-Industrial's `ur_description` (commit a7a2c54,
+made from the maker's models), but for the cable's connector at the foot. Joint housings reach
+beyond the axes on which the pieces meet, so capsules may begin before their piece and end beyond
+it. The hand is what the gripper's sheet says, rounded up.
+"""
+LINKS = tuple(LINK_CAPSULES)
+
+
 @dataclass(frozen=True)
 class Gripper:
-    """What is mounted on the flange, and how high it holds the cable during a cast.
+    """What is mounted on the flange, and how high it holds the cable during a cast."""
 
-    Attributes
-    ----------
-    length_m : from the flange to the held end of the cable, along the flange's axis.
-    fingers_m : the slender last part of that length.
-    held_height_m : height of the held end above the board during a cast.
-    """
-
-    length_m: float = 0.17
-    fingers_m: float = 0.06
-    held_height_m: float = 0.02
+    length_m: float = 0.17  # from the flange to the held end of the cable
+    fingers_m: float = 0.06  # the slender last part of that length
+    held_height_m: float = 0.02  # of the held end above the board
 
     def __post_init__(self) -> None:
         if not 0 < self.fingers_m < self.length_m < 0.5:
@@ -68,21 +79,13 @@ GRIPPER = Gripper()
 
 
 def joints_pointing_down(pose: np.ndarray, gripper: Gripper = GRIPPER) -> np.ndarray:
-    """Return the joint angles that hold the cable's end at board height, (..., 6) [rad].
+    """Return the joint angles (..., 6) [rad] that hold the cable's end at board height.
 
     Closed form for a tool pointing straight down: the base from the wrist's offset, shoulder
-    and elbow as a planar arm of two links, the wrist from what remains.
-
-    Parameters
-    ----------
-    pose : ndarray of shape (..., 3), x [m], y [m], yaw [rad] of the held end.
-
-    Returns
-    -------
-    ndarray of shape (..., 6), NaN where the arm does not reach.
+    and elbow as a planar arm of two links, the wrist from what remains. `pose` (..., 3) holds
+    x [m], y [m], yaw [rad] of the held end; the angles are NaN where the arm does not reach.
     """
     x, y, yaw = np.moveaxis(np.asarray(pose, dtype=float), -1, 0)
-    joints = np.empty((*x.shape, 6))
     radius = np.hypot(x, y)
     with np.errstate(invalid="ignore", divide="ignore"):
         base = np.arctan2(y, x) + np.arcsin(WRIST_1_M / radius)
@@ -94,13 +97,9 @@ def joints_pointing_down(pose: np.ndarray, gripper: Gripper = GRIPPER) -> np.nda
         beyond = FOREARM_M * np.sin(-elbow)
         along = UPPER_ARM_M + FOREARM_M * bend
     shoulder = np.arctan2(upward, outward) + np.arctan2(beyond, along) - np.pi
-    joints[..., 0] = base
-    joints[..., 1] = shoulder
-    joints[..., 2] = elbow
-    joints[..., 3] = -1.5 * np.pi - shoulder - elbow
-    joints[..., 4] = np.where(np.isnan(elbow), np.nan, np.pi / 2)
-    joints[..., 5] = base - np.pi / 2 - yaw
-    return joints
+    wrist1 = -1.5 * np.pi - shoulder - elbow
+    wrist2 = np.where(np.isnan(elbow), np.nan, np.pi / 2)
+    return np.stack([base, shoulder, elbow, wrist1, wrist2, base - np.pi / 2 - yaw], axis=-1)
 
 
 def joint_path(tool: ToolMotion, gripper: Gripper = GRIPPER) -> np.ndarray:
@@ -127,12 +126,8 @@ def tilted_joint_path(
 ) -> np.ndarray:
     """Return the joint angles for a tool that pitches up, continuous in time, (n, 6) [rad].
 
-    Parameters
-    ----------
-    position_m : ndarray of shape (n, 3), the held end; the first pose points down and fixes
-        the branch.
-    pitch_rad : ndarray of shape (n,), 0 pointing down, π/2 pointing along the yaw.
-    yaw_rad : ndarray of shape (n,), direction in which the tool pitches.
+    The held end is at `position_m` (n, 3); `pitch_rad` (n,) is 0 where the tool points down, as
+    it must at first, and π/2 where it points along `yaw_rad` (n,), in which direction it pitches.
     """
     joints = np.empty((len(position_m), 6))
     last = joints_pointing_down(np.array([*position_m[0, :2], yaw_rad[0]]), gripper)
@@ -162,15 +157,9 @@ def _flange_pose(position: np.ndarray, pitch: float, yaw: float, gripper: Grippe
 
 
 def link_points(joints: np.ndarray, gripper: Gripper = GRIPPER) -> np.ndarray:
-    """Return the points between the arm's straight pieces, from the base to the held end.
+    """Return the points (..., 11, 3) [m] that bound the `LINKS`, from the base to the held end.
 
-    Parameters
-    ----------
-    joints : ndarray of shape (..., 6) [rad].
-
-    Returns
-    -------
-    ndarray of shape (..., 11, 3) [m]; consecutive points bound the `LINKS`.
+    `joints` has the shape (..., 6) [rad].
     """
     base, shoulder, elbow, wrist1, wrist2, _ = np.moveaxis(np.asarray(joints), -1, 0)
     zero = np.zeros_like(base)
@@ -198,3 +187,37 @@ def link_points(joints: np.ndarray, gripper: Gripper = GRIPPER) -> np.ndarray:
         gripper.fingers_m * tool_axis,
     ]
     return np.cumsum(np.stack(steps, axis=-2), axis=-2)
+
+
+def capsule_axis(points_m: np.ndarray, link: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return both ends (..., 3) [m] of the axis of a link's capsule, from `link_points`."""
+    index, capsule = LINKS.index(link), LINK_CAPSULES[link]
+    start, end = points_m[..., index, :], points_m[..., index + 1, :]
+    along = end - start
+    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
+    return start - capsule.before_m * along, end + capsule.beyond_m * along
+
+
+def segment_distance(
+    start_a: np.ndarray, end_a: np.ndarray, start_b: np.ndarray, end_b: np.ndarray
+) -> np.ndarray:
+    """Return the distance between line segments (..., 3) [m] as (...).
+
+    The closest points of two segments, after C. Ericson, Real-Time Collision Detection, 5.1.9:
+    the closest pair on the infinite lines, clamped to one segment and then to the other.
+    """
+    along_a, along_b, between = end_a - start_a, end_b - start_b, start_a - start_b
+    aa, bb, ab = _dot(along_a, along_a), _dot(along_b, along_b), _dot(along_a, along_b)
+    a, b = _dot(along_a, between), _dot(along_b, between)
+    parallel = aa * bb - ab * ab
+    tiny = 1e-12
+    s = np.where(parallel > tiny * aa * bb, ab * b - a * bb, 0.0)
+    s = np.clip(s / np.maximum(parallel, tiny), 0.0, 1.0)
+    t = np.clip((ab * s + b) / np.maximum(bb, tiny), 0.0, 1.0)
+    s = np.clip((ab * t - a) / np.maximum(aa, tiny), 0.0, 1.0)
+    gap = between + s[..., None] * along_a - t[..., None] * along_b
+    return np.sqrt(_dot(gap, gap))
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.einsum("...i,...i->...", a, b)

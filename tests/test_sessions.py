@@ -9,10 +9,20 @@ from robotcast.casts.tool_motion import ToolMotion
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
-from robotcast.rigs.recorded import adopt_recorded_set, recorded_copy
-from robotcast.sessions.session import read_session
+from robotcast.sessions import (
+    CastRecord,
+    adopt_recorded_set,
+    number_requests,
+    read_frame_times,
+    read_session,
+    recorded_copy,
+    write_frame_times,
+)
 
-SHARED_SET = Path(__file__).parents[3] / "shared/data/casting/a"
+SHARED_SET = Path(__file__).parents[2] / "shared/data/casting/a"
+
+
+ACTION = Action(0.5, 0.6, -0.5, 0.7, 0.2, 1.0)
 
 
 @pytest.fixture
@@ -20,7 +30,7 @@ def recorded(tmp_path) -> Path:
     t_s = np.arange(11) * 0.1
     tool = ToolMotion(t_s, np.stack([0.6 + 0 * t_s, 0.1 * t_s, 0.1 * t_s], axis=1))
     waypoints = np.stack([1.2 - 0.1 * t_s, 0.2 * t_s], axis=1)
-    trial = Trial(0, 0, Action(0.5, 0.6, -0.5, 0.7, 0.2, 1.0), tool, t_s, waypoints)
+    trial = Trial(0, 0, ACTION, tool, t_s, waypoints)
     cable = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
     measured = MeasurementSet(cable, 0.6, 0.1, None, (trial,))
     write_measurement_set(measured, tmp_path / "set")
@@ -74,3 +84,22 @@ def test_a_reference_set_is_passed_on_unchanged(tmp_path):
     copy = recorded_copy(tmp_path)
     assert copy is not None
     assert len(read_measurement_set(copy).trials) == len(read_measurement_set(SHARED_SET).trials)
+
+
+def test_a_folder_that_is_no_session_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="not a session"):
+        read_session(tmp_path)
+
+
+def test_action_ids_beyond_the_numbering_are_refused():
+    with pytest.raises(ValueError, match="action ids"):
+        number_requests([(10_000, ACTION)])
+
+
+def test_frame_times_are_read_back_and_must_fit_the_video(tmp_path: Path):
+    record = CastRecord(1, ACTION, "ur5", "rope", -0.1, 50.0, 0.5, 1.0, 2.0, False)
+    assert read_frame_times(record, 0.004, 3, tmp_path) == pytest.approx([-0.098, -0.078, -0.058])
+    write_frame_times(np.array([np.nan, 0.1, 0.15]), tmp_path)
+    assert read_frame_times(record, 0.004, 3, tmp_path)[1:] == pytest.approx([0.1, 0.15])
+    with pytest.raises(ValueError, match="3 times for 4 frames"):
+        read_frame_times(record, 0.004, 4, tmp_path)

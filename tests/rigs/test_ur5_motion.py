@@ -7,9 +7,15 @@ import pytest
 
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, plan_action
-from robotcast.rigs.ur5 import GRIPPER, joints_pointing_down
-from robotcast.rigs.ur5_robot.checks import refuse_motion, refuse_unsafe
-from robotcast.rigs.ur5_robot.motion import JointMotion, WholeMotion, held_pose, plan_whole
+from robotcast.rigs.kinematics import GRIPPER, joints_pointing_down
+from robotcast.rigs.ur5.motion import (
+    JointMotion,
+    WholeMotion,
+    held_pose,
+    plan_whole,
+    refuse_motion,
+    refuse_unsafe,
+)
 from tests.rigs.peer.lab import HOME_RAD, LIMITS, QUICK_RESET, small_cast
 from tests.rigs.small_rig import CABLE, R0_M
 

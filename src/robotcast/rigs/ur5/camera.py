@@ -1,11 +1,11 @@
-"""A webcam, a stream or a recorded file through OpenCV: frames with their capture times.
+"""The camera over the board: frames with their capture times, and how late they are.
 
-A thread takes frames as they come, so that none waits in a queue: the time at which a frame
-leaves the driver is its capture time, late by what `camera_time` measures.
+A webcam, a stream or a recorded file through OpenCV.
 """
 
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,45 +13,40 @@ import cv2
 import numpy as np
 
 from robotcast.rigs.rig import RigStopped
+from robotcast.vision.camera import Camera
 
 CODEC = "mp4v"
 FIRST_FRAME_S = 10.0
 OPENING_MS = 10_000
 RATE_TOLERANCE = 0.1
 MANUAL_EXPOSURE = 1.0  # V4L2's menu: 1 manual, 3 automatic
+WIDEST_OFFSET_S, OFFSETS_TRIED = 0.3, 601
+FEWEST_FRAMES, LEAST_CORRELATION = 15, 0.9
+ARM_PICTURE_WIDTH_PX, ARM_MARGIN_M = 320, 0.05
 
 
 @dataclass(frozen=True)
 class WebcamSettings:
-    """What is asked of a camera.
+    """What is asked of a camera."""
 
-    Attributes
-    ----------
-    source : a number or /dev/videoN, or the path or address of a video.
-    exposure, focus : in the driver's own units; None leaves the driver's choice, fixed.
-    gone_s : without a new frame for so long, the camera is gone.
-    """
-
-    source: str
+    source: str  # a number, /dev/videoN, or the path or address of a video
     width: int
     height: int
     fps: float
-    exposure: float | None = None
+    exposure: float | None = None  # in the driver's own units; None: the driver's choice, fixed
     focus: float | None = None
-    gone_s: float = 0.5
+    gone_s: float = 0.5  # without a new frame for so long, the camera is gone
 
     @property
     def device(self) -> bool:
-        """Whether the source is a device, not a video."""
         return self.source.isdigit() or self.source.startswith("/dev/")
 
 
 class Webcam:
     """An open camera whose frames arrive in a thread of their own.
 
-    Attributes
-    ----------
-    unfixed : what the driver did not let be fixed.
+    So none waits in a queue: the time at which a frame leaves the driver is its capture time,
+    late by what `camera_offset` measures. `unfixed` lists what the driver did not let be fixed.
     """
 
     def __init__(self, settings: WebcamSettings) -> None:
@@ -66,16 +61,13 @@ class Webcam:
         self._writer: cv2.VideoWriter | None = None
         self._times: list[float] = []
         self._running = True
-        self._thread = threading.Thread(target=self._take, daemon=True)
+        self._thread = threading.Thread(target=self._take_frames, daemon=True)
         self._thread.start()
         self._require_size()
 
     def picture(self) -> np.ndarray:
-        """Return the latest frame."""
         self.require_alive()
-        with self._lock:
-            assert self._latest is not None
-            return self._latest.copy()
+        return self.newest()[0].copy()
 
     def newest(self) -> tuple[np.ndarray, float]:
         """Return the latest frame, not to be changed, and when it was captured."""
@@ -111,49 +103,43 @@ class Webcam:
         return times
 
     def close(self) -> None:
-        """Let go of the camera."""
         self._running = False
         self._thread.join()
         self.stop_recording()
 
-    def _take(self) -> None:
+    def _take_frames(self) -> None:
         # The thread lets go of the camera itself: nobody may while it waits for a frame.
+        is_file = not self.settings.device and "://" not in self.settings.source
+        played, begun_s = 0, time.monotonic()
         try:
-            self._take_frames()
+            while self._running:
+                if is_file:
+                    due_s = begun_s + played / self.settings.fps
+                    time.sleep(max(0.0, due_s - time.monotonic()))
+                if not self._capture.grab():
+                    return
+                now_s = time.monotonic()
+                read, frame = self._capture.retrieve()
+                if not read:
+                    continue
+                played += 1
+                with self._lock:
+                    self._latest, self._seen_s = frame, now_s
+                    if self._writer is not None:
+                        self._writer.write(frame)
+                        self._times.append(now_s)
         finally:
             self._capture.release()
 
-    def _take_frames(self) -> None:
-        played, begun_s = 0, time.monotonic()
-        while self._running:
-            if self._from_file():
-                due_s = begun_s + played / self.settings.fps
-                time.sleep(max(0.0, due_s - time.monotonic()))
-            if not self._capture.grab():
-                return
-            now_s = time.monotonic()
-            read, frame = self._capture.retrieve()
-            if not read:
-                continue
-            played += 1
-            with self._lock:
-                self._latest, self._seen_s = frame, now_s
-                if self._writer is not None:
-                    self._writer.write(frame)
-                    self._times.append(now_s)
-
-    def _from_file(self) -> bool:
-        return not self.settings.device and "://" not in self.settings.source
-
     def _fix(self) -> None:
-        wanted = self.settings
-        asked = [("exposure", cv2.CAP_PROP_AUTO_EXPOSURE, MANUAL_EXPOSURE)]
-        asked += [("focus", cv2.CAP_PROP_AUTOFOCUS, 0.0)]
-        if wanted.exposure is not None:
-            asked.append(("exposure", cv2.CAP_PROP_EXPOSURE, wanted.exposure))
-        if wanted.focus is not None:
-            asked.append(("focus", cv2.CAP_PROP_FOCUS, wanted.focus))
-        refused = {name for name, key, value in asked if not self._capture.set(key, value)}
+        asked = [
+            ("exposure", cv2.CAP_PROP_AUTO_EXPOSURE, MANUAL_EXPOSURE),
+            ("focus", cv2.CAP_PROP_AUTOFOCUS, 0.0),
+            ("exposure", cv2.CAP_PROP_EXPOSURE, self.settings.exposure),
+            ("focus", cv2.CAP_PROP_FOCUS, self.settings.focus),
+        ]
+        wanted = [(name, key, value) for name, key, value in asked if value is not None]
+        refused = {name for name, key, value in wanted if not self._capture.set(key, value)}
         self.unfixed = sorted(refused)
 
     def _require_size(self) -> None:
@@ -210,3 +196,66 @@ def _opened(settings: WebcamSettings) -> cv2.VideoCapture:
             "(ls /dev/video*) or name another one"
         )
     return capture
+
+
+def arm_pixels(camera: Camera, held_m: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what picks the grey pixels (m,) that the arm may cover, few, out of a picture.
+
+    The cable lies beyond `held_m`, at which distance from the base the arm holds it: it follows
+    the arm late, and would be taken for a late camera.
+    """
+    scale = ARM_PICTURE_WIDTH_PX / camera.width
+    size = ARM_PICTURE_WIDTH_PX, round(camera.height * scale)
+    v, u = np.mgrid[: size[1], : size[0]]
+    places = camera.to_plane((np.stack([u, v], axis=-1) + 0.5) / scale - 0.5)
+    inside = np.linalg.norm(places, axis=-1) < held_m - ARM_MARGIN_M
+
+    def pick(picture: np.ndarray) -> np.ndarray:
+        small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+        return cv2.cvtColor(small, cv2.COLOR_BGR2GRAY)[inside]
+
+    return pick
+
+
+def camera_offset(
+    pictures: np.ndarray, seen_s: np.ndarray, t_s: np.ndarray, angle_rad: np.ndarray
+) -> float:
+    """Return by how much frames are stamped late [s].
+
+    Whatever moves with the arm moves the picture along one direction: the first principal
+    component of the frames follows the angle. The offset is where it fits the angle best.
+
+    Parameters
+    ----------
+    pictures : ndarray of shape (k, m), each frame's `arm_pixels`.
+    seen_s : ndarray of shape (k,), when each was captured, in the controller's time.
+    t_s, angle_rad : ndarrays of shape (n,), the arm's actual motion.
+    """
+    inside = (seen_s - WIDEST_OFFSET_S >= t_s[0]) & (seen_s <= t_s[-1])
+    if inside.sum() < FEWEST_FRAMES:
+        raise ValueError(
+            f"camera: only {int(inside.sum())} frames during the arm's swaying, "
+            f"at least {FEWEST_FRAMES} are needed"
+        )
+    values = pictures[inside].astype(float)
+    _, _, directions = np.linalg.svd(values - values.mean(axis=0), full_matrices=False)
+    signal = (values - values.mean(axis=0)) @ directions[0]
+    tried_s = np.linspace(-WIDEST_OFFSET_S / 3, WIDEST_OFFSET_S, OFFSETS_TRIED)
+    fits = np.array([_fit(signal, np.interp(seen_s[inside] - o, t_s, angle_rad)) for o in tried_s])
+    best = int(np.argmax(fits))
+    if fits[best] < LEAST_CORRELATION or not 0 < best < OFFSETS_TRIED - 1:
+        raise ValueError(
+            f"camera: the arm's swaying is not seen in the picture (correlation {fits[best]:.2f}); "
+            "the arm must be in the camera's view, and its exposure short"
+        )
+    low, middle, high = fits[best - 1 : best + 2]
+    shift = 0.5 * (low - high) / (low - 2 * middle + high) if low - 2 * middle + high else 0.0
+    return float(tried_s[best] + shift * (tried_s[1] - tried_s[0]))
+
+
+def _fit(signal: np.ndarray, angle: np.ndarray) -> float:
+    """Return the multiple correlation of a signal with an angle and its square, 0–1."""
+    shapes = np.column_stack([np.ones_like(angle), angle, angle**2])
+    left = signal - shapes @ np.linalg.lstsq(shapes, signal, rcond=None)[0]
+    whole = signal - signal.mean()
+    return float(np.sqrt(max(0.0, 1 - left @ left / (whole @ whole))))

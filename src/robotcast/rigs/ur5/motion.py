@@ -1,4 +1,4 @@
-"""From a planned cast and where the arm stands to the joint angles of the whole motion."""
+"""The joint angles of one cast's whole motion, and what they must keep to before the arm moves."""
 
 from dataclasses import dataclass
 
@@ -7,22 +7,17 @@ from scipy.interpolate import CubicSpline
 
 from robotcast.casts.plan import PlannedCast
 from robotcast.casts.reset import ResetSettings, plan_reset
-from robotcast.rigs.ur5 import Gripper, joint_path, link_points, tilted_joint_path
+from robotcast.rigs.envelope import Envelope, broken_rules
+from robotcast.rigs.kinematics import JOINTS, Gripper, joint_path, link_points, tilted_joint_path
 
-UPRIGHT_RAD = 0.02
-HEIGHT_M = 0.01
+UPRIGHT_RAD, HEIGHT_M = 0.02, 0.01  # how far the held end may be off where a reset starts
 SWAY_RAD, SWAY_HZ, SWAYS = 0.06, 0.8, 3
+WORST_SHOWN = 3
 
 
 @dataclass(frozen=True)
 class JointMotion:
-    """Joint angles at the controller's rate.
-
-    Attributes
-    ----------
-    t_s : ndarray of shape (n,), from 0.
-    joints_rad : ndarray of shape (n, 6).
-    """
+    """Joint angles `joints_rad` (n, 6) at the controller's rate, at the times `t_s` (n,) from 0."""
 
     t_s: np.ndarray
     joints_rad: np.ndarray
@@ -44,9 +39,8 @@ class JointMotion:
         joints = np.pad(self.joints_rad, (counts, (0, 0)), mode="edge")
         return JointMotion(np.arange(len(joints)) * period_s, joints)
 
-    def end(self) -> "JointMotion":
-        """Return the last sample alone."""
-        return JointMotion(self.t_s[-1:], self.joints_rad[-1:])
+    def part(self, rows: slice) -> "JointMotion":
+        return JointMotion(self.t_s[rows], self.joints_rad[rows])
 
 
 @dataclass(frozen=True)
@@ -55,6 +49,23 @@ class WholeMotion:
 
     reset: JointMotion
     cast: JointMotion
+
+
+@dataclass(frozen=True)
+class SafetyLimits:
+    """What the arm may do."""
+
+    reset: Envelope  # a reset lifts the tool off the board
+    cast: Envelope
+    jerk_rad_s3: tuple[float, ...]  # base to wrist 3
+    start_rad: float  # how far a joint may stand from where the motion starts
+
+    def __post_init__(self) -> None:
+        jerk = np.asarray(self.jerk_rad_s3, dtype=float)
+        if jerk.shape != (6,) or not (np.isfinite(jerk) & (jerk > 0)).all():
+            raise ValueError(f"ur5: jerk_rad_s3 must be six positive numbers, got {jerk.tolist()}")
+        if not 0 < self.start_rad <= 0.1:
+            raise ValueError(f"ur5: start_rad must be in (0, 0.1], got {self.start_rad}")
 
 
 def held_pose(joints_rad: np.ndarray, gripper: Gripper) -> np.ndarray:
@@ -94,22 +105,63 @@ def plan_whole(
     # A wrist cannot turn on for ever: the reset turns it back to where it started.
     reset = plan_reset(start, cable_length_m, r0_m=r0_m, settings=settings, end_yaw_rad=0.0)
     path = tilted_joint_path(reset.position_m, reset.pitch_rad, reset.yaw_rad, gripper)
-    path += _turns(live_rad, path[0])
+    path += turns_towards(live_rad, path[0])
     cast = joint_path(planned.tool, gripper)
-    cast += _turns(path[-1], cast[0])
+    cast += turns_towards(path[-1], cast[0])
     return WholeMotion(JointMotion(reset.t_s, path), JointMotion(planned.tool.t_s, cast))
 
 
 def sway(joints_rad: np.ndarray, period_s: float) -> JointMotion:
     """Return a short swaying of the base about (6,): the camera's clock is compared by it."""
     t_s = np.arange(int(SWAYS / SWAY_HZ / period_s) + 1) * period_s
-    share = np.clip(t_s / t_s[-1], 0, 1)
-    window = np.sin(np.pi * share) ** 2
+    window = np.sin(np.pi * np.clip(t_s / t_s[-1], 0, 1)) ** 2
     path = np.tile(np.asarray(joints_rad, dtype=float), (len(t_s), 1))
     path[:, 0] += SWAY_RAD * window * np.sin(2 * np.pi * SWAY_HZ * t_s)
     return JointMotion(t_s, path)
 
 
-def _turns(reference: np.ndarray, joints: np.ndarray) -> np.ndarray:
-    """Return the whole turns (6,) that bring `joints` nearest to `reference`."""
-    return 2 * np.pi * np.round((np.asarray(reference) - joints) / (2 * np.pi))
+def turns_towards(reference_rad: np.ndarray, joints_rad: np.ndarray) -> np.ndarray:
+    """Return the whole turns (6,) [rad] that bring joints nearest to a reference."""
+    return 2 * np.pi * np.round((np.asarray(reference_rad) - joints_rad) / (2 * np.pi))
+
+
+def refuse_unsafe(whole: WholeMotion, live_rad: np.ndarray, limits: SafetyLimits) -> None:
+    """Raise ValueError, one sentence, unless the arm (6,) may execute the whole motion."""
+    refuse_motion(whole.reset, limits.reset, limits, "reset")
+    refuse_motion(whole.cast, limits.cast, limits, "cast")
+    _refuse_start(whole.reset, live_rad, limits)
+    _refuse_start(whole.cast, whole.reset.joints_rad[-1], limits)
+
+
+def refuse_motion(motion: JointMotion, envelope: Envelope, limits: SafetyLimits, name: str) -> None:
+    """Raise ValueError unless a motion keeps to an envelope and to the jerk limits."""
+    broken = [str(rule) for rule in broken_rules(motion.t_s, motion.joints_rad, envelope)]
+    broken += _broken_jerks(motion, limits)
+    if broken:
+        more = f" and {len(broken) - WORST_SHOWN} more" if len(broken) > WORST_SHOWN else ""
+        raise ValueError(
+            f"ur5: the {name} would break the envelope, nothing moved: "
+            f"{'; '.join(broken[:WORST_SHOWN])}{more}"
+        )
+
+
+def _refuse_start(motion: JointMotion, live_rad: np.ndarray, limits: SafetyLimits) -> None:
+    away = np.abs(np.asarray(live_rad, dtype=float) - motion.joints_rad[0])
+    if not (away <= limits.start_rad).all():
+        worst = int(np.argmax(np.where(np.isfinite(away), away, np.inf)))
+        raise ValueError(
+            f"ur5: {JOINTS[worst]} stands {np.degrees(away[worst]):.2f}° from where the motion "
+            f"starts, at most {np.degrees(limits.start_rad):.2f}° is allowed; nothing moved"
+        )
+
+
+def _broken_jerks(motion: JointMotion, limits: SafetyLimits) -> list[str]:
+    """Return which joints' jerk is too large, as third differences of a motion between rests."""
+    padded = np.pad(motion.joints_rad, ((3, 3), (0, 0)), mode="edge")
+    step_s = np.median(np.diff(motion.t_s))
+    jerk = np.abs(np.diff(padded, n=3, axis=0) / step_s**3).max(axis=0)
+    return [
+        f"joint jerk ({part}): {value:.4g}, limit {limit:.4g}"
+        for part, value, limit in zip(JOINTS, jerk, limits.jerk_rad_s3, strict=True)
+        if not value <= limit
+    ]

@@ -1,0 +1,114 @@
+"""The two processes that run ur_rtde: `python -m robotcast.rigs.ur5.client listen|drive SOCKET`.
+
+ur_rtde is native code with threads of its own: it can wait for ever on a silent controller, it
+reconnects by itself after a broken connection and sends its last command again, and it has crashed
+while a connection broke. Here it can be ended at any moment, and with it every socket over which
+a target could go: whoever wants the arm left alone ends the one process that drives. Orders
+arrive over the socket whose number is the last argument.
+"""
+
+import sys
+import time
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+
+VARIABLES = (
+    *("timestamp", "actual_q", "target_q", "actual_TCP_pose", "target_speed_fraction"),
+    *("runtime_state", "robot_status_bits", "safety_status_bits"),
+)
+BRAKE_RAD_S2 = 10.0
+PAUSE_S = 0.0003  # a cycle is noticed so late at most
+
+
+def listen(orders: Connection) -> None:
+    """Hear the controller until the other end is closed.
+
+    The first order is the controller's host; its answer is "" once states arrive, or what went
+    wrong. Every further order is a time of the controller's clock: the answer is the newest state
+    after it, the fields of a `RobotState`, as soon as there is one, and "" when the connection
+    was lost. Packets that come in a burst, after a hiccup of the network, count as one: the last
+    of them is answered, so that no burst of targets answers them.
+    """
+    from rtde_receive import RTDEReceiveInterface  # an optional extra
+
+    try:
+        receive = RTDEReceiveInterface(orders.recv(), variables=list(VARIABLES))
+    except (RuntimeError, ValueError) as error:
+        orders.send(str(error).strip() or "no reason given")
+        return
+    newest = _state(receive)
+    orders.send("")
+    wanted_s = np.inf
+    while True:
+        if receive.getTimestamp() != newest[0]:
+            newest = _state(receive)
+        elif newest[0] > wanted_s + 1e-6:
+            orders.send(newest)
+            wanted_s = np.inf
+        if not receive.isConnected():
+            orders.send("")
+            return
+        if orders.poll(PAUSE_S):
+            wanted_s = orders.recv()
+
+
+def _state(receive: Any) -> tuple[Any, ...]:
+    """Return a whole cycle, none mixed of two."""
+    while True:
+        t_s, heard_s = receive.getTimestamp(), time.monotonic()
+        vectors = (receive.getActualQ(), receive.getTargetQ(), receive.getActualTCPPose())
+        speed, runtime = receive.getTargetSpeedFraction(), receive.getRuntimeState()
+        safety = receive.getSafetyStatusBits()
+        if receive.getTimestamp() == t_s:
+            return t_s, heard_s, *map(np.array, vectors), speed, int(runtime), int(safety)
+
+
+def drive(orders: Connection) -> None:
+    """Command the arm targets until the other end is closed.
+
+    A dict of host and servo settings begins a program on the controller, six numbers are a
+    target, None ends the program. The answer to the first and the last is "" or what went wrong;
+    a target is answered only when it was refused.
+    """
+    control, servo = None, ()
+    while True:
+        order = orders.recv()
+        if isinstance(order, dict):
+            servo = order["period_s"], order["lookahead_s"], order["gain"]
+            try:
+                control = _begin_program(order)
+            except (RuntimeError, ValueError) as error:
+                orders.send(str(error).strip() or "no reason given")
+                return
+            orders.send("")
+        elif control is None:
+            orders.send("no program runs on the controller")
+        elif order is None:
+            control.servoStop(BRAKE_RAD_S2)
+            control.stopScript()
+            control.disconnect()
+            control = None
+            orders.send("")
+        elif not control.servoJ(order, 0.0, 0.0, *servo):
+            orders.send("the program on the controller no longer takes targets")
+
+
+def _begin_program(settings: dict[str, Any]) -> Any:
+    """Start the program that follows targets; return ur_rtde's control interface."""
+    from rtde_control import RTDEControlInterface  # an optional extra
+
+    control = RTDEControlInterface(settings["host"])
+    if not control.setTcp([0.0, 0.0, settings["tool_m"], 0.0, 0.0, 0.0]):
+        raise RuntimeError("the controller did not accept the tool")
+    if not control.setWatchdog(settings["watchdog_hz"]):
+        raise RuntimeError("the controller did not accept the watchdog")
+    return control
+
+
+if __name__ == "__main__":
+    try:
+        {"listen": listen, "drive": drive}[sys.argv[1]](Connection(int(sys.argv[2])))
+    except (EOFError, BrokenPipeError, ConnectionResetError):
+        sys.exit(0)

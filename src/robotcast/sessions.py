@@ -1,0 +1,284 @@
+"""Recorded casts: the session that collects them append-only, and the files of each.
+
+A session is a folder of one rig with one cable; session.yaml names both and holds what the tracker
+may know. Each finished cast is a folder `cast_00007` that appears in one step, so a session killed
+at any moment holds whole casts only. The number of a cast is its action's id, plus 10000 for every
+time the action was asked for before: it stays the same whatever else is asked for, and so does
+the cast. A session may hold a copy of a recorded measurement set in place of casts.
+"""
+
+import fcntl
+import filecmp
+import os
+import shutil
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import yaml
+
+from robotcast.casts.action import ACTION_COLUMNS, Action, action_factors
+from robotcast.casts.tool_motion import ToolMotion
+from robotcast.files import atomic_file, atomic_folder, discard_unfinished, write_text
+from robotcast.measurements.measurement_set import Cable, MeasurementSet
+from robotcast.measurements.reader import read_measurement_set
+
+SESSION_FILE, REQUEST_FILE = "session.yaml", "request.yaml"
+CAST_FILE, TOOL_FILE, VIDEO_FILE, TRUTH_FILE = "cast.yaml", "tool.csv", "video.mp4", "truth.csv"
+FRAMES_FILE, ROBOT_NOTES_FILE = "frames.csv", "robot.yaml"
+RECORDED_COPY = "measurements"
+MOST_ACTIONS = 10_000
+SETTING_NAMES = {"made": "make of the rig (its settings, its seed)", "vision": "camera"}
+
+
+@dataclass(frozen=True)
+class CastRequest:
+    """A cast that was asked for; casts that repeat an action share its `action_id`."""
+
+    number: int
+    action_id: int
+    action: Action
+
+    @property
+    def folder_name(self) -> str:
+        return f"cast_{self.number:05d}"
+
+
+@dataclass(frozen=True)
+class Session:
+    """A session folder as it is."""
+
+    folder: Path
+    rig: str
+    cable: Cable
+    r0_m: float
+    facts: dict[str, Any] = field(default_factory=dict)  # plain numbers for the tracker, by block
+    casts: tuple[CastRequest, ...] = ()  # the finished ones by number
+
+    def cast_folder(self, cast: CastRequest) -> Path:
+        return self.folder / cast.folder_name
+
+
+def number_requests(actions: Sequence[tuple[int, Action]]) -> list[CastRequest]:
+    """Give each (action_id, action) the number of its cast."""
+    seen: Counter[int] = Counter()
+    requests = []
+    for action_id, action in actions:
+        if not 0 <= action_id < MOST_ACTIONS:
+            raise ValueError(f"session: action ids must be in [0, {MOST_ACTIONS}), got {action_id}")
+        requests.append(CastRequest(action_id + MOST_ACTIONS * seen[action_id], action_id, action))
+        seen[action_id] += 1
+    return requests
+
+
+def open_session(
+    folder: Path, *, rig: str, cable: Cable, r0_m: float, facts: dict[str, Any]
+) -> Session:
+    """Start a session, or return the one in `folder` if it is of the same rig and cable."""
+    values = {"rig": rig, "cable": asdict(cable), "r0_m": float(r0_m), **facts}
+    path = folder / SESSION_FILE
+    if not path.is_file():
+        write_text(path, yaml.safe_dump(values, sort_keys=False))
+    elif (known := _load(path)) != values:
+        changed = sorted(
+            SETTING_NAMES.get(k, k) for k in {*known, *values} if known.get(k) != values.get(k)
+        )
+        raise ValueError(
+            f"{folder}: this session was begun with another {' and another '.join(changed)}; "
+            "a session is never rewritten: move it away or collect elsewhere (paths.sessions=…)"
+        )
+    return read_session(folder)
+
+
+def read_session(folder: Path) -> Session:
+    path = folder / SESSION_FILE
+    if not path.is_file():
+        raise ValueError(f"{folder}: no {SESSION_FILE}; not a session, collect writes one")
+    values = _load(path)
+    folders = (entry for entry in sorted(folder.glob("cast_*")) if entry.is_dir())
+    requests = [_load(entry / REQUEST_FILE) for entry in folders]
+    casts = [
+        CastRequest(int(r["number"]), int(r["action_id"]), _action(r["action"])) for r in requests
+    ]
+    rig, cable, r0_m = values.pop("rig"), Cable(**values.pop("cable")), float(values.pop("r0_m"))
+    return Session(folder, rig, cable, r0_m, facts=values, casts=tuple(casts))
+
+
+def write_request(request: CastRequest, folder: Path) -> None:
+    values = {**vars(request), "action": action_factors(request.action.as_array())}
+    write_text(folder / REQUEST_FILE, yaml.safe_dump(values, sort_keys=False))
+
+
+def missing_requests(session: Session, requests: Sequence[CastRequest]) -> list[CastRequest]:
+    """Return the requests that are not finished; refuse a number that holds another action."""
+    finished = {cast.number: cast for cast in session.casts}
+    missing = []
+    for request in requests:
+        cast = finished.get(request.number)
+        if cast is None:
+            missing.append(request)
+        elif not np.allclose(cast.action.as_array(), request.action.as_array(), atol=1e-9):
+            held, asked = (
+                ", ".join(f"{value:.4g}" for value in action.as_array())
+                for action in (cast.action, request.action)
+            )
+            raise ValueError(
+                f"{session.cast_folder(cast)}: holds another action than the one asked for under "
+                f"this number ({held} instead of {asked}); a finished cast is never replaced: "
+                "move the session away or collect elsewhere (paths.sessions=…)"
+            )
+    return missing
+
+
+@contextmanager
+def exclusive(folder: Path) -> Iterator[None]:
+    """Keep other collectors out of a session folder, and clear what a killed one left behind."""
+    folder.mkdir(parents=True, exist_ok=True)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ValueError(f"{folder}: another process is collecting into this session") from None
+        discard_unfinished(folder)
+        yield
+    finally:
+        os.close(handle)
+
+
+@dataclass(frozen=True)
+class CastRecord:
+    """cast.yaml: what was executed, by which rig, and when the video runs."""
+
+    number: int
+    action: Action
+    rig: str
+    cable: str
+    video_t0_s: float  # when the exposure of the first frame begins; 0 is the cast's start
+    fps: float
+    turn_s: float  # of the planned motion, as is end_s
+    end_s: float
+    rest_s: float  # when the rig saw the cable at rest
+    rest_only: bool
+
+
+def write_record(record: CastRecord, folder: Path) -> None:
+    values = {**vars(record), "action": action_factors(record.action.as_array())}
+    write_text(folder / CAST_FILE, yaml.safe_dump(values, sort_keys=False))
+
+
+def read_record(folder: Path) -> CastRecord:
+    path = folder / CAST_FILE
+    if not path.is_file():
+        raise ValueError(f"{path}: missing; not the folder of a finished cast")
+    values = _load(path)
+    return CastRecord(action=_action(values.pop("action")), **values)
+
+
+def write_columns(columns: Mapping[str, np.ndarray], path: Path) -> None:
+    """Write a table of a cast as CSV, seven digits after the point."""
+    with atomic_file(path) as temporary:
+        pl.DataFrame(columns).write_csv(temporary, float_precision=7)
+
+
+def write_tool(tool: ToolMotion, path: Path) -> None:
+    """Write a tool log: t [s], x [m], y [m], yaw [rad]."""
+    x, y, yaw = tool.pose.T
+    write_columns({"t": tool.t_s, "x": x, "y": y, "yaw": yaw}, path)
+
+
+def read_tool(path: Path) -> ToolMotion:
+    if not path.is_file():
+        raise ValueError(f"{path}: missing; the tool was not logged")
+    table = pl.read_csv(path)
+    return ToolMotion(table["t"].to_numpy(), table.select("x", "y", "yaw").to_numpy())
+
+
+def write_frame_times(t_s: np.ndarray, folder: Path) -> None:
+    """Write when the middle of each frame's exposure was, (k,) [s]; NaN where nobody knows.
+
+    A rig whose frames are evenly spaced needs no such file: `video_t0_s` and `fps` say it.
+    """
+    write_columns({"t": t_s}, folder / FRAMES_FILE)
+
+
+def read_frame_times(record: CastRecord, exposure_s: float, count: int, folder: Path) -> np.ndarray:
+    """Return when the middle of each of a video's `count` frames was exposed, (count,) [s]."""
+    path = folder / FRAMES_FILE
+    if not path.is_file():
+        return record.video_t0_s + exposure_s / 2 + np.arange(count) / record.fps
+    t_s = pl.read_csv(path, schema={"t": pl.Float64})["t"].to_numpy()
+    if len(t_s) != count:
+        raise ValueError(f"{path}: holds {len(t_s)} times for {count} frames")
+    return t_s
+
+
+def summed_robot_notes(session: Session) -> dict[str, Any]:
+    """Return what robot.yaml of all casts say together, {} when the rig wrote none."""
+    paths = [session.cast_folder(cast) / ROBOT_NOTES_FILE for cast in session.casts]
+    notes = [_load(path) for path in paths if path.is_file()]
+    if not notes:
+        return {}
+    return {
+        "camera_offset_s": sorted({n["camera_offset_s"] for n in notes}),
+        "kinematic_difference_m": max(n["kinematic_difference_m"] for n in notes),
+        "missed_deadlines": sum(n["missed_deadlines"] for n in notes),
+        "cycles": sum(n["cycles"] for n in notes),
+        "casts_with_missed_deadlines": sum(n["missed_deadlines"] > 0 for n in notes),
+    }
+
+
+def adopt_recorded_set(path: Path | None, folder: Path) -> MeasurementSet:
+    """Validate the set in `path` and make `folder` a session that holds a copy of it."""
+    if path is None or not str(path):
+        raise ValueError("rig=recorded needs the folder of a measurement set: rig.path=DIR")
+    if not path.is_dir():
+        raise ValueError(f"rig.path={path}: no such folder; expected one with a measurement set")
+    measured = read_measurement_set(path)
+    if (folder / SESSION_FILE).exists() or recorded_copy(folder):
+        _require_same_set(path, folder)
+    else:
+        with atomic_folder(folder / RECORDED_COPY) as copy:
+            for entry in _set_files(path):
+                shutil.copyfile(entry, copy / entry.name)
+    values = {"rig": "recorded", "cable": asdict(measured.cable), "r0_m": measured.r0_m}
+    write_text(folder / SESSION_FILE, yaml.safe_dump(values, sort_keys=False))
+    return measured
+
+
+def recorded_copy(folder: Path) -> Path | None:
+    """Return the measurement set that a session passes on, None when it holds casts of a rig."""
+    return folder / RECORDED_COPY if (folder / RECORDED_COPY).is_dir() else None
+
+
+def _require_same_set(path: Path, folder: Path) -> None:
+    copy = recorded_copy(folder)
+    if copy is None:
+        raise ValueError(
+            f"{folder}: this session holds casts of the rig {read_session(folder).rig}; "
+            "give the recorded set a folder of its own (paths.sessions=…)"
+        )
+    names = sorted({entry.name for entry in (*_set_files(path), *_set_files(copy))})
+    _, changed, lost = filecmp.cmpfiles(path, copy, names, shallow=False)
+    if changed or lost:
+        raise ValueError(
+            f"{folder}: this session holds another recorded set than {path} "
+            f"(differs in {', '.join(changed + lost)}); use another folder (paths.sessions=…)"
+        )
+
+
+def _set_files(folder: Path) -> list[Path]:
+    return sorted(p for p in folder.iterdir() if p.suffix in (".yaml", ".csv", ".parquet"))
+
+
+def _action(numbers: Mapping[str, Any]) -> Action:
+    return Action(*(float(numbers[name]) for name in ACTION_COLUMNS))
+
+
+def _load(path: Path) -> dict[str, Any]:
+    return yaml.safe_load(path.read_text(encoding="utf-8"))

@@ -1,1 +1,0 @@
-"""Recorded casts: the files of each, and the session that collects them."""
