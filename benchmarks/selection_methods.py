@@ -35,7 +35,7 @@ from robotcast.measurements.reader import read_measurement_set
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "stages"))
-from diagnose import case_of  # noqa: E402
+from diagnose import case_of  # noqa: E402 # pyright: ignore[reportMissingImports]
 
 ROUNDS, PRUNED = 30, 0.01  # of the relevance determination; of a strength's prior width
 MOST, MATERIAL = RULE.most_effects, RULE.material
