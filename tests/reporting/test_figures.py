@@ -6,12 +6,15 @@ import pytest
 from matplotlib.patches import Ellipse
 from matplotlib.text import Text
 
-from robotcast.reporting.figures.errors import errors_figure
-from robotcast.reporting.figures.overlay import overlay_figure
-from robotcast.reporting.figures.style import style, svg
-from robotcast.reporting.figures.targets import confidence_ellipse, targets_figure
-from robotcast.reporting.figures.trace import trace_figure
+from robotcast.reporting.figures import (
+    confidence_ellipse,
+    errors_figure,
+    overlay_figure,
+    targets_figure,
+    trace_figure,
+)
 from robotcast.reporting.results import Results, read_results
+from robotcast.reporting.style import style, svg
 
 
 @pytest.fixture(scope="module")

@@ -7,11 +7,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from robotcast.reporting.figures.trace import trace_figure
-from robotcast.reporting.report import make_page
+from robotcast.reporting.figures import trace_figure
+from robotcast.reporting.report import RunFacts, make_report
 from robotcast.reporting.results import Results, read_results
-from robotcast.reporting.run_facts import RunFacts
-from robotcast.reporting.tables.tuning import tuning_table
+from robotcast.reporting.tables import tuning_table
 from robotcast.tuning.revisions import Revision
 
 NAMES = {"de": "DE", "bo": "BO (EI)", "gn": "Gauss–Newton"}
@@ -36,11 +35,6 @@ def results(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Resu
         facts["certainty"] = {"condition": 4e3, "least_known": ["a", "b"], "vague": ["a"]}
         (path / "tuned.yaml").write_text(yaml.safe_dump(facts))
     return read_results(folder)
-
-
-def test_every_optimizer_has_a_row(results: Results) -> None:
-    labels = [row.labels[0] for row in tuning_table(results).rows]
-    assert {f"Segmented, {name}" for name in NAMES.values()} < set(labels)
 
 
 def test_every_simulator_has_a_row_for_every_optimizer(results: Results) -> None:
@@ -93,14 +87,14 @@ def test_a_simulator_with_an_effect_stands_beside_the_one_without(results: Resul
     (legend,) = trace_figure(both.tunings, {}).legends
     drawn = {text.get_text() for text in legend.get_texts()}
     assert {"Segmented, DE", "Segmented, DE + board tilt"} < drawn
-    page = make_page(both, RunFacts("demo", 0, ()))
-    figures = {figure.name for section in page.sections for figure in section.figures}
+    report = make_report(both, RunFacts("demo", 0, ()))
+    figures = {figure.name for of in report.figures.values() for figure in of}
     assert "overlay_cable1_segmented-de-board_tilt" in figures
-    assert any(text.startswith("Segmented, DE + board tilt: ") for _, text in page.run)
+    assert any(text.startswith("Segmented, DE + board tilt: ") for _, text in report.run)
 
 
 def test_the_run_says_what_to_doubt(results: Results) -> None:
-    said = [text for _, text in make_page(results, RunFacts("demo", 0, ())).run]
+    said = [text for _, text in make_report(results, RunFacts("demo", 0, ())).run]
     (newton,) = (text for text in said if "Segmented, Gauss–Newton:" in text)
     assert "12 diverged" in newton
     assert "at a bound: planar_friction" in newton

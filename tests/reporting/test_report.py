@@ -5,9 +5,8 @@ from dataclasses import replace
 import polars as pl
 import pytest
 
-from robotcast.reporting.report import make_page, write_report
+from robotcast.reporting.report import RunFacts, glance, make_report, write_report
 from robotcast.reporting.results import read_results
-from robotcast.reporting.run_facts import RunFacts
 from robotcast.tuning.revisions import Revision, keep_revision
 
 ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
@@ -46,7 +45,7 @@ def test_the_page_says_that_the_virtual_rig_is_not_a_robot(report) -> None:
 def test_the_same_results_give_the_same_page(data_folder, tmp_path) -> None:
     for room in ROOMS:
         shutil.copytree(data_folder / room / "cable2", tmp_path / room / "cable2")
-    pages = [make_page(read_results(tmp_path), FACTS).html() for _ in range(2)]
+    pages = [make_report(read_results(tmp_path), FACTS).html() for _ in range(2)]
     assert pages[0] == pages[1]
 
 
@@ -88,3 +87,25 @@ def test_the_ladder_of_revisions_is_drawn_from_base_to_effects(data_folder, tmp_
 
 def test_without_revisions_the_report_has_no_ladder(report) -> None:
     assert "fall from revision to revision" not in (report / "index.html").read_text()
+
+
+def test_it_names_the_policy_with_the_lowest_median(data_folder) -> None:
+    results = read_results(data_folder)
+    mixed = results.evaluation("cable2", "nn", "mixed")
+    assert mixed is not None
+    halved = mixed.casts.with_columns(mixed.casts["error_percent"] / 2)
+    better = replace(mixed, policy="residual", casts=halved)
+    rows = glance(replace(results, evaluations=(*results.evaluations, better)))
+    row = rows[1]
+    assert row["Cable"] == "Cable 2"
+    assert row["π_R2S2R median"] == f"{mixed.median_percent:.1f}%"
+    assert row["Best policy median"] == f"Residual {better.median_percent:.1f}%"
+    assert row["Its repeats scatter"] == f"{better.scatter_percent:.1f}%"
+
+
+def test_a_cable_without_casts_on_a_rig_has_no_best_policy(data_folder) -> None:
+    results = read_results(data_folder)
+    predicted = tuple(replace(e, kind="predicted") for e in results.evaluations)
+    rows = glance(replace(results, evaluations=predicted))
+    row = rows[0]
+    assert row["Best policy median"] == row["Its repeats scatter"] == "–"
