@@ -97,9 +97,9 @@ def test_an_unknown_force_is_drawn_and_a_draft_of_an_effect_given() -> None:
 
 
 def test_a_field_that_explains_nothing_is_not_said_to_be_the_missing_force() -> None:
-    said = unknown()
-    nearest = {**said, "unexplained": {**said["unexplained"], "explains": False}}
-    assert "What the missing force depends on: place" in diagnosis_page(said)
+    explained = unknown()
+    nearest = {**explained, "unexplained": {**explained["unexplained"], "explains": False}}
+    assert "What the missing force depends on: place" in diagnosis_page(explained)
     page = diagnosis_page(nearest)
     assert "What comes nearest to the missing force: place" in page
     assert "What the missing force depends on" not in page

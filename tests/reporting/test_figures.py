@@ -84,3 +84,11 @@ def test_two_repeats_make_no_ellipse(results) -> None:
         none = targets_figure([few], [None])
     assert len(many.findobj(Ellipse)) == 16
     assert len(none.findobj(Ellipse)) == 0
+
+
+def test_every_optimizer_has_a_trace(optimizers: Results) -> None:
+    (legend,) = trace_figure(optimizers.tunings, {"cable1": 0.8}).legends
+    assert {text.get_text() for text in legend.get_texts()} == {
+        *(f"Segmented, {name}" for name in ("DE", "BO (EI)", "Gauss–Newton")),
+        "noise floor",
+    }

@@ -5,8 +5,9 @@ from dataclasses import replace
 import polars as pl
 import pytest
 
+from robotcast.reporting.figures import trace_figure
 from robotcast.reporting.report import RunFacts, glance, make_report, write_report
-from robotcast.reporting.results import read_results
+from robotcast.reporting.results import Results, read_results
 from robotcast.tuning.revisions import Revision, keep_revision
 
 ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
@@ -109,3 +110,25 @@ def test_a_cable_without_casts_on_a_rig_has_no_best_policy(data_folder) -> None:
     rows = glance(replace(results, evaluations=predicted))
     row = rows[0]
     assert row["Best policy median"] == row["Its repeats scatter"] == "–"
+
+
+def test_a_simulator_with_an_effect_stands_beside_the_one_without(optimizers: Results) -> None:
+    base = next(t for t in optimizers.tunings if (t.cable, t.optimizer) == ("cable1", "de"))
+    better = {"test": {**base.facts["errors"]["test"], "waypoint_percent": 0.1}}
+    facts = {**base.facts, "effects": ["board_tilt"], "errors": {**base.facts["errors"], **better}}
+    both = replace(optimizers, tunings=(*optimizers.tunings, replace(base, facts=facts)))
+    (legend,) = trace_figure(both.tunings, {}).legends
+    drawn = {text.get_text() for text in legend.get_texts()}
+    assert {"Segmented, DE", "Segmented, DE + board tilt"} < drawn
+    report = make_report(both, RunFacts("demo", 0, ()))
+    figures = {figure.name for of in report.figures.values() for figure in of}
+    assert "overlay_cable1_segmented-de-board_tilt" in figures
+    assert any(text.startswith("Segmented, DE + board tilt: ") for _, text in report.run)
+
+
+def test_the_run_says_what_to_doubt(optimizers: Results) -> None:
+    texts = [text for _, text in make_report(optimizers, RunFacts("demo", 0, ())).run]
+    (newton,) = (text for text in texts if "Segmented, Gauss–Newton:" in text)
+    assert "12 diverged" in newton
+    assert "at a bound: planar_friction" in newton
+    assert "hardly told by the casts: a" in newton

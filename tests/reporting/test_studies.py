@@ -36,10 +36,10 @@ def points(evaluations: dict[str, Evaluation], places: list[float]) -> list[Poin
 
 
 def test_a_point_tells_the_median_between_its_interval_and_the_quartiles(evaluations) -> None:
-    told = dict(zip(HEAD, Point("mixed", 20, evaluations["mixed"]).numbers, strict=True))
-    assert told["from"] <= told["median"] <= told["to"]
-    assert told["q1"] <= told["median"] <= told["q3"]
-    assert told["casts"] == 80
+    numbers = dict(zip(HEAD, Point("mixed", 20, evaluations["mixed"]).numbers, strict=True))
+    assert numbers["from"] <= numbers["median"] <= numbers["to"]
+    assert numbers["q1"] <= numbers["median"] <= numbers["q3"]
+    assert numbers["casts"] == 80
 
 
 def test_both_figures_are_the_same_bytes_again(evaluations) -> None:
@@ -60,7 +60,7 @@ def test_the_markdown_table_has_one_decimal_and_no_minus_before_zero() -> None:
     assert table == "| a | b | c |\n| --- | --- | --- |\n| 1 | 2.3 | 0.0 |\n"
 
 
-def test_the_change_between_two_places_is_told_group_by_group(evaluations) -> None:
+def test_the_change_between_two_places_is_given_group_by_group(evaluations) -> None:
     better = Point("real", 1, evaluations["mixed"])
     rows = change_rows([Point("real", 0, evaluations["real"]), better, *points(evaluations, [7])])
     change, low, high = evaluations["mixed"].change_from(evaluations["real"])

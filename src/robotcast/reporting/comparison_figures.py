@@ -23,6 +23,7 @@ from robotcast.reporting.style import (
     INK,
     LINE,
     VERMILION,
+    beside,
     board_arrows,
     canvas,
     hint,
@@ -53,45 +54,28 @@ def error_bars(comparison: Comparison) -> Figure:
     figure, axes = canvas(600, 172, 192, 140, 4, 42)
     for row, (name, how, key, suffix) in enumerate(rows):
         model, noise = c[f"{key}_error_percent"], c[f"noise_floor{suffix}_percent"]
-        for text, y, looks in (
-            (name, 13, {"size": 13.5, "weight": "bold"}),
-            (how, -4, {"size": 11, "color": GREY}),
-        ):
-            axes.annotate(
-                text,
-                (0, row),
-                (-192, y - 9),
-                textcoords="offset points",
-                annotation_clip=False,
-                **looks,
-            )
+        beside(axes, name, 0, row, -192, 4, size=13.5, weight="bold")
+        beside(axes, how, 0, row, -192, -13, size=11, color=GREY)
         bars = [(row - 0.16, model, BLUE, f"{error(model)} model", INK)]
         if noise is None:
-            _beside(axes, "noise floor unknown", 0, row + 0.16, GREY)
+            beside(axes, "noise floor unknown", 0, row + 0.16, 7, -4, color=GREY)
         else:
             bars.append((row + 0.16, noise, "#5bb899", f"{error(noise)} noise floor", "#00684b"))
         for y, value, fill, text, color in bars:
             (bar,) = axes.barh(y, value, 0.29, color=fill)
             if fill != BLUE:
                 bar.set_url(hint(why))
-            _beside(axes, text, value, y, color)
+            beside(axes, text, value, y, 7, -4, color=color)
     axes.set(ylim=(1.5, -0.5), yticks=[], xlabel=f"error [{c['error_unit']}]")
     axes.set_xlim(0, axes.get_xlim()[1] or 1)
     axes.spines["bottom"].set_visible(False)
     return figure
 
 
-def _beside(axes: Axes, text: str, x: float, y: float, color: str) -> None:
-    offset = {"textcoords": "offset points", "va": "center", "annotation_clip": False}
-    axes.annotate(text, (x, y), (7, 0), color=color, **offset)
-
-
 @style(on_page=True)
 def course_figure(comparison: Comparison) -> Figure:
     """Draw the mean error and its quartiles over time, beside what repeats differ by."""
-    course = {
-        k: np.array(v, dtype=float) for k, v in comparison["over_time"].items() if k != "count"
-    }
+    course = {name: np.array(v, dtype=float) for name, v in comparison["over_time"].items()}
     times = course["times_s"]
     step = times[1] - times[0] if len(times) > 1 else 1.0
     figure, axes = canvas(760, 300, 52, 10, 40, 42)
@@ -119,10 +103,8 @@ def _phases(axes: Axes, phases: Sequence[Mapping[str, Any]]) -> None:
         axes.axvline(start, color=LINE, lw=1)
         x, _ = axes.transData.transform((start, 0))
         up, taken = (8, x + 6.4 * len(phase["name"]) + 8) if x >= taken else (24, taken)
-        top = axes.get_xaxis_transform()
-        axes.annotate(
-            phase["name"], (start, 1), (4, up), top, "offset points", size=11.5, color="#374151"
-        )
+        edge = axes.get_ylim()[1]
+        beside(axes, phase["name"], start, edge, 4, up, size=11.5, color="#374151")
 
 
 @style(on_page=True)
@@ -171,9 +153,7 @@ def residual_map(comparison: Comparison, when: When) -> Figure:
     key.tick_params(length=0)
     key.grid(visible=False)
     label = f"error [{comparison['error_unit']}]"
-    key.annotate(
-        label, (1, 0.5), (16, 0), "axes fraction", "offset points", va="center", size=11, color=GREY
-    )
+    beside(key, label, bounds[-1], 0.5, 16, -4, size=11, color=GREY)
     trial, start, end, percent = _errors(comparison, when)
     shade = norm(percent)
     if when == "rest":

@@ -26,7 +26,7 @@ from robotcast.reporting.missing_force import drafts, field_figure, focus, stron
 from robotcast.reporting.names import effect_name, factor_name, rig_name
 from robotcast.reporting.numbers import error, number, with_interval, with_unit
 from robotcast.reporting.page import render
-from robotcast.reporting.style import BLUE, GREY, canvas, hint, inline, style
+from robotcast.reporting.style import BLUE, GREY, beside, canvas, hint, inline, style
 
 State = Literal["running", "too-few", "unknown", "none", "near", "open", "confused", "found"]
 
@@ -222,10 +222,7 @@ def _slices_figure(slices: list[dict[str, Any]], unit: str) -> Figure:
         ):
             (bar,) = axes.barh(row + y, value, 0.3, color=fill)
             bar.set_url(hint(words))
-            offset = {"textcoords": "offset points", "va": "center", "annotation_clip": False}
-            axes.annotate(
-                error(value, unit), (value, row + y), (6, 0), size=11, color=color, **offset
-            )
+            beside(axes, error(value, unit), value, row + y, 6, -4, size=11, color=color)
     axes.set_yticks(range(len(slices)), [s["slice"] for s in slices])
     axes.tick_params(length=0, labelsize=12, labelcolor="black")
     axes.set(ylim=(len(slices) - 0.5, -0.5), xticks=[], xlim=(0, axes.get_xlim()[1] or 1))

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotcast.reporting.numbers import error
-from robotcast.reporting.style import BLUE, GREEN, GREY, INK, VERMILION, canvas, hint, style
+from robotcast.reporting.style import BLUE, GREEN, GREY, INK, VERMILION, beside, canvas, hint, style
 
 _ROW, _LABELS = 48.0, 168.0  # pixels
 _BARS = {
@@ -53,8 +53,9 @@ def ladder(rungs: Sequence[Rung], floor: float | None, axis: str, unit: str = "%
         why = f"{words}: how far repeats lie from each other. No model can do better."
         axes.axvspan(0, floor, color=GREEN, alpha=0.1, lw=0, url=hint(why))
         axes.axvline(floor, ymax=1 + 12 / (_ROW * len(rungs)), color="#007a59", clip_on=False)
-        side = 1 if floor < 0.5 * most else -1
-        _beside(axes, words, floor, -0.4, 6 * side, 6, color="#00684b", weight="bold")
+        left = floor > 0.5 * most
+        looks = {"ha": "right" if left else "left", "color": "#00684b", "weight": "bold"}
+        beside(axes, words, floor, -0.4, -6 if left else 6, 6, **looks)
     for row, rung in enumerate(rungs):
         _names(axes, rung, row)
         if rung.realised is not None:
@@ -63,17 +64,8 @@ def ladder(rungs: Sequence[Rung], floor: float | None, axis: str, unit: str = "%
             axes.hlines(row + 0.3, 0, rung.predicted, color=INK, lw=1, ls=(0, (2, 3)))
             axes.plot(rung.predicted, row + 0.3, "D", color=INK, mfc="white", ms=6)
             words = f"predicted {error(rung.predicted, unit)}"
-            _beside(axes, words, rung.predicted, row + 0.3, 10, -4, size=11, color="#374151")
+            beside(axes, words, rung.predicted, row + 0.3, 10, -4, size=11, color="#374151")
     return figure
-
-
-def _beside(
-    axes: Axes, words: str, x: float, y: float, right: float, up: float, **looks: object
-) -> None:
-    """Write words so many pixels from a place; what lies to its left ends there."""
-    side = "right" if -_LABELS < right < 0 else "left"
-    offset = {"textcoords": "offset points", "annotation_clip": False}
-    axes.annotate(words, (x, y), (right, up), ha=side, **offset, **looks)  # type: ignore[arg-type]
 
 
 def _names(axes: Axes, rung: Rung, row: int) -> None:
@@ -83,8 +75,8 @@ def _names(axes: Axes, rung: Rung, row: int) -> None:
         lines = [lines[0], f"{lines[1]} + {len(lines) - 2} more"]
     size, step = (13.5, 16.0) if len(lines) == 1 else (12.5, 13.5)
     for n, line in enumerate(lines):
-        _beside(axes, line, 0, row, -_LABELS, -5 - step * n, size=size, weight="bold")
-    _beside(axes, rung.detail, 0, row, -_LABELS, -5 - step * len(lines), size=11, color=GREY)
+        beside(axes, line, 0, row, -_LABELS, -5 - step * n, size=size, weight="bold")
+    beside(axes, rung.detail, 0, row, -_LABELS, -5 - step * len(lines), size=11, color=GREY)
 
 
 def _bar(axes: Axes, rung: Rung, row: int, unit: str) -> None:
@@ -96,9 +88,9 @@ def _bar(axes: Axes, rung: Rung, row: int, unit: str) -> None:
     (bar,) = axes.barh(row, value, 0.36, **_BARS[rung.kind])
     bar.set_url(hint(words))
     shown = error(value, unit)
-    _beside(axes, shown, value + spread, row, 8, -5, size=15, weight="bold")
+    beside(axes, shown, value + spread, row, 8, -5, size=15, weight="bold")
     if rung.compared_to:
         change = 100 * (value / rung.compared_to - 1)
         fallen = f"{'−' if change < 0 else '+'}{abs(change):.0f} %"
         right = 16 + 9.8 * len(shown)
-        _beside(axes, fallen, value + spread, row, right, -5, size=11.5, color=GREY)
+        beside(axes, fallen, value + spread, row, right, -5, size=11.5, color=GREY)

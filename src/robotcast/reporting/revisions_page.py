@@ -12,7 +12,7 @@ from robotcast.reporting.ladder import Rung, ladder
 from robotcast.reporting.names import cable_name, effect_name, method_name, rig_name, thousands
 from robotcast.reporting.numbers import error
 from robotcast.reporting.page import render
-from robotcast.reporting.style import BLUE, GREEN, GREY, canvas, inline, style
+from robotcast.reporting.style import BLUE, GREEN, GREY, beside, canvas, inline, style
 from robotcast.tuning.revisions import Revision
 from robotcast.tuning.search import Batch
 
@@ -153,22 +153,17 @@ def _search_figure(tuning: Tuning, base: float | None) -> Figure:
     figure, axes = canvas(480, 260, 52, 62, 14, 46)
     axes.step(casts, best, where="post", color=BLUE, lw=2.2)
     axes.plot(casts[-1], best[-1], "o", color=BLUE, ms=8, clip_on=False)
-    offset = {"textcoords": "offset points", "annotation_clip": False}
-    axes.annotate(
-        error(best[-1]), (casts[-1], best[-1]), (8, -4), color=BLUE, weight="bold", **offset
-    )
-    levels = {
-        "base model": (base, GREY, 4),
-        "noise floor": (tuning.noise_floor_percent, GREEN, -13),
-    }
-    for name, (level, color, up) in levels.items():
+    beside(axes, error(best[-1]), casts[-1], best[-1], 8, -4, color=BLUE, weight="bold")
+    floor = tuning.noise_floor_percent
+    base_words = f"base model {error(base)}"
+    for level, words, color, up in (
+        (base, base_words, GREY, 4),
+        (floor, "noise floor", GREEN, -13),
+    ):
         if level:
             axes.axhline(level, color=color, lw=1, ls=(0, (3, 4)))
-            words = f"{name} {error(level)}" if name == "base model" else name
-            axes.annotate(
-                words, (casts[-1], level), (-4, up), ha="right", size=11, color=color, **offset
-            )
-    known = [v for v in (*best, base, tuning.noise_floor_percent) if v]
+            beside(axes, words, casts[-1], level, -4, up, ha="right", size=11, color=color)
+    known = [v for v in (*best, base, floor) if v]
     axes.set(xlim=(0, casts[-1]), yscale="log", ylim=(min(known) / 1.25, max(known) * 1.15))
     axes.grid(axis="x", visible=False)
     axes.yaxis.set_major_locator(FixedLocator(_LEVELS))

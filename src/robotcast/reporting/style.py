@@ -87,6 +87,15 @@ def canvas(
     return figure, figure.add_axes((left / width, bottom / height, *inside))
 
 
+def beside(
+    axes: Axes, text: str, x: float, y: float, right: float, up: float, **looks: Any
+) -> None:
+    """Write text so many pixels to the right of a place and above it, inside the axes or not."""
+    axes.annotate(
+        text, (x, y), (right, up), textcoords="offset points", annotation_clip=False, **looks
+    )
+
+
 def svg(figure: Figure) -> bytes:
     """Return the figure as SVG without date, version or random ids."""
     with style(), io.BytesIO() as buffer:
