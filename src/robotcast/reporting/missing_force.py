@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.spatial import KDTree
 
 from robotcast.reporting.numbers import number, quantity
 from robotcast.reporting.style import (
@@ -91,12 +92,9 @@ def _board(field: Field, points: np.ndarray, values: np.ndarray) -> Figure:
     axes.spines[["top", "right"]].set_visible(True)
     sizes = np.linalg.norm(values, axis=1)
     most, spacing = float(sizes.max()) or 1.0, _spacing(points)
-    links = [
-        hint(f"{number(v, 2)} {field['unit']}")
-        for v in (sizes if len(values.T) > 1 else values[:, 0])
-    ]
-    y, x = points[:, 1], points[:, 0]
-    if values.shape[1] == 1:  # the area tells the size, the colour the sign
+    scalar, (x, y) = values.shape[1] == 1, points.T
+    links = [hint(f"{number(v, 2)} {field['unit']}") for v in (values[:, 0] if scalar else sizes)]
+    if scalar:  # the area tells the size, the colour the sign
         areas = (per_unit * spacing) ** 2 * np.abs(values[:, 0]) / most
         colors = np.where(values[:, 0] > 0, VERMILION, BLUE)
         axes.scatter(y, x, areas, colors, alpha=0.6, lw=0, urls=links)
@@ -104,16 +102,10 @@ def _board(field: Field, points: np.ndarray, values: np.ndarray) -> Figure:
     drawn = board_arrows(axes, points, values, VERMILION, scale=most / (1.15 * spacing))
     drawn.set(alpha=0.35 + 0.65 * sizes / most, urls=links)
     axes.plot(y, x, ".", color=VERMILION, ms=4)
-    key = {"labelpos": "E", "coordinates": "axes", "labelcolor": GREY}
-    # the arrow of the key points to the left like a positive y
-    axes.quiverkey(
-        drawn,
-        1.15 * spacing * per_unit / wide,
-        1 + 14 / tall,
-        most,
-        f"{number(most, 2)} {field['unit']}",
-        **key,
-    )
+    label = f"{number(most, 2)} {field['unit']}"
+    # a positive y points to the left: the key's arrow ends at its place
+    place = (1.15 * spacing * per_unit / wide, 1 + 14 / tall)
+    axes.quiverkey(drawn, *place, most, label, labelpos="E", labelcolor=GREY)
     aimed = focus(field)
     if aimed:
         words = "the arrows point at this place" if aimed[1] else "the arrows point away from it"
@@ -125,9 +117,7 @@ def _board(field: Field, points: np.ndarray, values: np.ndarray) -> Figure:
 
 def _spacing(points: np.ndarray) -> float:
     """Return the typical distance from a point to its nearest neighbour."""
-    apart = np.linalg.norm(points[:, None] - points[None], axis=2)
-    np.fill_diagonal(apart, np.inf)
-    nearest = apart.min(axis=1)
+    nearest = KDTree(points).query(points, k=2)[0][:, 1]
     return float(np.median(nearest)) if np.isfinite(nearest).all() else 0.1
 
 
@@ -138,59 +128,65 @@ def _curves(field: Field, points: np.ndarray, values: np.ndarray) -> Figure:
     axes.axhline(0, color=GREY, lw=1)
     for curve, color in zip(values.T, CYCLE, strict=False):
         axes.plot(at, curve, color=color, lw=2)
-        said = [
-            f"{number(a)}; {quantity(v, field['unit'])}" for a, v in zip(at, curve, strict=True)
+        links = [
+            hint(f"{field['axes'][0]}: {number(a)}; {quantity(v, field['unit'])}")
+            for a, v in zip(at, curve, strict=True)
         ]
-        links = [hint(f"{field['axes'][0]}: {words}") for words in said]
         axes.scatter(at, curve, 36, color, lw=0, urls=links, zorder=3)
     axes.set(xlabel=field["axes"][0], ylabel=f"missing force [{field['unit']}]")
     return figure
 
 
-_RESISTANCE = "return -k * mass * cable.vx, -k * mass * cable.vy"
-# what the force depends on → doc, parameters, body, unit and bound of k
-_LAWS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...], str, float]] = {
+_BRAKE = "return -k * mass * cable.vx, -k * mass * cable.vy"
+# what the force depends on → doc, body of the hook, unit of k
+_LAWS = {
     "place": (
         "Pulls towards a place: f = k m (p0 − p).",
-        ("k", "x0", "y0"),
         ("return k * mass * (x0 - cable.x), k * mass * (y0 - cable.y)",),
         "1/s²",
-        50.0,
     ),
     "resistance of place": (
         "Brakes about a place: f = −k m v e^(−|p − p0|² / 0.04 m²).",
-        ("k", "x0", "y0"),
         (
             "near = np.exp(-((cable.x - x0) ** 2 + (cable.y - y0) ** 2) / 0.04)",
             "return -k * mass * near * cable.vx, -k * mass * near * cable.vy",
         ),
         "1/s",
-        50.0,
     ),
-    "speed": ("Brakes with speed: f = −k m v.", ("k",), (_RESISTANCE,), "1/s", 50.0),
+    "speed": ("Brakes with speed: f = −k m v.", (_BRAKE,), "1/s"),
+    "endpoint": ("Brakes the endpoint alone: f = −k m v.", (_BRAKE,), "1/s"),
     "heading": (
         "Pushes across the cable: f = k m n, n the normal to the left.",
-        ("k",),
         ("return -k * mass * cable.ty, k * mass * cable.tx",),
         "m/s²",
-        50.0,
     ),
     "time": (
         "Brakes more as time goes on: f = −k m t v.",
-        ("k",),
         ("late = k * mass * cable.time_s", "return -late * cable.vx, -late * cable.vy"),
         "1/s²",
-        50.0,
     ),
     "bending": (
         "Resists bending: M = −k κ in every hinge.",
-        ("k",),
         ("return -k * cable.curvature",),
         "N m²",
-        1e-3,
     ),
-    "endpoint": ("Brakes the endpoint alone: f = −k m v.", ("k",), (_RESISTANCE,), "1/s", 50.0),
 }
+_CLASS = """{imports}from robotcast.effects.effect import Effect
+
+
+class MyEffect(Effect):
+    \"""{doc}\"""
+
+    def {hook}(self, cable, *, {parameters}):
+        {body}"""
+_SETTINGS = """_target_: robotcast.effects.my_effect.MyEffect
+text: what it is, in a few words
+parameters:
+  k: {{ unit: "{unit}", lower: -{bound}, upper: {bound}, null_at: 0.0, \
+probes: [{small}, {large}] }}"""
+_CENTRE = """
+  x0: {{ unit: m, lower: 0.0, upper: 1.6, nominal: {x:.2f}, probes: [{x:.2f}] }}
+  y0: {{ unit: m, lower: -1.2, upper: 1.2, nominal: {y:.2f}, probes: [{y:.2f}] }}"""
 
 
 def drafts(unexplained: Mapping[str, Any]) -> dict[str, str]:
@@ -201,40 +197,26 @@ def drafts(unexplained: Mapping[str, Any]) -> dict[str, str]:
     field, depends_on = unexplained.get("field"), unexplained["depends_on"]
     over_board = field and len(field["axes"]) == 2 and _finite(field)[1].shape[1] == 1
     kind = "resistance of place" if over_board else depends_on
-    doc, parameters, body, unit, bound = _LAWS.get(kind, _LAWS["place"])
-    at_end = depends_on == "endpoint" or bool(field and field.get("endpoint"))
-    mass = "cable.on_endpoint(cable.mass_kg[:, -1:])" if at_end else "cable.mass_kg"
-    hook = "bending_moment" if kind == "bending" else "force"
-    lines = [
-        *(["import numpy as np", ""] if "np." in body[0] else []),
-        "from robotcast.effects.effect import Effect",
-        "",
-        "",
-        "class MyEffect(Effect):",
-        f'    """{doc}"""',
-        "",
-        f"    def {hook}(self, cable, *, {', '.join(parameters)}):",
-        *([f"        mass = {mass}"] if hook == "force" else []),
-        *(f"        {line}" for line in body),
-    ]
-    top, small, large = (_decimal(bound / part) for part in (1, 50, 10))
-    settings = [
-        "_target_: robotcast.effects.my_effect.MyEffect",
-        "text: what it is, in a few words",
-        "parameters:",
-        f'  k: {{ unit: "{unit}", lower: -{top}, upper: {top}, null_at: 0.0, '
-        f"probes: [{small}, {large}] }}",
-    ]
-    if "x0" in parameters:
+    doc, body, unit = _LAWS.get(kind, _LAWS["place"])
+    bends, central = kind == "bending", "x0" in body[0]
+    if not bends:
+        at_end = depends_on == "endpoint" or bool(field and field.get("endpoint"))
+        mass = "cable.on_endpoint(cable.mass_kg[:, -1:])" if at_end else "cable.mass_kg"
+        body = (f"mass = {mass}", *body)
+    code = _CLASS.format(
+        imports="import numpy as np\n\n" if kind == "resistance of place" else "",
+        doc=doc,
+        hook="bending_moment" if bends else "force",
+        parameters="k, x0, y0" if central else "k",
+        body="\n        ".join(body),
+    )
+    # no exponents, which YAML would take for text
+    bound, small, large = ("0.001", "0.00002", "0.0001") if bends else ("50", "1", "5")
+    settings = _SETTINGS.format(unit=unit, bound=bound, small=small, large=large)
+    if central:
         x, y = _place(field)
-        settings += [
-            f"  x0: {{ unit: m, lower: 0.0, upper: 1.6, nominal: {x:.2f}, probes: [{x:.2f}] }}",
-            f"  y0: {{ unit: m, lower: -1.2, upper: 1.2, nominal: {y:.2f}, probes: [{y:.2f}] }}",
-        ]
-    return {
-        "src/robotcast/effects/my_effect.py": "\n".join(lines),
-        "conf/effect/my_effect.yaml": "\n".join(settings),
-    }
+        settings += _CENTRE.format(x=x, y=y)
+    return {"src/robotcast/effects/my_effect.py": code, "conf/effect/my_effect.yaml": settings}
 
 
 def _place(field: Field | None) -> tuple[float, float]:
@@ -246,8 +228,3 @@ def _place(field: Field | None) -> tuple[float, float]:
         return tuple(points[values[:, 0].argmax()].tolist())
     aimed = focus(field)
     return (float(aimed[0][0]), float(aimed[0][1])) if aimed else (0.9, 0.0)
-
-
-def _decimal(value: float) -> str:
-    """Write a number without an exponent, which YAML would take for text."""
-    return f"{value:.6f}".rstrip("0").rstrip(".")
