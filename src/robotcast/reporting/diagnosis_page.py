@@ -3,9 +3,11 @@
 Its prose stands in diagnosis.html and next_steps.html, chosen by codes.
 """
 
+import json
 import re
 import shlex
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import PurePosixPath
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -44,33 +46,6 @@ _NOT_KNOWN: dict[str, Any] = {
     "finished": True,
     "doing": "starting",
 }
-# code of an effect's status → what it is called, and what that means
-_STATUSES = {
-    "confirmed": ("confirmed", "refitted in full, and it lowers the error on held-out {trials}"),
-    "refitted": (
-        "refitted",
-        "refitted in full; the held-out error did not fall enough to keep it",
-    ),
-    "tried": (
-        "tried",
-        "fitted to the beginnings of some {trials}: others explain them clearly better",
-    ),
-    "screened": ("screened", "judged by a quick look only: too little promised to refit it"),
-    "touches nothing": (
-        "touches nothing",
-        "simulating it changes no prediction of this set, so it cannot be judged",
-    ),
-    "ignored by the model": ("ignored by the model", "the model does not react to it at all"),
-    "held at its null": (
-        "held at its null",
-        "it is configured so that it can never act",
-    ),
-    "your casts cannot tell": (
-        "your {trials} cannot tell",
-        "its trace in these {trials} is too faint to say present or absent",
-    ),
-}
-_UNTESTED = ("touches nothing", "ignored by the model", "held at its null")
 _NOT_ACTIONS = ("separates", "difference_percent", "why")
 
 
@@ -85,11 +60,6 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
         state=_state(d),
         rivals=_rivals(d),
         ladder=_ladder(d),
-        statuses={
-            code: [text.format(**d.words) for text in texts] for code, texts in _STATUSES.items()
-        },
-        judged=[r for r in d.ranking if r["status"] not in _UNTESTED],
-        untested=[r for r in d.ranking if r["status"] in _UNTESTED],
         sizes=_sizes,
         explained=[
             (r, inline(_slices_figure(r["slices"], d.unit), "Error before and after, by slice"))
@@ -107,18 +77,24 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
         pipeline=_pipeline_command(d),
         outputs=_outputs(d),
         actions=shlex.quote(f"{d.output}/actions.csv"),
-        where=[
-            ("The parts that hold most of the error", slices_block(c)),
-            ("Error over time", time_block(c)),
-            ("Error on the board", map_block(c)),
-            (f"Error against every number of the {d.words['group']}", factors_block(c)),
-        ]
-        if c
-        else [],
+        where=_where(json.dumps(c)) if c else None,
         casts=casts_block(c) if c and d.finished else None,  # what reloads itself cannot play
         rig=rig_name(d.rig),
         parameter_name=parameter_name,
     )
+
+
+@lru_cache(maxsize=1)  # a page that is rewritten while a diagnosis runs shows the same again
+def _where(comparison: str) -> dict[str, Markup]:
+    """Return the blocks that show where the base model fails."""
+    c = json.loads(comparison)
+    blocks = {
+        "slices": slices_block,
+        "time": time_block,
+        "map": map_block,
+        "factors": factors_block,
+    }
+    return {name: block(c) for name, block in blocks.items()}
 
 
 def _read(diagnosis: Mapping[str, Any]) -> SimpleNamespace:
