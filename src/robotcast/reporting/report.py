@@ -187,13 +187,13 @@ def _policy_figures(results: Results) -> list[PageFigure]:
         f"noise floor of the rest position. {rig_names(results.rigs).capitalize()}.",
         svg(errors_figure(ordered, floors)),
     )
+    figures = [errors]
     executed = [e for e in ordered if e.kind == "executed"]
-    by_cable = {c: [e for e in executed if e.cable == c] for c in {e.cable: 0 for e in executed}}
-    several = {c: shown for c, shown in by_cable.items() if len(shown) > 1}
-    return [
-        errors,
-        *(_targets(results, of, f"targets_{c}", cable_name(c)) for c, of in several.items()),
-    ]
+    for cable in dict.fromkeys(e.cable for e in executed):
+        several = [e for e in executed if e.cable == cable]
+        if len(several) > 1:
+            figures.append(_targets(results, several, f"targets_{cable}", cable_name(cable)))
+    return figures
 
 
 def _cable_figures(results: Results) -> list[PageFigure]:

@@ -66,7 +66,7 @@ _MATH = {
     "D_real": r"$D_\mathrm{real}$",
     "D_sim": r"$D_\mathrm{sim}$",
 }
-_NEEDLESS = r'<metadata>.*?</metadata>|<!--.*?-->| xmlns(:xlink)?="[^"]*"| id="[A-Za-z0-9.]+_\d+"'
+_NEEDLESS = r'<(metadata|style).*?</\1>|<!--.*?-->| xmlns(:xlink)?="[^"]*"| id="[A-Za-z0-9.]+_\d+"'
 
 
 @contextmanager
@@ -114,17 +114,21 @@ def inline(figure: Figure, title: str) -> Markup:
         text = buffer.getvalue()
     text = re.sub(_NEEDLESS, "", text[text.index("<svg") :], flags=re.S)
     text = re.sub(r'(width|height)="([\d.]+)pt"', r'\1="\2"', text)
-    text = re.sub(r'<a xlink:href="hint:\|([^"]*)"[^>]*>', r"<g><title>\1</title>", text)
-    picked = r'<g class="pick" data-trial="\1"><title>\2</title>'
-    text = re.sub(r'<a xlink:href="hint:(\d+)\|([^"]*)"[^>]*>', picked, text).replace(
-        "</a>", "</g>"
-    )
-    return Markup(text.replace("<svg", f'<svg role="img" aria-label="{escape(title)}"', 1))
+    text = re.sub(r'<a xlink:href="hint:(\d*)\|([^"]*)"[^>]*>', _hinted, text)
+    text = text.replace("</a>", "</g>")
+    looks = f'role="img" aria-label="{escape(title)}" stroke-linejoin="round"'
+    return Markup(text.replace("<svg", f"<svg {looks}", 1))
 
 
 def hint(text: str, trial: int | None = None) -> str:
     """Return the URL by which `inline` gives an artist a hint, and the trial that a click picks."""
     return f"hint:{'' if trial is None else trial}|{text}"
+
+
+def _hinted(found: re.Match[str]) -> str:
+    trial, words = found.groups()
+    pick = f' class="pick" data-trial="{trial}"' if trial else ""
+    return f"<g{pick}><title>{words}</title>"
 
 
 def board_axes(axes: Axes) -> None:
