@@ -120,6 +120,10 @@ def test_phases_are_marked_and_every_cast_stands_in_the_table(page) -> None:
     assert page.count('<tr class="pick"') == 60
 
 
+def test_dots_and_arrows_pick_their_cast(page) -> None:
+    assert page.count('<g class="pick" data-trial="3"><title>cast 3: ') >= 3
+
+
 def test_the_player_has_every_path(page) -> None:
     written = re.search(r'<script type="application/json" class="paths">(.*?)</script>', page, re.S)
     assert written is not None
