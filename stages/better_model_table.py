@@ -7,7 +7,6 @@ from omegaconf import DictConfig
 from stage import console, output_folder, stage
 
 from robotcast.files import write_text
-from robotcast.reporting.figures.style import style, svg
 from robotcast.reporting.names import effect_name, policy_name
 from robotcast.reporting.results import read_evaluation
 from robotcast.reporting.studies import (
@@ -18,6 +17,7 @@ from robotcast.reporting.studies import (
     ladder_figure,
     markdown,
 )
+from robotcast.reporting.style import style, svg
 from robotcast.tuning.revisions import REVISION
 
 TEXT = """# What a better model is worth to a policy

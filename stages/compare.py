@@ -21,7 +21,7 @@ from robotcast.effects.effect import Effect, parameters_of
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
-from robotcast.reporting.comparison.page import comparison_page
+from robotcast.reporting.comparison_page import comparison_page
 from robotcast.reporting.names import effect_name
 from robotcast.simulators.simulator import Simulator
 from robotcast.tuning.tuned import read_effects, read_values, vector_of

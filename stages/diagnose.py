@@ -22,7 +22,7 @@ from robotcast.effects.effect import Effect
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
-from robotcast.reporting.diagnosis.page import diagnosis_page
+from robotcast.reporting.diagnosis_page import diagnosis_page
 from robotcast.rigs.envelope import feasible_actions
 from robotcast.simulators.simulator import Simulator
 

@@ -9,7 +9,7 @@ from stage import console
 from robotcast.casts.action import Action
 from robotcast.casts.plan import plan_action
 from robotcast.files import atomic_file
-from robotcast.reporting.figures.motion import motion_svg
+from robotcast.reporting.motion import motion_svg
 from robotcast.rigs.rig import Rig
 from robotcast.rigs.ur5.rig import Ur5Rig
 

@@ -7,10 +7,10 @@ from omegaconf import DictConfig
 from stage import console, output_folder, stage
 
 from robotcast.files import write_text
-from robotcast.reporting.figures.style import style, svg
 from robotcast.reporting.names import dataset_name, policy_name
 from robotcast.reporting.results import read_evaluation
 from robotcast.reporting.studies import HEAD, Point, markdown, real_casts_figure
+from robotcast.reporting.style import style, svg
 
 TEXT = """# What real casts are worth
 

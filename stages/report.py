@@ -6,9 +6,8 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 from stage import console, output_folder, stage
 
-from robotcast.reporting.report import write_report
+from robotcast.reporting.report import RunFacts, write_report
 from robotcast.reporting.results import read_results
-from robotcast.reporting.run_facts import RunFacts
 
 
 def report(config: DictConfig) -> None:

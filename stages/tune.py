@@ -18,7 +18,7 @@ from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.noise_floor import noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
-from robotcast.reporting.revisions.page import Tuning, revisions_page
+from robotcast.reporting.revisions_page import Tuning, revisions_page
 from robotcast.tuning.asking import Problem
 from robotcast.tuning.certainty import Certainty, certainty, certainty_casts
 from robotcast.tuning.journal import Journal

@@ -8,8 +8,7 @@ from stage import console, output_folder, stage
 from robotcast.files import write_text
 from robotcast.reporting.names import cable_name, rig_names
 from robotcast.reporting.results import read_tuning
-from robotcast.reporting.studies import markdown
-from robotcast.reporting.tuning_sizes import SIZE_HEAD, size_rows
+from robotcast.reporting.studies import SIZE_HEAD, markdown, size_rows
 
 TEXT = """# How many casts to tune to?
 

@@ -20,7 +20,7 @@ from robotcast.diagnosis.decision import Unexplained, strengths
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.files import write_text
-from robotcast.reporting.diagnosis.page import diagnosis_page
+from robotcast.reporting.diagnosis_page import diagnosis_page
 
 SETS = ("whiffle", "bowling")
 ON_THE_RELEASE = (

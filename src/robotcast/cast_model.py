@@ -181,6 +181,7 @@ def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:
         return None
     return {
         "acts_on": "the endpoint" if field.endpoint else "the whole cable",
+        "endpoint": bool(field.endpoint),
         "axes": axes,
         "unit": "m/s²",
         "points": points.round(3).tolist(),

@@ -12,7 +12,7 @@ import pytest
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.next_trials import Further
-from robotcast.reporting.diagnosis.page import diagnosis_page
+from robotcast.reporting.diagnosis_page import diagnosis_page
 from tests.diagnosis.sliding_puck import (
     DEAD,
     DRAG_PER_S,

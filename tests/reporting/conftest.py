@@ -1,5 +1,6 @@
-"""A small data folder of the shapes that the stages write, made up without any rig."""
+"""A small data folder of the shapes that the stages write, without any rig."""
 
+import shutil
 from dataclasses import asdict
 from pathlib import Path
 
@@ -12,11 +13,12 @@ from robotcast.casts.action import ACTION_COLUMNS, Action
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
 from robotcast.measurements.writer import write_measurement_set
+from robotcast.reporting.results import Results, read_results
 
 LENGTHS_M = {"cable1": 0.63, "cable2": 0.65, "cable3": 0.65}
 
 
-def made_up_endpoints(actions: np.ndarray) -> np.ndarray:
+def smooth_endpoints(actions: np.ndarray) -> np.ndarray:
     """A smooth map from actions (n, 6) to endpoints (n, 2) on the right half of the board."""
     theta1, _, theta2, r2, alpha, vmax = actions.T
     angle = theta2 - 0.25 * theta1 * vmax / 2 - 0.12 * alpha
@@ -24,7 +26,7 @@ def made_up_endpoints(actions: np.ndarray) -> np.ndarray:
     return np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=1)
 
 
-def made_up_actions(count: int, rng: np.random.Generator) -> np.ndarray:
+def random_actions(count: int, rng: np.random.Generator) -> np.ndarray:
     """Actions (count, 6) in ranges like those of the real grid."""
     r2 = rng.uniform(0.55, 0.75, count)
     columns = (
@@ -57,16 +59,31 @@ def write_data(folder: Path, *, rig: str = "virtual", repeats: int = 5) -> Path:
 
 @pytest.fixture(scope="session")
 def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_data(tmp_path_factory.mktemp("made_up") / "data")
+    return write_data(tmp_path_factory.mktemp("results") / "data")
+
+
+@pytest.fixture(scope="session")
+def optimizers(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Results:
+    """Results in which the first cable was tuned by every optimizer."""
+    folder = tmp_path_factory.mktemp("optimizers") / "data"
+    shutil.copytree(data_folder, folder)
+    tuned = folder / "tuned" / "cable1"
+    for optimizer in ("bo", "gn"):
+        path = shutil.copytree(tuned / "segmented-de", tuned / f"segmented-{optimizer}")
+        facts = yaml.safe_load((path / "tuned.yaml").read_text())
+        facts |= {"optimizer": optimizer, "diverged_casts": 12}
+        facts["certainty"] = {"condition": 4e3, "least_known": ["a", "b"], "vague": ["a"]}
+        (path / "tuned.yaml").write_text(yaml.safe_dump(facts))
+    return read_results(folder)
 
 
 def _measured(cable: str, length_m: float, rig: str, rng) -> MeasurementSet:
-    actions = made_up_actions(50, rng)
+    actions = random_actions(50, rng)
     action_ids = np.concatenate([np.arange(50), np.arange(10)])
     t_s = np.arange(0, 2.01, 0.1)
     trials = []
     for trial, action_id in enumerate(action_ids.tolist()):
-        end = made_up_endpoints(actions[action_id : action_id + 1])[0] + rng.normal(0, 0.006, 2)
+        end = smooth_endpoints(actions[action_id : action_id + 1])[0] + rng.normal(0, 0.006, 2)
         grown = np.clip(t_s / 1.6, 0, 1)[:, None]
         start = np.array([0.6 + length_m, 0.0])
         bulge = np.stack([0.15 * np.sin(2 * np.pi * grown[:, 0]), 0.5 * grown[:, 0] * 0], axis=1)
@@ -128,9 +145,9 @@ def _write_tuned(folder: Path, measured: MeasurementSet, rng) -> None:
 
 def _write_simulated(folder: Path, rng) -> None:
     folder.mkdir(parents=True)
-    actions = made_up_actions(2500, rng)
+    actions = random_actions(2500, rng)
     columns = dict(zip(ACTION_COLUMNS, actions.T, strict=True))
-    ends = made_up_endpoints(actions)
+    ends = smooth_endpoints(actions)
     pl.DataFrame({**columns, "x": ends[:, 0], "y": ends[:, 1]}).write_parquet(
         folder / "casts.parquet"
     )
@@ -155,14 +172,14 @@ def _write_evaluation(
 ) -> None:
     cable = measured.cable
     far = {"real": 0.08, "simulated": 0.06, "mixed": 0.03}[dataset]
-    targets = made_up_endpoints(made_up_actions(16, np.random.default_rng(7)))
+    targets = smooth_endpoints(random_actions(16, np.random.default_rng(7)))
     rows = []
     for number, target in enumerate(targets):
         centre = target + rng.normal(0, far, 2)
         for repeat in range(repeats):
             end = centre + rng.normal(0, 0.015, 2) @ np.array([[1.0, 0.5], [0.0, 0.6]])
             error_m = float(np.linalg.norm(end - target))
-            action = dict(zip(ACTION_COLUMNS, made_up_actions(1, rng)[0], strict=True))
+            action = dict(zip(ACTION_COLUMNS, random_actions(1, rng)[0], strict=True))
             rows.append(
                 {
                     "kind": "executed",

@@ -6,12 +6,15 @@ import pytest
 from matplotlib.patches import Ellipse
 from matplotlib.text import Text
 
-from robotcast.reporting.figures.errors import errors_figure
-from robotcast.reporting.figures.overlay import overlay_figure
-from robotcast.reporting.figures.style import style, svg
-from robotcast.reporting.figures.targets import confidence_ellipse, targets_figure
-from robotcast.reporting.figures.trace import trace_figure
+from robotcast.reporting.figures import (
+    confidence_ellipse,
+    errors_figure,
+    overlay_figure,
+    targets_figure,
+    trace_figure,
+)
 from robotcast.reporting.results import Results, read_results
+from robotcast.reporting.style import style, svg
 
 
 @pytest.fixture(scope="module")
@@ -81,3 +84,11 @@ def test_two_repeats_make_no_ellipse(results) -> None:
         none = targets_figure([few], [None])
     assert len(many.findobj(Ellipse)) == 16
     assert len(none.findobj(Ellipse)) == 0
+
+
+def test_every_optimizer_has_a_trace(optimizers: Results) -> None:
+    (legend,) = trace_figure(optimizers.tunings, {"cable1": 0.8}).legends
+    assert {text.get_text() for text in legend.get_texts()} == {
+        *(f"Segmented, {name}" for name in ("DE", "BO (EI)", "Gauss–Newton")),
+        "noise floor",
+    }

@@ -2,7 +2,6 @@ import math
 
 import pytest
 
-from robotcast.reporting.inline_svg import Scale, nice_top, ticks
 from robotcast.reporting.numbers import error, number, odds, p_value, share, with_interval
 
 
@@ -41,9 +40,3 @@ def test_an_interval_sets_the_decimals() -> None:
     assert with_interval(-0.02491, -0.0268, -0.0231) == ("−0.0249", "−0.0268", "−0.0231")
     assert with_interval(7.13, 6.2, 8.04) == ("7.13", "6.20", "8.04")
     assert with_interval(1.14, None, None) == ("1.14", "–", "–")
-
-
-def test_ticks_are_round_and_inside() -> None:
-    assert ticks(0, 3.5, 6) == [0, 0.5, 1, 1.5, 2, 2.5, 3, 3.5]
-    assert nice_top([3.36, 1.0]) == 3.5 and nice_top([]) == 1.0
-    assert Scale(0, 2, 100, 0)(1) == 50

@@ -5,9 +5,9 @@ from dataclasses import replace
 import polars as pl
 import pytest
 
-from robotcast.reporting.report import make_page, write_report
-from robotcast.reporting.results import read_results
-from robotcast.reporting.run_facts import RunFacts
+from robotcast.reporting.figures import trace_figure
+from robotcast.reporting.report import RunFacts, glance, make_report, write_report
+from robotcast.reporting.results import Results, read_results
 from robotcast.tuning.revisions import Revision, keep_revision
 
 ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
@@ -46,7 +46,7 @@ def test_the_page_says_that_the_virtual_rig_is_not_a_robot(report) -> None:
 def test_the_same_results_give_the_same_page(data_folder, tmp_path) -> None:
     for room in ROOMS:
         shutil.copytree(data_folder / room / "cable2", tmp_path / room / "cable2")
-    pages = [make_page(read_results(tmp_path), FACTS).html() for _ in range(2)]
+    pages = [make_report(read_results(tmp_path), FACTS).html() for _ in range(2)]
     assert pages[0] == pages[1]
 
 
@@ -88,3 +88,47 @@ def test_the_ladder_of_revisions_is_drawn_from_base_to_effects(data_folder, tmp_
 
 def test_without_revisions_the_report_has_no_ladder(report) -> None:
     assert "fall from revision to revision" not in (report / "index.html").read_text()
+
+
+def test_it_names_the_policy_with_the_lowest_median(data_folder) -> None:
+    results = read_results(data_folder)
+    mixed = results.evaluation("cable2", "nn", "mixed")
+    assert mixed is not None
+    halved = mixed.casts.with_columns(mixed.casts["error_percent"] / 2)
+    better = replace(mixed, policy="residual", casts=halved)
+    rows = glance(replace(results, evaluations=(*results.evaluations, better)))
+    row = rows[1]
+    assert row["Cable"] == "Cable 2"
+    assert row["π_R2S2R median"] == f"{mixed.median_percent:.1f}%"
+    assert row["Best policy median"] == f"Residual {better.median_percent:.1f}%"
+    assert row["Its repeats scatter"] == f"{better.scatter_percent:.1f}%"
+
+
+def test_a_cable_without_casts_on_a_rig_has_no_best_policy(data_folder) -> None:
+    results = read_results(data_folder)
+    predicted = tuple(replace(e, kind="predicted") for e in results.evaluations)
+    rows = glance(replace(results, evaluations=predicted))
+    row = rows[0]
+    assert row["Best policy median"] == row["Its repeats scatter"] == "–"
+
+
+def test_a_simulator_with_an_effect_stands_beside_the_one_without(optimizers: Results) -> None:
+    base = next(t for t in optimizers.tunings if (t.cable, t.optimizer) == ("cable1", "de"))
+    better = {"test": {**base.facts["errors"]["test"], "waypoint_percent": 0.1}}
+    facts = {**base.facts, "effects": ["board_tilt"], "errors": {**base.facts["errors"], **better}}
+    both = replace(optimizers, tunings=(*optimizers.tunings, replace(base, facts=facts)))
+    (legend,) = trace_figure(both.tunings, {}).legends
+    drawn = {text.get_text() for text in legend.get_texts()}
+    assert {"Segmented, DE", "Segmented, DE + board tilt"} < drawn
+    report = make_report(both, RunFacts("demo", 0, ()))
+    figures = {figure.name for of in report.figures.values() for figure in of}
+    assert "overlay_cable1_segmented-de-board_tilt" in figures
+    assert any(text.startswith("Segmented, DE + board tilt: ") for _, text in report.run)
+
+
+def test_the_run_says_what_to_doubt(optimizers: Results) -> None:
+    texts = [text for _, text in make_report(optimizers, RunFacts("demo", 0, ())).run]
+    (newton,) = (text for text in texts if "Segmented, Gauss–Newton:" in text)
+    assert "12 diverged" in newton
+    assert "at a bound: planar_friction" in newton
+    assert "hardly told by the casts: a" in newton

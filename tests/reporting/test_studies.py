@@ -1,19 +1,25 @@
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 
-from robotcast.reporting.figures.style import style, svg
-from robotcast.reporting.results import Evaluation, read_evaluation
+from robotcast.reporting.results import Evaluation, Tuning, read_evaluation
 from robotcast.reporting.studies import (
     HEAD,
+    SIZE_HEAD,
     Point,
     change_rows,
     ladder_figure,
     markdown,
     real_casts_figure,
+    size_rows,
 )
+from robotcast.reporting.style import style, svg
+
+LENGTH_M = 0.5
 
 
 @pytest.fixture(scope="module")
@@ -30,10 +36,10 @@ def points(evaluations: dict[str, Evaluation], places: list[float]) -> list[Poin
 
 
 def test_a_point_tells_the_median_between_its_interval_and_the_quartiles(evaluations) -> None:
-    told = dict(zip(HEAD, Point("mixed", 20, evaluations["mixed"]).numbers, strict=True))
-    assert told["from"] <= told["median"] <= told["to"]
-    assert told["q1"] <= told["median"] <= told["q3"]
-    assert told["casts"] == 80
+    numbers = dict(zip(HEAD, Point("mixed", 20, evaluations["mixed"]).numbers, strict=True))
+    assert numbers["from"] <= numbers["median"] <= numbers["to"]
+    assert numbers["q1"] <= numbers["median"] <= numbers["q3"]
+    assert numbers["casts"] == 80
 
 
 def test_both_figures_are_the_same_bytes_again(evaluations) -> None:
@@ -54,7 +60,7 @@ def test_the_markdown_table_has_one_decimal_and_no_minus_before_zero() -> None:
     assert table == "| a | b | c |\n| --- | --- | --- |\n| 1 | 2.3 | 0.0 |\n"
 
 
-def test_the_change_between_two_places_is_told_group_by_group(evaluations) -> None:
+def test_the_change_between_two_places_is_given_group_by_group(evaluations) -> None:
     better = Point("real", 1, evaluations["mixed"])
     rows = change_rows([Point("real", 0, evaluations["real"]), better, *points(evaluations, [7])])
     change, low, high = evaluations["mixed"].change_from(evaluations["real"])
@@ -68,3 +74,38 @@ def test_policies_tested_at_other_targets_are_not_compared(evaluations) -> None:
     moved = evaluations["real"].casts.with_columns(pl.col("target_x") + 0.01)
     with pytest.raises(ValueError, match="no target at which casts of both"):
         evaluations["mixed"].change_from(replace(evaluations["real"], casts=moved))
+
+
+def tuning(casts: int, miss_m: Callable[[int], float], trials: range = range(30)) -> Tuning:
+    """Return a model that misses every waypoint of trial k by miss_m(k)."""
+    rows = [(k, 0.1 * j, 0.0, 0.0, miss_m(k), 0.0) for k in trials for j in range(4)]
+    columns = ["trial", "t", "x", "y", "x_predicted", "y_predicted"]
+    paths = pl.DataFrame(rows, schema=columns, orient="row").with_columns(split=pl.lit("test"))
+    error = {"waypoint_percent": 1.0, "final_percent": 2.0, "n_casts": casts}
+    facts = {
+        "cable": {"length_m": LENGTH_M},
+        "simulated_casts": 6100 * casts,
+        "errors": {"tune": error, "test": error},
+    }
+    return Tuning("cable1", "segmented", "de", facts, None, paths)
+
+
+def test_the_change_is_taken_cast_by_cast() -> None:
+    few, many = tuning(20, lambda k: 0.01 + 0.01 * k), tuning(60, lambda k: 0.005 + 0.01 * k)
+    first, second = (dict(zip(SIZE_HEAD, row, strict=True)) for row in size_rows([many, few]))
+    assert (first["Casts tuned to"], second["Casts tuned to"]) == (20, 60)
+    assert first["Change"] == "–"
+    # every cast is nearer by 5 mm, 1 % of the length, however far the casts differ
+    assert [second[name] for name in ("Change", "from", "to")] == pytest.approx([-1.0] * 3)
+
+
+def test_a_run_that_diverged_counts_one_cable_length() -> None:
+    few = tuning(20, lambda _k: 0.0)
+    many = tuning(60, lambda k: np.nan if k == 3 else 0.0)
+    assert size_rows([few, many])[1][6] == pytest.approx(100 / 30)
+
+
+def test_tunings_judged_on_other_casts_are_not_compared() -> None:
+    few, many = tuning(20, lambda _k: 0.0), tuning(60, lambda _k: 0.0, range(1, 31))
+    with pytest.raises(ValueError, match="tuned to 60 and to 20 casts was not judged on the same"):
+        size_rows([few, many])

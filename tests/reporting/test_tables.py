@@ -1,14 +1,76 @@
+import csv
+import io
+import shutil
+import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from robotcast.reporting.results import Results, read_results
-from robotcast.reporting.table import Table
-from robotcast.reporting.tables.cables import cables_table
-from robotcast.reporting.tables.parts import parts_table
-from robotcast.reporting.tables.policies import policies_table
-from robotcast.reporting.tables.tuning import tuning_table
+from robotcast.reporting.table import Cell, Group, Row, Table, to_latex
+from robotcast.reporting.tables import cables_table, parts_table, policies_table, tuning_table
+from robotcast.tuning.revisions import Revision
+
+TABLE = Table(
+    name="errors",
+    caption="Errors in % of cable length for π_R2S2R on D_real ∪ D_sim, 1\u202f200\u00a0casts.",
+    label_columns=("Model",),
+    groups=(Group("virtual rig", ("Median", "Q1")), Group("paper’s robot", ("Median", "Q1"))),
+    rows=(
+        Row(("π_RD",), (Cell(12.34), Cell(None), Cell(15, 0), Cell(11, 0))),
+        Row(("π_R2S2R",), (Cell(8.06, best=True), Cell(5.5), Cell(8, 0, True), Cell(5, 0))),
+    ),
+    reference=1,
+)
+
+
+def test_markdown_shows_percent_bold_and_what_was_not_run() -> None:
+    lines = TABLE.markdown().splitlines()
+    assert lines[0].startswith("| Model | virtual rig: Median | virtual rig: Q1 |")
+    assert lines[2] == "| π_RD | 12.3% | – | 15% | 11% |"
+    assert lines[3] == "| π_R2S2R | **8.1%** | 5.5% | **8%** | 5% |"
+    assert TABLE.caption in lines
+
+
+def test_csv_holds_plain_numbers() -> None:
+    rows = list(csv.reader(io.StringIO(TABLE.csv())))
+    assert rows[0][1] == "virtual rig: Median [% of cable length]"
+    assert rows[1] == ["π_RD", "12.340", "", "15.00", "11.00"]
+
+
+def test_latex_has_one_cell_for_every_column() -> None:
+    text = TABLE.latex()
+    bodies = [line for line in text.splitlines() if line.startswith(r"  $\pi_")]
+    assert [line.count("&") for line in bodies] == [4, 4]
+    assert r"\textbf{8.1\%}" in text
+    assert r"\cmidrule(lr){2-3} \cmidrule(lr){4-5}" in text
+
+
+def test_latex_writes_the_papers_symbols() -> None:
+    assert to_latex("π_R2S2R ∪ 5%") == r"$\pi_\mathrm{R2S2R}$ $\cup$ 5\%"
+    assert to_latex("a_b & c") == r"a\_b \& c"
+
+
+WIDE = replace(
+    TABLE,
+    groups=tuple(Group(f"a group of columns, {k}", ("Median", "Third")) for k in range(9)),
+    rows=(Row(("π_RD",), (Cell(12.34),) * 18),),
+)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="no LaTeX on this machine")
+@pytest.mark.parametrize("table", [TABLE, WIDE])
+def test_latex_compiles_and_fits_the_page(tmp_path: Path, table: Table) -> None:
+    packages = r"\documentclass{article}\usepackage{booktabs,graphicx}"
+    document = packages + "\\begin{document}\n" + table.latex() + "\\end{document}"
+    (tmp_path / "t.tex").write_text(document)
+    command = ["pdflatex", "-halt-on-error", "-interaction=nonstopmode", "t.tex"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-1500:]
+    assert "Overfull" not in done.stdout
 
 
 @pytest.fixture(scope="module")
@@ -117,3 +179,46 @@ def test_parts_tell_repeatability_from_the_models_share(results) -> None:
     away_x, away_y = casts["x"] - casts["predicted_x"], casts["y"] - casts["predicted_y"]
     inside = (away_x / 0.03) ** 2 + (away_y / 0.02) ** 2 < 5.991
     assert row["Model’s spread: Covered"] == pytest.approx(100 * inside.mean(), abs=0.1)
+
+
+def test_every_simulator_has_a_row_for_every_optimizer(optimizers: Results) -> None:
+    labels = [row.labels[0] for row in tuning_table(optimizers).rows]
+    assert labels == [
+        *(
+            f"{s}, {o}"
+            for s in ("PyBullet", "Hybrid", "Segmented")
+            for o in ("DE", "BO (EI)", "Gauss–Newton")
+        ),
+        "Noise floor (repeats)",
+    ]
+
+
+REVISION = Revision(
+    cable="cable1", rig="virtual", split="a", tuning_casts=20, heldout_casts=30,
+    simulator="segmented", optimizer="de", effects=("board_tilt",),
+    tuning_waypoint_error_percent=2.0, heldout_waypoint_error_percent=2.0,
+    heldout_final_error_percent=2.0, standard_error_percent=None, noise_floor_percent=None,
+    simulated_casts=100,
+)  # fmt: skip
+
+
+def test_a_row_with_an_effect_stands_where_it_helps(optimizers: Results) -> None:
+    first = optimizers.cables[0]
+    base = next(t for t in optimizers.tunings if (t.cable, t.optimizer) == (first.name, "de"))
+    error = base.error("test", "waypoint_percent") or 0.0
+    helps = replace(REVISION, cable=first.name, heldout_waypoint_error_percent=error - 0.5)
+    hurts = replace(helps, effects=("air_drag",), heldout_waypoint_error_percent=error + 0.5)
+    cables = (replace(first, revisions=(helps, hurts)), *optimizers.cables[1:])
+    rows = {r.labels[0]: r for r in tuning_table(replace(optimizers, cables=cables)).rows}
+    assert "Segmented, DE + air drag" not in rows
+    shown = rows["Segmented, DE + board tilt"].cells
+    assert shown[0].value == error - 0.5
+    assert [cell.value for cell in shown[2:]] == [None] * 10  # of other cables, and the paper
+
+
+def test_the_caption_says_who_was_given_how_much(optimizers: Results) -> None:
+    assert "Tuned to: " not in tuning_table(optimizers).caption
+    fewer = {**optimizers.tunings[0].facts, "simulated_casts": 48}
+    tunings = (replace(optimizers.tunings[0], facts=fewer), *optimizers.tunings[1:])
+    caption = tuning_table(replace(optimizers, tunings=tunings)).caption
+    assert "Tuned to: Segmented, BO (EI) 30 casts, 48 simulated; " in caption

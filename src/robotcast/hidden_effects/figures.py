@@ -8,7 +8,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 
 from robotcast.hidden_effects.outcome import Outcome
 from robotcast.hidden_effects.score import named_by
-from robotcast.reporting.figures.style import BLUE, GREY, VERMILION
+from robotcast.reporting.style import BLUE, GREY, VERMILION
 
 ENDS = ("none", "unknown")
 CONTROL, OUTSIDE = "none", "outside the library"

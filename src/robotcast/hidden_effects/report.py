@@ -14,7 +14,7 @@ from robotcast.hidden_effects.tables import (
     method_rows,
     size_rows,
 )
-from robotcast.reporting.figures.style import style, svg
+from robotcast.reporting.style import style, svg
 
 TITLES = {
     "criteria": "What is asked of the diagnosis",

@@ -3,28 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from robotcast.reporting.inline_svg import (
-    BLUE,
-    FAINT,
-    INK,
-    LINE,
-    SOFT,
-    VERMILION,
-    Scale,
-    drawing,
-    hint,
-    line,
-    nice_top,
-    tag,
-    text,
-)
 from robotcast.reporting.numbers import error
+from robotcast.reporting.style import BLUE, GREEN, GREY, INK, VERMILION, beside, canvas, hint, style
 
-_ROW, _BAR, _TOP = 48.0, 17.0, 34.0
-_LABELS, _VALUES = 168.0, 128.0
-_BASE, _OPEN = "#8a94a6", "#f8d9c0"
+_ROW, _LABELS = 48.0, 168.0  # pixels
+_BARS = {
+    "base": {"color": "#8a94a6"},
+    "model": {"color": BLUE},
+    "open": {"facecolor": "#f8d9c0", "edgecolor": VERMILION, "linestyle": (0, (4, 3))},
+}
 
 
 @dataclass(frozen=True)
@@ -49,145 +39,58 @@ class Rung:
     kind: str = "model"
     compared_to: float | None = None
 
-    @property
-    def furthest(self) -> float:
-        """The largest error that must fit into the drawing."""
-        return max((self.realised or 0.0) + (self.standard_error or 0.0), self.predicted or 0.0)
 
-
-def ladder(
-    rungs: Sequence[Rung],
-    floor: float | None,
-    unit: str = "%",
-    axis: str = "average error on held-out casts [% of cable length]",
-    width: float = 640.0,
-) -> Markup:
+@style(on_page=True)
+def ladder(rungs: Sequence[Rung], floor: float | None, axis: str, unit: str = "%") -> Figure:
     """Draw the rungs from top to bottom; errors, `floor` and whiskers in `unit`."""
-    top = nice_top([*(r.furthest for r in rungs), (floor or 0.0) * 1.15])
-    across = Scale(0.0, top, _LABELS, width - _VALUES)
-    bottom = _TOP + _ROW * len(rungs)
-    parts = [_axis(across, bottom, axis)]
+    figure, axes = canvas(640, 64 + _ROW * len(rungs), _LABELS, 128, 26, 38)
+    ends = [(r.realised or 0) + (r.standard_error or 0) for r in rungs]
+    most = max(*ends, *(r.predicted or 0 for r in rungs), 1.15 * (floor or 0))
+    axes.set(xlim=(0, 1.04 * most or 1), ylim=(len(rungs) - 0.4, -0.4), xlabel=axis, yticks=[])
+    axes.spines["bottom"].set_visible(False)
     if floor is not None:
-        parts.append(_floor(across, floor, unit, bottom))
-    for place, rung in enumerate(rungs):
-        parts.append(_rung(rung, across, _TOP + _ROW * place, unit))
-    return drawing(width, bottom + 38, f"Error ladder of {len(rungs)} models", *parts)
+        words = f"noise floor {error(floor, unit)}"
+        why = f"{words}: how far repeats lie from each other. No model can do better."
+        axes.axvspan(0, floor, color=GREEN, alpha=0.1, lw=0, url=hint(why))
+        axes.axvline(floor, ymax=1 + 12 / (_ROW * len(rungs)), color="#007a59", clip_on=False)
+        left = floor > 0.5 * most
+        looks = {"ha": "right" if left else "left", "color": "#00684b", "weight": "bold"}
+        beside(axes, words, floor, -0.4, -6 if left else 6, 6, **looks)
+    for row, rung in enumerate(rungs):
+        _names(axes, rung, row)
+        if rung.realised is not None:
+            _bar(axes, rung, row, unit)
+        if rung.predicted is not None:
+            axes.hlines(row + 0.3, 0, rung.predicted, color=INK, lw=1, ls=(0, (2, 3)))
+            axes.plot(rung.predicted, row + 0.3, "D", color=INK, mfc="white", ms=6)
+            words = f"predicted {error(rung.predicted, unit)}"
+            beside(axes, words, rung.predicted, row + 0.3, 10, -4, size=11, color="#374151")
+    return figure
 
 
-def _axis(across: Scale, bottom: float, label: str) -> Markup:
-    ticks = across.ticks(6)
-    parts = [line(across(t), _TOP - 8, across(t), bottom, stroke=FAINT) for t in ticks]
-    parts += [
-        text(across(t), bottom + 15, f"{t:g}", "middle", font_size=11, fill=SOFT) for t in ticks
-    ]
-    middle = (across.start + across.end) / 2
-    parts.append(text(middle, bottom + 31, label, "middle", font_size=11.5, fill=SOFT))
-    return tag("g", *parts)
-
-
-def _floor(across: Scale, floor: float, unit: str, bottom: float) -> Markup:
-    at = across(floor)
-    label = f"noise floor {error(floor, unit)}"
-    right = at < (across.start + across.end) / 2
-    return tag(
-        "g",
-        hint(f"{label}: how far repeats lie from each other. No model can do better."),
-        tag(
-            "rect",
-            x=across.start,
-            y=_TOP - 8,
-            width=at - across.start,
-            height=bottom - _TOP + 8,
-            fill="#009e73",
-            fill_opacity=0.1,
-        ),
-        line(at, _TOP - 22, at, bottom, stroke="#007a59", stroke_width=1.5),
-        text(
-            at + 6 if right else at - 6,
-            _TOP - 14,
-            label,
-            "start" if right else "end",
-            fill="#00684b",
-            font_weight=600,
-        ),
-    )
-
-
-def _rung(rung: Rung, across: Scale, y: float, unit: str) -> Markup:
-    parts = [
-        hint(_words(rung, unit)),
-        *_names(rung, y),
-        line(across.start, y - 6, across.start, y + _ROW - 8, stroke=LINE),
-    ]
-    if rung.realised is not None:
-        parts.append(_bar(rung, across, y, unit))
-    if rung.predicted is not None:
-        parts.append(_predicted(rung.predicted, across, y + _BAR + 11, unit))
-    return tag("g", *parts)
-
-
-def _names(rung: Rung, y: float) -> list[Markup]:
+def _names(axes: Axes, rung: Rung, row: int) -> None:
     """Write the label on one line or two, and the detail below it."""
-    rows = rung.label.replace(" + ", "\n+ ").split("\n")
-    if len(rows) > 2:
-        rows = [rows[0], f"{rows[1]} + {len(rows) - 2} more"]
-    size = 13.5 if len(rows) == 1 else 12.5
-    step = 16.0 if len(rows) == 1 else 13.5
-    labels = [
-        text(0, y + 13 + step * n, row, font_size=size, font_weight=600)
-        for n, row in enumerate(rows)
-    ]
-    below = y + 13 + step * len(rows)
-    return [*labels, text(0, below, rung.detail, font_size=11, fill=SOFT)]
+    lines = rung.label.replace(" + ", "\n+ ").split("\n")
+    if len(lines) > 2:
+        lines = [lines[0], f"{lines[1]} + {len(lines) - 2} more"]
+    size, step = (13.5, 16.0) if len(lines) == 1 else (12.5, 13.5)
+    for n, line in enumerate(lines):
+        beside(axes, line, 0, row, -_LABELS, -5 - step * n, size=size, weight="bold")
+    beside(axes, rung.detail, 0, row, -_LABELS, -5 - step * len(lines), size=11, color=GREY)
 
 
-def _bar(rung: Rung, across: Scale, y: float, unit: str) -> Markup:
+def _bar(axes: Axes, rung: Rung, row: int, unit: str) -> None:
     value, spread = rung.realised or 0.0, rung.standard_error or 0.0
-    middle = y + _BAR / 2
-    low, high = across(max(value - spread, 0.0)), across(value + spread)
-    fill, stroke = {"base": (_BASE, None), "open": (_OPEN, VERMILION)}.get(rung.kind, (BLUE, None))
-    width = max(across(value) - across.start, 1.0)
-    parts = [
-        tag(
-            "rect",
-            x=across.start,
-            y=y,
-            width=width,
-            height=_BAR,
-            fill=fill,
-            stroke=stroke,
-            stroke_dasharray="4 3" if stroke else None,
-        )
-    ]
+    words = f"{rung.label}: error {error(value, unit)}"
     if spread:
-        parts += [
-            line(low, middle, high, middle, stroke=INK, stroke_width=1.4),
-            line(low, middle - 4, low, middle + 4, stroke=INK, stroke_width=1.4),
-            line(high, middle - 4, high, middle + 4, stroke=INK, stroke_width=1.4),
-        ]
-    shown = [error(value, unit)]
+        words += f", standard error {error(spread, unit)}"
+        axes.errorbar(value, row, xerr=[[min(spread, value)], [spread]], color=INK, capsize=4)
+    (bar,) = axes.barh(row, value, 0.36, **_BARS[rung.kind])
+    bar.set_url(hint(words))
+    shown = error(value, unit)
+    beside(axes, shown, value + spread, row, 8, -5, size=15, weight="bold")
     if rung.compared_to:
         change = 100 * (value / rung.compared_to - 1)
         fallen = f"{'−' if change < 0 else '+'}{abs(change):.0f} %"
-        shown.append(tag("tspan", fallen, dx=8, font_size=11.5, font_weight=400, fill=SOFT))
-    parts.append(tag("text", *shown, x=high + 8, y=middle + 5, font_size=15, font_weight=700))
-    return tag("g", *parts)
-
-
-def _predicted(predicted: float, across: Scale, y: float, unit: str) -> Markup:
-    at = across(predicted)
-    return tag(
-        "g",
-        line(across.start, y, at - 5, y, stroke=INK, stroke_width=1, stroke_dasharray="2 3"),
-        tag("path", d=f"M{at - 5:.1f} {y:.1f}l5 -5l5 5l-5 5z", fill="#fff", stroke=INK),
-        text(at + 10, y + 4, f"predicted {error(predicted, unit)}", font_size=11, fill="#374151"),
-    )
-
-
-def _words(rung: Rung, unit: str) -> str:
-    known = [f"error {error(rung.realised, unit)}"] if rung.realised is not None else []
-    if rung.standard_error:
-        known.append(f"standard error {error(rung.standard_error, unit)}")
-    if rung.predicted is not None:
-        known.append(f"predicted {error(rung.predicted, unit)}")
-    return ": ".join([rung.label, ", ".join(known) or "not known yet"])
+        right = 16 + 9.8 * len(shown)
+        beside(axes, fallen, value + spread, row, right, -5, size=11.5, color=GREY)

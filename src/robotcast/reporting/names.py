@@ -22,6 +22,8 @@ _POLICIES = {
     ("residual", "mixed"): "Residual",
 }
 
+_FACTORS = {"theta1": "θ₁", "theta2": "θ₂", "alpha": "α", "r1": "r₁", "r2": "r₂", "vmax": "v_max"}
+
 
 def cable_name(cable: str) -> str:
     """cable1 → Cable 1."""
@@ -79,3 +81,13 @@ def thousands(number: float) -> str:
 def effect_name(effect: str) -> str:
     """board_tilt → board tilt."""
     return effect.replace("_", " ")
+
+
+def factor_name(name: str) -> str:
+    """theta1 → θ₁; a name without a symbol stays."""
+    return _FACTORS.get(name, name.replace("_", " "))
+
+
+def factor_label(name: str, unit: str) -> str:
+    """theta1, rad → θ₁ [rad]."""
+    return factor_name(name) if unit in ("", "1") else f"{factor_name(name)} [{unit}]"

@@ -1,15 +1,14 @@
-"""The report as one HTML file that needs nothing else."""
+"""How pages are written: one set of templates, which share a head, a style and filters."""
 
 import base64
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
-from importlib.resources import files
+from typing import Any
 
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from robotcast.reporting.table import Cell, Row, Table
+from robotcast.reporting.names import effect_name, thousands
+from robotcast.reporting.numbers import error, number, odds, p_value, quantity, share
 
 _SYMBOLS = {
     "π_R2S2R": "<i>π</i><sub>R2S2R</sub>",
@@ -22,78 +21,36 @@ _SYMBOLS = {
 }
 
 
-@dataclass(frozen=True)
-class PageFigure:
-    """A figure as the page shows it and as it lies in figures/."""
-
-    name: str
-    title: str
-    caption: str
-    svg: bytes
+def render(template: str, **given: Any) -> str:
+    """Return a template filled in; what is given is escaped, and a name it lacks is refused."""
+    return _TEMPLATES.get_template(template).render(**given)
 
 
-@dataclass(frozen=True)
-class Section:
-    """One question the page answers."""
-
-    title: str
-    text: str
-    table: Table | None
-    figures: tuple[PageFigure, ...]
+def block(template: str, name: str, *given: Any, **named: Any) -> Markup:
+    """Return a fragment of a page, written by a macro of a template."""
+    return getattr(_TEMPLATES.get_template(template).module, name)(*given, **named)
 
 
-@dataclass(frozen=True)
-class Glance:
-    """A small table of facts, a row a cable."""
-
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    caption: str
+def _symbols(text: str) -> Markup:
+    return Markup(re.sub("|".join(_SYMBOLS), lambda found: _SYMBOLS[found[0]], str(escape(text))))
 
 
-@dataclass(frozen=True)
-class Page:
-    """What the page says, from top to bottom.
-
-    Attributes
-    ----------
-    warnings : what a reader must know before any number.
-    run, commands : (name, text) pairs.
-    """
-
-    lead: str
-    warnings: tuple[str, ...]
-    glance: Glance
-    sections: tuple[Section, ...]
-    run: tuple[tuple[str, str], ...]
-    commands: tuple[tuple[str, str], ...]
-
-    def html(self) -> str:
-        """Write the page with its style and figures inside."""
-        template_folder = files("robotcast.reporting") / "template"
-        environment = Environment(
-            autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-        )
-        environment.filters["base64"] = lambda content: base64.b64encode(content).decode()
-        environment.filters["symbols"] = _with_symbols
-        environment.filters["cells"] = _cells
-        template = environment.from_string((template_folder / "page.html").read_text("utf-8"))
-        css = Markup((template_folder / "page.css").read_text("utf-8"))
-        return template.render(css=css, **vars(self))
-
-
-def _with_symbols(text: str) -> Markup:
-    pattern = "|".join(sorted(_SYMBOLS, key=len, reverse=True))
-    return Markup(re.sub(pattern, lambda found: _SYMBOLS[found[0]], str(escape(text))))
-
-
-def _cells(table: Table, row: Row) -> Sequence[tuple[str, Cell]]:
-    """Pair every cell with its CSS classes."""
-    pairs, at = [], 0
-    for index, group in enumerate(table.groups):
-        for column in range(len(group.columns)):
-            kinds = ["paper"] if index >= table.reference else []
-            kinds += ["first"] if column == 0 else []
-            pairs.append((" ".join(kinds), row.cells[at]))
-            at += 1
-    return pairs
+_TEMPLATES = Environment(
+    loader=PackageLoader("robotcast.reporting", "template"),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+_TEMPLATES.filters.update(
+    base64=lambda content: base64.b64encode(content).decode(),
+    symbols=_symbols,
+    effect_name=effect_name,
+    error=error,
+    number=number,
+    odds=odds,
+    p_value=p_value,
+    quantity=quantity,
+    share=share,
+    thousands=thousands,
+)

@@ -5,6 +5,7 @@ simulated/<cable>/, policies/<cable>/<policy>-<dataset>/ and
 evaluation/<cable>/<policy>-<dataset>/.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,8 +19,11 @@ from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.evaluating.error_parts import ErrorParts, error_parts, median_interval
 from robotcast.policies.learning.datasets import Examples, read_simulated
 from robotcast.reporting.names import method_name
-from robotcast.reporting.paired import median_change
 from robotcast.tuning.revisions import Revision, comparable_revisions
+
+_DRAWS, _SEED = 4000, 0
+_WITHIN_95 = -2 * np.log(0.05)  # of the squared distance in standard deviations, in the plane
+_ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
 
 
 @dataclass(frozen=True)
@@ -153,7 +157,7 @@ class Evaluation:
         """The 95 % interval of the median error, in % of cable length; None without casts."""
         if self.casts.is_empty():
             return None
-        return median_interval(list(self._errors_by_target.values()))
+        return median_interval(list(self.errors_by_target.values()))
 
     def change_from(self, other: "Evaluation") -> tuple[float, float, float]:
         """Return by how much of itself the median error changed from another policy's.
@@ -165,14 +169,14 @@ class Evaluation:
         ValueError
             When there is no such target.
         """
-        before, after = other._errors_by_target, self._errors_by_target
+        before, after = other.errors_by_target, self.errors_by_target
         both = [k for k in before if k in after]
         if not both:
             raise ValueError("the two policies have no target at which casts of both were tracked")
         return median_change([before[k] for k in both], [after[k] for k in both])
 
     @property
-    def _errors_by_target(self) -> dict[tuple[float, float], np.ndarray]:
+    def errors_by_target(self) -> dict[tuple[float, float], np.ndarray]:
         """Target (x, y) [m] → errors (repeats,) in % of cable length."""
         return {
             (float(x), float(y)): np.linalg.norm(xy - (x, y), axis=1) * self._per_metre
@@ -238,6 +242,18 @@ class Results:
         found = (e for e in self.evaluations if (e.cable, e.policy, e.dataset) == wanted)
         return next(found, None)
 
+    def best_tuning(self, cable: str) -> Tuning | None:
+        """Return the tuned simulator with the least average error on held-out casts of a cable."""
+        of = [(t.error("test", "waypoint_percent"), t) for t in self.tunings if t.cable == cable]
+        known = [(error, t) for error, t in of if error is not None]
+        return min(known, key=lambda pair: pair[0], default=(0, None))[1]
+
+    def best_policy(self, cable: str) -> Evaluation | None:
+        """Return the policy whose casts on a rig ended nearest to the targets, by the median."""
+        cast = [e for e in self.evaluations if e.cable == cable and e.kind == "executed"]
+        known = [(e.median_percent, e) for e in cast if e.median_percent is not None]
+        return min(known, key=lambda pair: pair[0], default=(0, None))[1]
+
 
 def read_results(data: Path) -> Results:
     """Read every result under `data`."""
@@ -258,8 +274,27 @@ def read_results(data: Path) -> Results:
     )
 
 
-_WITHIN_95 = -2 * np.log(0.05)  # of the squared distance in standard deviations, in the plane
-_ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
+def median_change(
+    before: Sequence[np.ndarray], after: Sequence[np.ndarray]
+) -> tuple[float, float, float]:
+    """Return by what share the median of all errors changed, and the 95 % interval of that.
+
+    The interval is a bootstrap over targets (Efron 1979), the same ones drawn before and after:
+    what makes a target hard makes it so for both, and cancels.
+
+    Parameters
+    ----------
+    before, after : ndarrays of shape (repeats,), one a target, in the same order; none is empty.
+    """
+    random, n = np.random.default_rng(_SEED), len(before)
+    drawn = (random.integers(n, size=n) for _ in range(_DRAWS))
+    changes = [_median(after, targets) / _median(before, targets) - 1 for targets in drawn]
+    low, high = np.percentile(changes, [2.5, 97.5])
+    return _median(after, range(n)) / _median(before, range(n)) - 1, float(low), float(high)
+
+
+def _median(errors: Sequence[np.ndarray], targets: Sequence[int] | np.ndarray) -> float:
+    return float(np.median(np.concatenate([errors[k] for k in targets])))
 
 
 def endpoints_by_target(casts: pl.DataFrame) -> list[tuple[int, np.ndarray, np.ndarray]]:

@@ -2,10 +2,10 @@
 
 import csv
 import io
+import re
 from dataclasses import dataclass
 
-MISSING = "–"
-
+_MISSING = "–"
 _LATEX = {
     "\\": r"\textbackslash{}",
     "&": r"\&",
@@ -29,18 +29,12 @@ _LATEX = {
     "\u202f": r"\,",
     "\u00a0": "~",
 }
+_SYMBOLS = re.compile("|".join(map(re.escape, sorted(_LATEX, key=len, reverse=True))))
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One number in % of cable length.
-
-    Attributes
-    ----------
-    value : None when it was not run.
-    digits : decimals to show.
-    best : shown in bold.
-    """
+    """One number in % of cable length, None when it was not run; the best is shown in bold."""
 
     value: float | None
     digits: int = 1
@@ -49,7 +43,7 @@ class Cell:
     @property
     def text(self) -> str:
         """The number as it is shown."""
-        return MISSING if self.value is None else f"{self.value:.{self.digits}f}%"
+        return _MISSING if self.value is None else f"{self.value:.{self.digits}f}%"
 
 
 @dataclass(frozen=True)
@@ -84,6 +78,15 @@ class Table:
     groups: tuple[Group, ...]
     rows: tuple[Row, ...]
     reference: int
+
+    def cells(self, row: Row) -> list[tuple[str, Cell]]:
+        """Pair every cell of a row with its CSS classes."""
+        kinds = [
+            " ".join(["paper"] * (index >= self.reference) + ["first"] * (column == 0))
+            for index, group in enumerate(self.groups)
+            for column in range(len(group.columns))
+        ]
+        return list(zip(kinds, row.cells, strict=True))
 
     def markdown(self) -> str:
         """Write as a Markdown table; a column's heading names its group."""
@@ -148,13 +151,7 @@ class Table:
 
 def to_latex(text: str) -> str:
     """Return `text` with the symbols used in tables written in LaTeX."""
-    parts, at = [], 0
-    symbols = sorted(_LATEX, key=len, reverse=True)
-    while at < len(text):
-        symbol = next((s for s in symbols if text.startswith(s, at)), text[at])
-        parts.append(_LATEX.get(symbol, symbol))
-        at += len(symbol)
-    return "".join(parts)
+    return _SYMBOLS.sub(lambda found: _LATEX[found[0]], text)
 
 
 def _latex_cell(cell: Cell) -> str:

@@ -1,1 +1,0 @@
-"""The page that says which physical effect a model lacks."""

@@ -1,0 +1,333 @@
+"""The report's figures: how tuning went, what tuned models predict, where policies' casts end."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import polars as pl
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse, Polygon, Wedge
+from matplotlib.ticker import FixedLocator, NullLocator
+
+from robotcast.policies.choosing.targets import reachable_outline, tool_sector
+from robotcast.policies.learning.datasets import Examples
+from robotcast.reporting.names import (
+    cable_name,
+    dataset_name,
+    policy_label,
+    policy_name,
+    rig_name,
+    rig_names,
+    thousands,
+)
+from robotcast.reporting.results import CableData, Evaluation, Tuning, endpoints_by_target
+from robotcast.reporting.style import (
+    BLACK,
+    BLUE,
+    CYCLE,
+    GREY,
+    ORANGE,
+    VERMILION,
+    board_axes,
+    fit_height,
+    math_text,
+)
+
+_QUANTILES = {"best": 0.0, "quarter": 0.25, "median": 0.5, "three quarters": 0.75, "worst": 1.0}
+_ERRORS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)  # ticks, % of cable length
+_LEAST, _MOST = 1.0, 100.0  # ends of the colours in % of cable length
+_BESIDE_M = 0.25  # what is shown beyond the axis of symmetry
+_UNSEEN = {"color": "#374151", "ms": 10, "mfc": "none", "mew": 0.8}
+_CHI2_95 = 5.991  # 95 % quantile of χ² with two degrees of freedom
+
+
+def trace_figure(tunings: Sequence[Tuning], floors: dict[str, float | None]) -> Figure:
+    """Draw the best error found against the casts simulated: a panel a cable, a line a tuning.
+
+    Parameters
+    ----------
+    floors : cable → noise floor of the average waypoint error in % of cable length.
+    """
+    cables = sorted({t.cable for t in tunings})
+    methods = sorted({t.method for t in tunings})
+    figure = Figure(figsize=(7.2, 3.8))
+    panels = figure.subplots(1, len(cables), sharex=True, sharey=True, squeeze=False)[0]
+    for axes, cable in zip(panels, cables, strict=True):
+        axes.set_title(cable_name(cable))
+        for tuning in tunings:
+            if tuning.cable == cable and tuning.trace is not None:
+                axes.plot(
+                    tuning.trace["simulated_casts"].to_numpy(),
+                    tuning.trace["best_percent"].to_numpy(),
+                    color=CYCLE[methods.index(tuning.method) % len(CYCLE)],
+                    lw=1.6,
+                    marker="." if len(tuning.trace) == 1 else "",
+                    drawstyle="steps-post",
+                    label=tuning.method,
+                )
+        floor = floors.get(cable)
+        if floor is not None:
+            axes.axhline(floor, color=GREY, lw=0.8, ls=(0, (1, 2)), label="noise floor")
+        axes.set_xlabel("simulated casts")
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(lambda value, _: thousands(value))
+    panels[0].set_ylim(bottom=0)
+    panels[0].set_ylabel("best average waypoint error\non tuning casts [% of cable length]")
+    rigs = tuple(sorted({t.facts.get("rig", "") for t in tunings} - {""}))
+    figure.suptitle(f"Tuned to casts of the {rig_names(rigs)}", fontsize=9.5)
+    shown = {
+        label: line
+        for axes in panels
+        for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    columns = min(4, len(shown))
+    figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=columns)
+    return figure
+
+
+def overlay_figure(tuning: Tuning, paths: pl.DataFrame, length_m: float) -> Figure:
+    """Draw measured and simulated paths of the casts at the quartiles of the average error.
+
+    Parameters
+    ----------
+    paths : the tuning's `test_paths`.
+    """
+    away = (pl.col("x") - pl.col("x_predicted")).pow(2) + (pl.col("y") - pl.col("y_predicted")).pow(
+        2
+    )
+    error = (100 / length_m * away.sqrt().mean()).alias("error")
+    casts = paths.group_by("trial").agg(error).sort("error", "trial")
+    figure = Figure(figsize=(11, 4))
+    axes = figure.subplots(1, len(_QUANTILES), sharex=True, sharey=True)
+    for panel, (label, quantile) in zip(axes, _QUANTILES.items(), strict=True):
+        cast = casts.row(round(quantile * (len(casts) - 1)), named=True)
+        path = paths.filter(pl.col("trial") == cast["trial"]).sort("t")
+        measured = path.select("x", "y").to_numpy()
+        simulated = path.select("x_predicted", "y_predicted").to_numpy()
+        joins = np.stack([measured, simulated])
+        panel.plot(joins[:, :, 1], joins[:, :, 0], color="#d1d5db", lw=0.7, zorder=1)
+        panel.plot(measured[:, 1], measured[:, 0], "o-", color=BLACK, ms=3, lw=1.0)
+        panel.plot(
+            simulated[:, 1], simulated[:, 0], "s--", color=VERMILION, ms=2.6, lw=1.2, alpha=0.9
+        )
+        panel.plot(*measured[-1, ::-1], "*", color=BLACK, ms=10)
+        panel.plot(*simulated[-1, ::-1], "*", color=VERMILION, ms=10)
+        panel.plot(0, 0, "^", color=GREY, ms=7, clip_on=False)
+        panel.set_title(f"{label}\ncast {cast['trial']}: {cast['error']:.1f} %")
+        board_axes(panel)
+        panel.label_outer()
+        if label != "median":
+            panel.set_xlabel("")
+    rig = rig_name(tuning.facts.get("rig", ""))
+    keys = (
+        ("o-", BLACK, 3, f"measured ({rig})"),
+        ("s--", VERMILION, 3, "simulated"),
+        ("*", GREY, 9, "where the free end rests"),
+        ("^", GREY, 7, "robot base"),
+    )
+    handles = [
+        figure.axes[0].plot([], [], kind, color=color, ms=size, label=label)[0]
+        for kind, color, size, label in keys
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    what = "average waypoint error in % of cable length"
+    figure.suptitle(f"{cable_name(tuning.cable)} · {tuning.method} · {what}", fontsize=10)
+    fit_height(figure, panel_in=1.8, around_in=1.6)
+    return figure
+
+
+def errors_figure(evaluations: Sequence[Evaluation], floors: dict[str, float | None]) -> Figure:
+    """Draw every cast's error, with quartiles, one column an evaluation, grouped by cable.
+
+    Parameters
+    ----------
+    floors : cable → noise floor of the final distance in % of cable length.
+    """
+    cables = list(dict.fromkeys(e.cable for e in evaluations))
+    figure = Figure(figsize=(max(5.0, 1.15 * len(evaluations) + 2.2), 4.0))
+    axes = figure.subplots()
+    golden = (np.sqrt(5) - 1) / 2
+    for place, evaluation in enumerate(evaluations):
+        errors = np.sort(np.maximum(evaluation.errors_percent, _ERRORS[0]))
+        beside = 0.5 * ((np.arange(len(errors)) * golden) % 1 - 0.5)  # neighbours stand apart
+        color = CYCLE[cables.index(evaluation.cable) % len(CYCLE)]
+        axes.plot(place + beside, errors, "o", color=color, ms=3, alpha=0.55, mew=0)
+        low, middle, high = np.percentile(errors, [25, 50, 75])
+        axes.plot([place, place], [low, high], color=BLACK, lw=5, alpha=0.35, solid_capstyle="butt")
+        axes.plot([place - 0.3, place + 0.3], [middle, middle], color=BLACK, lw=1.8)
+        axes.annotate(
+            f"{middle:.1f} %", (place + 0.33, middle), ha="left", va="center", fontsize=8.5
+        )
+        floor = floors.get(evaluation.cable)
+        if floor:
+            span = [place - 0.45, place + 0.45]
+            axes.plot(span, [floor, floor], color=GREY, lw=1.2, ls=(0, (2, 2)))
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(FixedLocator(list(_ERRORS)))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.grid(axis="y", color="#e5e7eb", lw=0.6)
+    axes.set_axisbelow(True)
+    axes.set_xlim(-0.6, len(evaluations) - 0.2)
+    labels = [f"{policy_label(e.policy, e.dataset)}\n{cable_name(e.cable)}" for e in evaluations]
+    axes.set_xticks(range(len(labels)), [math_text(n.replace(", ", "\n")) for n in labels])
+    axes.set_ylabel("final distance to target\n[% of cable length]")
+    axes.set_title(f"Errors on the {rig_names(tuple(sorted({e.rig for e in evaluations})))}")
+    handles = [
+        axes.plot([], [], "o", color=BLUE, ms=4, alpha=0.6, label="one cast")[0],
+        axes.plot([], [], color=BLACK, lw=1.8, label="median")[0],
+        axes.plot([], [], color=BLACK, lw=5, alpha=0.35, label="quartiles")[0],
+    ]
+    if any(floors.get(c) for c in cables):
+        handles += axes.plot([], [], color=GREY, lw=1.2, ls=(0, (2, 2)), label="noise floor")
+    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    return figure
+
+
+def board_errors_figure(evaluations: Sequence[Evaluation]) -> Figure:
+    """Draw one panel an evaluation: a disc a target, coloured by its casts' median error."""
+    columns = min(4, len(evaluations))
+    rows = -(-len(evaluations) // columns)
+    figure = Figure(figsize=(max(6.8, 2.6 * columns), 3.0 * rows))
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    drawn = None
+    for panel, evaluation in zip(panels.flat, evaluations, strict=False):
+        by_target = evaluation.errors_by_target
+        places = np.array(list(by_target))
+        errors = np.array([np.median(e) for e in by_target.values()])
+        drawn = panel.scatter(
+            places[:, 1],
+            places[:, 0],
+            c=np.clip(errors, _LEAST, _MOST),
+            cmap="cividis_r",
+            norm=LogNorm(_LEAST, _MOST),
+            s=130,
+            edgecolors="#6b7280",
+            linewidths=0.5,
+        )
+        for (x, y), error in zip(places, errors, strict=True):
+            panel.annotate(
+                f"{error:.0f}", (y, x), ha="center", va="center", fontsize=6.5
+            ).set_color("white" if error > 15 else "black")
+        for x, y in evaluation.unseen_m:
+            panel.plot(y, x, "o", mfc="none", mec="#6b7280", mew=0.5, ms=np.sqrt(130), ls="none")
+            panel.annotate("lost", (y, x), ha="center", va="center", fontsize=5)
+        panel.plot(0, 0, "k^", ms=6, clip_on=False)
+        name = policy_name(evaluation.policy, evaluation.dataset)
+        panel.set_title(
+            math_text(f"{cable_name(evaluation.cable)} · {name}\n")
+            + math_text(dataset_name(evaluation.dataset))
+        )
+        board_axes(panel)
+        panel.label_outer()
+        panel.margins(0.12)
+    for panel in panels.flat[len(evaluations) :]:
+        panel.set_axis_off()
+    if drawn is not None:
+        bar = figure.colorbar(drawn, ax=panels, shrink=0.7, ticks=[1, 3, 10, 30, 100])
+        bar.ax.set_yticklabels(["≤ 1", "3", "10", "30", "≥ 100"])
+        bar.set_label("median error at the target [% of cable length]")
+    fit_height(figure, panel_in=max(1.9, 6.0 / columns), around_in=1.2, rows=rows)
+    return figure
+
+
+def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData | None]) -> Figure:
+    """Draw targets with endpoints and ellipses over the reachable area, a panel an evaluation.
+
+    As the paper's figure repeat_multi_cable.
+    """
+    columns = min(4, len(evaluations))
+    rows = -(-len(evaluations) // columns)
+    figure = Figure(figsize=(max(6.8, 3.7 * columns), 4 * rows))
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    panels = grid.ravel()[: len(evaluations)]
+    for unused in grid.ravel()[len(evaluations) :]:
+        unused.remove()
+    repeated = False
+    for panel, evaluation, cable in zip(panels, evaluations, cables, strict=True):
+        if cable and cable.simulated:
+            _draw_areas(panel, cable.simulated)
+        for number, target, ends in endpoints_by_target(evaluation.casts):
+            _draw_target(panel, target, ends, CYCLE[number % len(CYCLE)])
+            repeated |= len(ends) > 2
+        for x, y in evaluation.unseen_m:
+            panel.plot(y, x, "*", **_UNSEEN, zorder=4)
+        panel.plot(0, 0, "k^", ms=7, clip_on=False, zorder=5)
+        median = np.median(evaluation.errors_percent)
+        name = policy_name(evaluation.policy, evaluation.dataset)
+        data = "" if evaluation.dataset == "none" else f" on {dataset_name(evaluation.dataset)}"
+        panel.set_title(
+            math_text(f"{cable_name(evaluation.cable)} · {name}{data}\n")
+            + f"{rig_name(evaluation.rig)}, median {median:.1f} % of cable length"
+        )
+        board_axes(panel)
+        panel.label_outer()
+        panel.tick_params(labelbottom=True)  # what stands below may be empty
+    _show_tested_half(panels[0], evaluations)
+    handles = _handles(repeated, any(e.unseen_m for e in evaluations))
+    figure.legend(handles=handles, loc="outside lower center", ncols=3)
+    fit_height(figure, panel_in=max(3.2, 6.2 / columns - 0.5), around_in=1.7, rows=rows)
+    return figure
+
+
+def confidence_ellipse(points_m: np.ndarray) -> tuple[np.ndarray, float, float, float]:
+    """Return centre (2,), full axes [m] and angle [rad] of the 95 % ellipse of points (n, 2).
+
+    The ellipse holds 95 % of a normal distribution with the points' mean and covariance.
+    """
+    values, vectors = np.linalg.eigh(np.cov(points_m.T))
+    small, large = 2 * np.sqrt(_CHI2_95 * np.maximum(values, 0))
+    angle = float(np.arctan2(vectors[1, 1], vectors[0, 1]))
+    return points_m.mean(axis=0), float(large), float(small), angle
+
+
+def _draw_areas(panel: Axes, simulated: Examples) -> None:
+    """Shade where the free end can rest, and the sector that the robot's hand sweeps."""
+    outline = reachable_outline(simulated.endpoints_m)
+    panel.add_patch(Polygon(outline[:, ::-1], fc="#e5e7eb", ec="#9ca3af", lw=0.8, zorder=0))
+    sector = tool_sector(simulated.actions)
+    half = np.degrees(sector.half_angle_rad)
+    looks = {"fc": "#fde68a", "ec": ORANGE, "lw": 0.8, "alpha": 0.75, "zorder": 1}
+    width = sector.outer_m - sector.inner_m
+    panel.add_patch(Wedge((0, 0), sector.outer_m, 90 - half, 90 + half, width=width, **looks))
+    panel.update_datalim(outline[:, ::-1])
+    panel.autoscale_view()
+
+
+def _show_tested_half(panel: Axes, evaluations: Sequence[Evaluation]) -> None:
+    """Cut off the half of the board without targets; it would be a mirror image."""
+    sides = {float(np.sign(y)) for e in evaluations for y in e.casts["target_y"]}
+    right, left = sorted(panel.get_xlim())
+    if len(sides) == 1:
+        right, left = (-_BESIDE_M, left) if sides == {1.0} else (right, _BESIDE_M)
+    panel.set_xlim(left, right)
+
+
+def _draw_target(panel: Axes, target: np.ndarray, ends: np.ndarray, color: str) -> None:
+    panel.plot(ends[:, 1], ends[:, 0], "o", color=color, ms=3.2, alpha=0.85, mew=0, zorder=3)
+    panel.plot(*target[::-1], "*", color=color, ms=10, mec="white", mew=0.6, zorder=4)
+    centre = ends.mean(axis=0)
+    if len(ends) > 2:
+        centre, large, small, angle = confidence_ellipse(ends)
+        looks = {"fc": color, "ec": color, "alpha": 0.25, "lw": 0, "zorder": 2}
+        turn = 90 - np.degrees(angle)
+        panel.add_patch(Ellipse(tuple(centre[::-1]), large, small, angle=turn, **looks))
+    line = np.stack([centre, target])
+    panel.plot(line[:, 1], line[:, 0], "--", color=color, lw=1.0, zorder=3)
+
+
+def _handles(ellipses: bool, unseen: bool) -> list:
+    """What the legend explains; without `ellipses` no target has repeats enough for one."""
+    axes = Figure().subplots()
+    drawn = [
+        axes.plot([], [], "*", color="#374151", ms=10, label="target")[0],
+        axes.plot([], [], "o", color="#374151", ms=4, label="where the free end came to rest")[0],
+        Polygon([(0, 0)], fc="#374151", alpha=0.25, label="95 % ellipse of the repeats"),
+        axes.plot([], [], "--", color="#374151", lw=1, label="mean endpoint to target")[0],
+        Polygon([(0, 0)], fc="#e5e7eb", ec="#9ca3af", label="reachable by the free end"),
+        Polygon([(0, 0)], fc="#fde68a", ec=ORANGE, label="swept by the robot’s hand"),
+    ]
+    if unseen:
+        drawn.append(axes.plot([], [], "*", **_UNSEEN, label="all casts lost in tracking")[0])
+    return drawn if ellipses else [*drawn[:2], *drawn[3:]]

@@ -1,1 +1,0 @@
-"""Figures, each a function from results to a matplotlib figure."""

@@ -1,0 +1,175 @@
+"""The page of model revisions: it reloads itself while a tuning runs, and stays afterwards."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
+
+from robotcast.reporting.ladder import Rung, ladder
+from robotcast.reporting.names import cable_name, effect_name, method_name, rig_name, thousands
+from robotcast.reporting.numbers import error
+from robotcast.reporting.page import render
+from robotcast.reporting.style import BLUE, GREEN, GREY, beside, canvas, inline, style
+from robotcast.tuning.revisions import Revision
+from robotcast.tuning.search import Batch
+
+_AXIS = "average waypoint error on held-out casts [% of cable length]"
+_LEVELS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)
+
+
+@dataclass(frozen=True)
+class Comparable:
+    """Revisions that were tuned to the same casts and judged on the same others."""
+
+    revisions: tuple[Revision, ...]
+
+    @property
+    def split(self) -> str:
+        """The casts' fingerprint."""
+        return self.revisions[0].split
+
+    @property
+    def best(self) -> Revision:
+        """The revision with the smallest held-out error; of equals, the one with fewer effects."""
+        return min(self.revisions, key=lambda r: (r.heldout_waypoint_error_percent, len(r.effects)))
+
+    def base_of(self, revision: Revision) -> Revision | None:
+        """Return the model without effects that another revision of its method adds to."""
+        found = (r for r in self.revisions if not r.effects and _method(r) == _method(revision))
+        return next(found, None)
+
+    @property
+    def budgets_differ(self) -> bool:
+        """Tell whether one revision was tuned with far more casts than another."""
+        casts = [r.simulated_casts for r in self.revisions]
+        return max(casts) > 1.2 * min(casts)
+
+    def figure(self) -> Figure:
+        """Draw the ladder."""
+        rungs = tuple(map(self._rung, self.revisions))
+        return ladder(rungs, self.revisions[0].noise_floor_percent, _AXIS)
+
+    def _rung(self, revision: Revision) -> Rung:
+        base = self.base_of(revision)
+        above = base if base is not revision else None
+        several = len(set(map(_method, self.revisions))) > 1
+        final = f"final error {error(revision.heldout_final_error_percent)}"
+        return Rung(
+            label=revision_name(revision.effects),
+            realised=revision.heldout_waypoint_error_percent,
+            standard_error=revision.standard_error_percent,
+            predicted=revision.predicted_waypoint_error_percent,
+            detail=_method(revision) if several else final,
+            kind="model" if revision.effects else "base",
+            compared_to=above.heldout_waypoint_error_percent if above else None,
+        )
+
+
+def comparable(revisions: Sequence[Revision]) -> tuple[Comparable, ...]:
+    """Sort revisions by the casts they were judged on, most revisions first."""
+    groups: dict[tuple[str, str], list[Revision]] = {}
+    for revision in revisions:
+        groups.setdefault((revision.cable, revision.split), []).append(revision)
+    ordered = sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
+    return tuple(Comparable(tuple(group)) for _, group in ordered)
+
+
+def revision_name(effects: Sequence[str]) -> str:
+    """("air_drag", "board_tilt") → + air drag + board tilt."""
+    return " ".join(f"+ {effect_name(e)}" for e in effects) or "base model"
+
+
+def _method(revision: Revision) -> str:
+    return method_name(revision.simulator, revision.optimizer)
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """A tuning that runs, or the last that ran.
+
+    Attributes
+    ----------
+    split : which casts it is tuned to and judged on, as in its revision.
+    trace : the batches so far.
+    """
+
+    cable: str
+    rig: str
+    split: str
+    simulator: str
+    optimizer: str
+    effects: tuple[str, ...]
+    noise_floor_percent: float | None
+    trace: Sequence[Batch] = ()
+    finished: bool = False
+
+
+def revisions_page(revisions: Sequence[Revision], tuning: Tuning) -> str:
+    """Return the page of all revisions beside the tuning that adds one to them."""
+    groups = comparable(revisions)
+    here = next((g for g in groups if g.split == tuning.split), None)
+    own = _revision_of(here, tuning, tuning.effects) if tuning.finished else None
+    return render(
+        "revisions.html",
+        tuning=tuning,
+        cable=cable_name(tuning.cable),
+        rig=rig_name(tuning.rig),
+        method=method_name,
+        name=revision_name,
+        own=own,
+        base=here.base_of(own) if here and own else None,
+        here=here,
+        drawn=lambda group: inline(group.figure(), "Error ladder"),
+        search=_search(tuning, here),
+        others=[g for g in groups if g is not here],
+    )
+
+
+def _revision_of(
+    here: Comparable | None, tuning: Tuning, effects: Sequence[str]
+) -> Revision | None:
+    """Return the revision of the tuning's method with these effects."""
+    wanted = (tuning.simulator, tuning.optimizer, tuple(sorted(effects)))
+    found = here.revisions if here else ()
+    return next((r for r in found if (r.simulator, r.optimizer, r.effects) == wanted), None)
+
+
+def _search(tuning: Tuning, here: Comparable | None) -> Markup | None:
+    if not tuning.trace:
+        return None
+    base = None if tuning.finished and not tuning.effects else _revision_of(here, tuning, ())
+    level = base.tuning_waypoint_error_percent if base else None
+    return inline(_search_figure(tuning, level), "The best error so far")
+
+
+@style(on_page=True)
+def _search_figure(tuning: Tuning, base: float | None) -> Figure:
+    """Draw the best error so far against the casts simulated for it, beside the base model's."""
+    best = [batch.best_percent for batch in tuning.trace]
+    casts = np.cumsum([batch.casts for batch in tuning.trace])
+    figure, axes = canvas(480, 260, 52, 62, 14, 46)
+    axes.step(casts, best, where="post", color=BLUE, lw=2.2)
+    axes.plot(casts[-1], best[-1], "o", color=BLUE, ms=8, clip_on=False)
+    beside(axes, error(best[-1]), casts[-1], best[-1], 8, -4, color=BLUE, weight="bold")
+    floor = tuning.noise_floor_percent
+    base_words = f"base model {error(base)}"
+    for level, words, color, up in (
+        (base, base_words, GREY, 4),
+        (floor, "noise floor", GREEN, -13),
+    ):
+        if level:
+            axes.axhline(level, color=color, lw=1, ls=(0, (3, 4)))
+            beside(axes, words, casts[-1], level, -4, up, ha="right", size=11, color=color)
+    known = [v for v in (*best, base, floor) if v]
+    axes.set(xlim=(0, casts[-1]), yscale="log", ylim=(min(known) / 1.25, max(known) * 1.15))
+    axes.grid(axis="x", visible=False)
+    axes.yaxis.set_major_locator(FixedLocator(_LEVELS))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_major_locator(MaxNLocator(4))
+    axes.xaxis.set_major_formatter(lambda value, _: thousands(value))
+    axes.set(xlabel="simulated casts", ylabel="best error on tuning casts [%]")
+    return figure

@@ -1,0 +1,196 @@
+"""The comparison page says what the comparison says, whatever data there were."""
+
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robotcast.diagnosis.compare import compare
+from robotcast.reporting.comparison_page import (
+    casts_block,
+    comparison_page,
+    factors_block,
+    map_block,
+    time_block,
+)
+from tests.diagnosis.made_up_trials import SCALE, TIMES_S, WORDS, MadeUp, made_up
+
+EMPTY = {"meta", "link", "br", "input", "circle", "polyline", "path", "rect"}
+
+
+def wrong_above(alpha: float):
+    return lambda r: np.full(r.measured.shape, 0.02 * (r.factors["alpha"] > alpha))
+
+
+def compared(made: MadeUp, notes: tuple[str, ...] = ()) -> dict[str, Any]:
+    found = compare(
+        made.records,
+        made.predicted,
+        scale=SCALE,
+        error_unit="% of cable length",
+        wording=WORDS,
+    )
+    given = {"rig": "virtual", "measurements": "sets/one", "model": "a tuned simulator"}
+    # what the page gets has gone through a file
+    return json.loads(json.dumps({**given, "notes": list(notes), **found.as_dict()}))
+
+
+def one_component() -> MadeUp:
+    made = made_up(groups=6)
+    records = [replace(r, measured=r.measured[:, :1]) for r in made.records]
+    return MadeUp(records, made.predicted[..., :1])
+
+
+def gappy() -> MadeUp:
+    made = made_up(groups=4)
+    kept = [
+        np.delete(np.arange(len(TIMES_S)), slice(5 + r.trial, 9 + r.trial)) for r in made.records
+    ]
+    records = [
+        replace(r, times_s=r.times_s[k], measured=r.measured[k])
+        for r, k in zip(made.records, kept, strict=True)
+    ]
+    return MadeUp(records, made.predicted)
+
+
+def diverged(rows: slice) -> MadeUp:
+    made = made_up(groups=5)
+    made.predicted[rows] = np.nan
+    return made
+
+
+def one_sample() -> MadeUp:
+    made = made_up(groups=1, repeats=1)
+    record = replace(made.records[0], times_s=TIMES_S[:1], measured=made.records[0].measured[:1])
+    return MadeUp([record], made.predicted[:, :1])
+
+
+class Balance(HTMLParser):
+    """Notes elements that are closed without having been opened, or never closed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.wrong: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        if tag not in EMPTY:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: object) -> None:
+        pass
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in EMPTY and (not self.open or self.open.pop() != tag):
+            self.wrong.append(tag)
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    return comparison_page(compared(made_up(wrong=wrong_above(1.5))))
+
+
+def test_the_page_needs_nothing_else(page) -> None:
+    assert not re.findall(r'(?:src|href)="(?!data:|#)[^"]*"|url\((?!data:|#)|@import', page)
+
+
+def test_the_command_goes_on_with_the_simulator_that_was_compared() -> None:
+    page = comparison_page(
+        {**compared(made_up(wrong=wrong_above(1.5))), "overrides": ["simulator=hybrid"]}
+    )
+    assert "python stages/diagnose.py simulator=hybrid measurements=sets/one" in page
+
+
+def test_the_head_says_the_error_beside_noise_where_it_sits_and_what_to_do(page) -> None:
+    head = page[: page.index("When: error over time")]
+    assert "The model errs by more than noise" in head
+    assert re.search(r"misses a waypoint by [\d.]+\u202f% of cable length on average; noise", head)
+    assert "Casts with alpha above 1.45 rad hold" in head
+    assert "python stages/diagnose.py measurements=sets/one output=OUT" in head
+    assert "virtual rig" in head and "60 casts of 30 actions" in head
+
+
+def test_phases_are_marked_and_every_cast_stands_in_the_table(page) -> None:
+    for phase in ("swing", "coast", "rest"):
+        assert f">{phase}</text>" in page
+    assert page.count('<tr class="pick"') == 60
+
+
+def test_dots_and_arrows_pick_their_cast(page) -> None:
+    assert page.count('<g class="pick" data-trial="3"><title>cast 3: ') >= 3
+
+
+def test_the_player_has_every_path(page) -> None:
+    written = re.search(r'<script type="application/json" class="paths">(.*?)</script>', page, re.S)
+    assert written is not None
+    trials = json.loads(written[1])["trials"]
+    assert len(trials) == 60
+    for trial in trials:
+        assert len(trial["measured"][0]) == len(trial["predicted"][0]) == len(trial["t"])
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        made_up(groups=1, repeats=1),
+        made_up(groups=12, repeats=1),
+        one_sample(),
+        one_component(),
+        gappy(),
+        diverged(slice(2, 3)),
+        diverged(slice(None)),
+    ],
+    ids=["one cast", "no repeats", "one waypoint", "one component", "gaps", "diverged", "all lost"],
+)
+def test_a_page_is_whole_whatever_the_data(made: MadeUp) -> None:
+    text = comparison_page(compared(made))
+    balance = Balance()
+    balance.feed(text)
+    assert not balance.wrong and not balance.open
+    assert not re.search(r"\bnan\b|\bNone\b|\binf\b", text)
+    assert text.count('<tr class="pick"') == len(made.records)
+
+
+def test_without_repeats_the_page_asks_for_some() -> None:
+    text = comparison_page(compared(made_up(groups=12, repeats=1)))
+    assert "The noise is not known well enough" in text
+    assert "No action was repeated" in text
+
+
+def test_a_right_model_is_not_sent_to_diagnosis() -> None:
+    text = comparison_page(compared(made_up(groups=12, repeats=3)))
+    assert "as good as these repeats can show" in text
+    assert "stages/diagnose.py" not in text
+    assert "No part of the casts holds clearly more" in text
+
+
+def test_diverged_casts_and_notes_are_told() -> None:
+    text = comparison_page(compared(diverged(slice(2, 3)), notes=("The tool log is missing.",)))
+    assert "The simulation of cast 2 diverged; each counts with an error of 100 %" in text
+    assert "The tool log is missing." in text
+
+
+def test_names_from_data_are_escaped() -> None:
+    plain = compared(made_up(groups=4))
+    plain["measurements"] = "<b>&</script>"
+    plain["trials"][0]["phases"] = {"</script><b>": 0.0}
+    text = comparison_page(plain)
+    assert "<b>&" not in text and "</script><b>" not in text
+
+
+def test_blocks_stand_alone_in_other_pages() -> None:
+    plain = compared(made_up(groups=8))
+    for block in (time_block, map_block, factors_block, casts_block):
+        balance = Balance()
+        balance.feed(block(plain))
+        assert not balance.wrong and not balance.open
+    assert map_block(compared(one_component())) == ""
+
+
+def test_the_same_comparison_gives_the_same_page() -> None:
+    plain = compared(made_up(groups=8))
+    assert comparison_page(plain) == comparison_page(plain)

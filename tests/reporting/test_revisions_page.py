@@ -1,0 +1,124 @@
+"""The ladder of revisions, live while a tuning runs and afterwards."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from robotcast.reporting.ladder import Rung, ladder
+from robotcast.reporting.revisions_page import Tuning, comparable, revisions_page
+from robotcast.reporting.style import inline
+from robotcast.tuning.revisions import Revision
+from robotcast.tuning.search import Batch
+
+BASE = Revision(
+    cable="cable1", rig="virtual", split="aaaa", tuning_casts=20, heldout_casts=30,
+    simulator="segmented", optimizer="de", effects=(), tuning_waypoint_error_percent=2.46,
+    heldout_waypoint_error_percent=3.12, heldout_final_error_percent=4.05,
+    standard_error_percent=0.24, noise_floor_percent=0.76, simulated_casts=14000,
+)  # fmt: skip
+TILT = replace(
+    BASE, effects=("board_tilt",), heldout_waypoint_error_percent=1.04,
+    tuning_waypoint_error_percent=0.97, predicted_waypoint_error_percent=1.31,
+    sizes={"board_tilt.sy": {"value": -0.0249, "unit": "1"}},
+)  # fmt: skip
+TRACE = tuple(Batch(800, float(b), float(2 * b), 0) for b in 1 + 8 * np.exp(-np.arange(12) / 3))
+
+
+def tuning(effects=("board_tilt",), trace=TRACE, finished=False) -> Tuning:
+    return Tuning(
+        cable="cable1", rig="virtual", split="aaaa", simulator="segmented", optimizer="de",
+        effects=effects, noise_floor_percent=0.76, trace=trace, finished=finished,
+    )  # fmt: skip
+
+
+def words(page: str) -> str:
+    body = re.sub(r"<style>.*?</style>", "", page, flags=re.S)
+    text = re.sub(r"<[^>]+>", " ", body)
+    return re.sub(r"\s+", " ", text.replace("\u202f", " ").replace("\u2011", "-"))
+
+
+def test_while_it_runs_the_page_reloads_and_shows_the_best_so_far_beside_the_base() -> None:
+    page = revisions_page([BASE], tuning())
+    assert '<meta http-equiv="refresh"' in page
+    assert f"Best so far: {TRACE[-1].best_percent:.2f} % of cable length" in words(page)
+    assert "after 12 batches" in words(page)
+    assert "base model 2.46 %" in words(page)
+
+
+def test_afterwards_it_says_how_far_the_error_fell() -> None:
+    page = revisions_page([BASE, TILT], tuning(finished=True))
+    assert "refresh" not in page
+    assert "With board tilt, the error on held-out casts fell from 3.12 % to 1.04 %" in words(page)
+    assert "−67 %" in page and "predicted 1.31" in words(page)
+    assert "sy −0.0249" in words(page)
+
+
+def test_the_first_tuning_of_a_set_has_a_page_from_its_start() -> None:
+    assert "No revision of this set" in revisions_page([], tuning((), ()))
+
+
+def test_a_model_that_became_worse_is_called_so() -> None:
+    worse = replace(TILT, heldout_waypoint_error_percent=3.5)
+    page = revisions_page([BASE, worse], tuning(finished=True))
+    assert "rose from 3.12 % to 3.50 %" in words(page)
+
+
+def test_revisions_of_other_casts_stand_apart() -> None:
+    other = replace(BASE, split="bbbb", heldout_waypoint_error_percent=0.5)
+    page = revisions_page([BASE, other, TILT], tuning(finished=True))
+    ladder = page[: page.index("Every revision")]
+    assert "0.50" not in words(ladder)
+    assert "Judged on other casts" in page
+
+
+def test_falls_are_from_the_base_of_the_same_method() -> None:
+    other = replace(BASE, simulator="hybrid", heldout_waypoint_error_percent=6.0)
+    figure = inline(comparable([BASE, TILT, other])[0].figure(), "ladder")
+    assert "−67 %" in figure and len(re.findall(r">[−+]\d+ %<", figure)) == 1
+    assert "Hybrid, DE" in figure
+
+
+def test_unequal_budgets_are_said() -> None:
+    longer = replace(TILT, simulated_casts=60000)
+    assert "not tuned with the same number" in revisions_page([BASE, longer], tuning())
+
+
+def test_the_page_needs_nothing_else() -> None:
+    page = revisions_page([BASE, TILT], tuning())
+    assert not re.findall(r'(?:src|href)="(?!data:|#)', page) and "<script" not in page
+    assert page == revisions_page([BASE, TILT], tuning())
+
+
+RUNGS = (
+    Rung("base model", 3.12, 0.24, kind="base"),
+    Rung("+ board tilt", 1.04, 0.09, predicted=1.31, compared_to=3.12),
+)
+
+
+def bar_widths(rungs: tuple[Rung, ...], floor: float | None) -> list[float]:
+    axes = ladder(rungs, floor, "error").axes[0]
+    return [
+        bar.get_width() for bars in axes.containers for bar in bars if hasattr(bar, "get_width")
+    ]
+
+
+def test_bars_are_as_long_as_errors_are_large() -> None:
+    assert bar_widths(RUNGS, 0.76) == [3.12, 1.04]
+
+
+def test_each_rung_says_its_error_what_was_predicted_and_how_far_it_fell() -> None:
+    figure = inline(ladder(RUNGS, 0.76, "error"), "ladder")
+    assert "1.04\u202f%" in figure and "predicted 1.31\u202f%" in figure and "−67 %" in figure
+    assert "noise floor 0.76\u202f%" in figure
+
+
+def test_a_rung_that_is_only_predicted_has_no_bar() -> None:
+    rungs = (RUNGS[0], Rung("+ air drag", None, predicted=2.0))
+    assert len(bar_widths(rungs, None)) == 1
+    figure = inline(ladder(rungs, None, "error"), "ladder")
+    assert "predicted 2.00" in figure and "noise floor" not in figure
+
+
+def test_names_are_escaped() -> None:
+    assert "<b>" not in inline(ladder((Rung("<b>", 1.0),), None, "<b>"), "<b>")
