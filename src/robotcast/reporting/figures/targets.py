@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, Polygon, Wedge
 
-from robotcast.policies.choosing.targets import reachable_outline, tool_sector
-from robotcast.policies.learning.datasets import Examples
+from robotcast.policies.datasets import Examples
+from robotcast.policies.targets import reachable_outline, tool_sector
 from robotcast.reporting.figures.style import CYCLE, ORANGE, board_axes, fit_height, math_text
 from robotcast.reporting.names import cable_name, dataset_name, policy_name, rig_name
 from robotcast.reporting.results import CableData, Evaluation, endpoints_by_target

@@ -1,15 +1,20 @@
-"""Where policies are tested, and the areas drawn behind the targets (paper, "Experiments")."""
+"""Where policies are tested (paper, "Experiments"), and what their errors there are made of."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from scipy.cluster.vq import kmeans2
 
 from robotcast.casts.action import ACTION_COLUMNS
-from robotcast.policies.choosing.choice import rest_side
+from robotcast.measurements.table import read_table
 
 _CELL_M = 0.05
 _EDGE_M = 0.1
 _OUTLINE_BINS = 72
+_BOOTSTRAP_DRAWS, _BOOTSTRAP_SEED = 2000, 0
+_TURNS = "theta1", "r1", "theta2", "r2"
 
 
 @dataclass(frozen=True)
@@ -35,6 +40,34 @@ class Sector:
     half_angle_rad: float
 
 
+def rest_side(endpoints_m: np.ndarray) -> float:
+    """Return +1 when most of `endpoints_m` (n, 2) lie on the left half (y > 0), −1 otherwise."""
+    return 1.0 if np.median(endpoints_m[:, 1]) > 0 else -1.0
+
+
+def read_targets(path: Path, board: Board) -> np.ndarray:
+    """Read one target a row, columns x and y [m] in the robot base's frame, as (k, 2).
+
+    Columns with other names are ignored. Raises ValueError, naming the row, for what is no
+    finite number or lies off the board.
+    """
+    if not path.is_file():
+        raise ValueError(f"{path}: there is no such file; expected a table of targets")
+    table = read_table(path, ("x", "y"))
+    x, y = table.columns["x"], table.columns["y"]
+    if not len(x):
+        raise ValueError(f"{path}: holds no target")
+    length, half = board.length_m, board.width_m / 2
+    table.refuse_where(
+        (x < 0) | (x > length) | (np.abs(y) > half),
+        lambda row: (
+            f"({x[row]:g}, {y[row]:g}) m lies off the board, x from 0 to {length:g} m and "
+            f"y from {-half:g} to {half:g} m"
+        ),
+    )
+    return np.stack([x, y], axis=1)
+
+
 def spread_targets(endpoints_m: np.ndarray, count: int, board: Board) -> np.ndarray:
     """Spread `count` targets evenly over the well-populated reachable area of the usual half.
 
@@ -58,7 +91,7 @@ def spread_targets(endpoints_m: np.ndarray, count: int, board: Board) -> np.ndar
             f"the reachable area holds {len(cells)} cells of {100 * _CELL_M:.0f} cm with enough "
             f"simulated endpoints, too few for {count} targets: generate more casts"
         )
-    centres = _lloyd(cells, _farthest_points(cells, count))
+    centres, _ = kmeans2(cells, _farthest_points(cells, count), iter=30, minit="matrix")
     nearest = np.linalg.norm(centres[:, None] - cells, axis=2).argmin(axis=1)
     targets = cells[nearest]
     return targets[np.lexsort((targets[:, 0], np.arctan2(targets[:, 1], targets[:, 0])))]
@@ -86,12 +119,11 @@ def reachable_outline(endpoints_m: np.ndarray) -> np.ndarray:
 
 def tool_sector(actions: np.ndarray) -> Sector:
     """Return the sector that the held end sweeps over `actions` (n, 6) and their mirror images."""
-    theta = actions[:, [ACTION_COLUMNS.index("theta1"), ACTION_COLUMNS.index("theta2")]]
-    radius = actions[:, [ACTION_COLUMNS.index("r1"), ACTION_COLUMNS.index("r2")]]
+    theta1, r1, theta2, r2 = (actions[:, ACTION_COLUMNS.index(n)] for n in _TURNS)
     return Sector(
-        inner_m=float(radius.min()),
-        outer_m=float(radius.max()),
-        half_angle_rad=float(np.abs(theta).max()),
+        inner_m=float(min(r1.min(), r2.min())),
+        outer_m=float(max(r1.max(), r2.max())),
+        half_angle_rad=float(np.abs([theta1, theta2]).max()),
     )
 
 
@@ -115,14 +147,50 @@ def _farthest_points(cells: np.ndarray, count: int) -> np.ndarray:
     return cells[picked]
 
 
-def _lloyd(cells: np.ndarray, centres: np.ndarray, rounds: int = 30) -> np.ndarray:
-    """Move each centre to the mean of the cells nearest to it, `rounds` times."""
-    for _ in range(rounds):
-        owner = np.linalg.norm(cells[:, None] - centres, axis=2).argmin(axis=1)
-        centres = np.stack(
-            [
-                cells[owner == k].mean(axis=0) if (owner == k).any() else centre
-                for k, centre in enumerate(centres)
-            ]
-        )
-    return centres
+@dataclass(frozen=True)
+class ErrorParts:
+    """Root mean squares of the parts of a policy's errors, in the unit of the endpoints.
+
+    `repeatability` is how far repeats of one action scatter about their mean (aleatoric), which
+    no model can lower; `model` how far that mean lies from the target (epistemic).
+    """
+
+    repeatability: float
+    model: float
+
+    @property
+    def repeatability_share(self) -> float:
+        """The part of the mean square error that is repeatability, from 0 to 1."""
+        total = self.repeatability**2 + self.model**2
+        return self.repeatability**2 / total if total > 0 else 0.0
+
+
+def error_parts(ends: Sequence[np.ndarray], targets: Sequence[np.ndarray]) -> ErrorParts | None:
+    """Split the mean square error at targets that were cast at more than once; None without any.
+
+    `ends` are of shape (repeats, 2), one a target; `targets` of shape (2,). The scatter of the
+    mean itself is taken off the model's part, so that few repeats do not count as a worse model.
+    """
+    scattered, missed = [], []
+    for points, target in zip(ends, targets, strict=True):
+        if len(points) > 1:
+            scattered.append(points.var(axis=0, ddof=1).sum())
+            away = np.square(points.mean(axis=0) - target).sum()
+            missed.append(away - scattered[-1] / len(points))
+    if not scattered:
+        return None
+    return ErrorParts(float(np.sqrt(np.mean(scattered))), float(np.sqrt(max(np.mean(missed), 0.0))))
+
+
+def median_interval(errors: Sequence[np.ndarray], level: float = 0.95) -> tuple[float, float]:
+    """Return the bootstrap interval of the median of all errors (Efron 1979).
+
+    `errors` are of shape (repeats,), one a target. Whole targets are drawn, with all their
+    repeats: casts at one target fail together.
+    """
+    random = np.random.default_rng(_BOOTSTRAP_SEED)
+    filled = [e for e in errors if len(e)]
+    draws = (random.integers(len(filled), size=len(filled)) for _ in range(_BOOTSTRAP_DRAWS))
+    medians = [np.median(np.concatenate([filled[k] for k in drawn])) for drawn in draws]
+    low, high = np.percentile(medians, [50 * (1 - level), 50 * (1 + level)])
+    return float(low), float(high)
