@@ -30,15 +30,11 @@ _MOVED = _GRID[:4]  # v_max stays: the grids know two values of it, and no model
 
 @dataclass(frozen=True)
 class Choice:
-    """What a policy does for one target.
+    """What a policy does for one target; places are of shape (2,).
 
-    Attributes
-    ----------
-    target_m, predicted_m : ndarray of shape (2,), the wanted and the predicted endpoint.
-    spread_m : ndarray of shape (2,), standard deviations that the model expects of a cast's
-        endpoint about the predicted one; NaN of a policy that says nothing of it.
-    nearest_m : ndarray of shape (2,), the predicted endpoint of all candidates that is nearest
-        to the target, be that cast as wild as it may; NaN of a policy without candidates.
+    `spread_m` are the standard deviations that the model expects of a cast's endpoint about the
+    predicted one, `nearest_m` is the predicted endpoint of all candidates that is nearest to the
+    target, be that cast as wild as it may; NaN of a policy that has none.
     """
 
     target_m: np.ndarray
@@ -49,24 +45,22 @@ class Choice:
 
     @property
     def miss_m(self) -> float:
-        """How far from the target the model expects the cast to end."""
         return float(np.linalg.norm(self.predicted_m - self.target_m))
 
     @property
     def reachable(self) -> bool:
         """Whether the model expects any cast to end at the target or close by."""
-        return float(np.linalg.norm(self._reached_m - self.target_m)) <= _OUT_OF_REACH_M
+        return math.dist(self._reached_m, self.target_m) <= _OUT_OF_REACH_M
 
     @property
     def _reached_m(self) -> np.ndarray:
-        """The point nearest to the target that the model knows how to reach."""
         nearer = np.linalg.norm(self.nearest_m - self.target_m) < self.miss_m
         return self.nearest_m if nearer else self.predicted_m
 
     def out_of_reach(self) -> str:
         """Say that the target cannot be reached, and what can be instead."""
         (x, y), (near_x, near_y) = self.target_m, self._reached_m
-        away_m = np.linalg.norm(self._reached_m - self.target_m)
+        away_m = math.hypot(near_x - x, near_y - y)
         return (
             f"({x:.2f}, {y:.2f}) m is out of reach; the nearest point within reach is "
             f"({near_x:.2f}, {near_y:.2f}) m, {100 * away_m:.0f} cm away"
@@ -83,16 +77,12 @@ def choose_actions(
     a cast misses by is expected to be |f_forw(a) − s|² + |σ(a)|² in the mean square, with the
     spread σ that the model expects; the least of that is chosen.
 
+    The `candidates` (n, 6) are what the arm can do, mirrored or not (`feasible_actions`); the
+    targets are of shape (k, 2); `caution` is the weight of |σ|², 0 for the paper's policy.
+
     Candidates come to rest mostly on one half of the board. A target on the other half gets the
     mirror image of the cast chosen for its mirror image (paper, "Parameterized Actions"); so the
     candidates are predicted once, in one batch, whatever the number of targets.
-
-    Parameters
-    ----------
-    candidates : ndarray of shape (n, 6), in the order of `ACTION_COLUMNS`: what the arm can do,
-        mirrored or not (`feasible_actions`).
-    targets_m : ndarray of shape (k, 2).
-    caution : weight of |σ|²; 0 for the paper's policy.
     """
     if not len(candidates):
         raise ValueError("there is no candidate action to choose from")
@@ -101,13 +91,12 @@ def choose_actions(
     flips[targets_m[:, 1] * rest_side(predicted) < 0, 1] = -1.0
     away = np.square(predicted - (targets_m * flips)[:, None]).sum(axis=2)
     scatter = _scatter(model, candidates, away, caution) if caution and len(away) else 0.0
+    rows, nearest_m = (away + scatter).argmin(axis=1), predicted[away.argmin(axis=1)] * flips
     choices = []
-    for target, flip, missed in zip(targets_m, flips, away, strict=True):
-        row = int((missed + scatter).argmin())
+    for target, flip, row, nearest in zip(targets_m, flips, rows, nearest_m, strict=True):
         action = Action.from_array(candidates[row])
         chosen = action.mirrored() if flip[1] < 0 else action
-        nearest_m = predicted[missed.argmin()] * flip
-        choices.append(Choice(target, chosen, predicted[row] * flip, nearest_m=nearest_m))
+        choices.append(Choice(target, chosen, predicted[row] * flip, nearest_m=nearest))
     return choices
 
 
@@ -117,11 +106,7 @@ def _scatter(
     """Return `caution` times |σ|² of every candidate that a target may want, (n,), else infinity.
 
     A candidate that is predicted to miss by more than another one does with its scatter is never
-    the best, so that most need not be asked for theirs.
-
-    Parameters
-    ----------
-    away : ndarray of shape (k, n), squares of the predicted misses of k targets.
+    the best, so that most need not be asked for theirs; `away` (k, n) are squares of misses.
     """
     scatter = np.full(len(candidates), np.inf)
 
@@ -144,9 +129,7 @@ def with_spread(model: Predictor, choices: Sequence[Choice]) -> list[Choice]:
     return [replace(c, spread_m=spread) for c, spread in zip(choices, spreads, strict=True)]
 
 
-def _on_candidates_half(
-    choices: Sequence[Choice],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _on_candidates_half(choices: Sequence[Choice]) -> tuple[np.ndarray, ...]:
     """Return actions (k, 6) with θ₁ > 0, and the signs that mirror actions and endpoints back."""
     actions = np.stack([c.action.as_array() for c in choices])
     mirrored = actions[:, [0]] < 0
@@ -155,13 +138,7 @@ def _on_candidates_half(
 
 
 class Neighbourhood:
-    """Where an action may move about its candidate, one of a grid: not beyond the next ones.
-
-    Attributes
-    ----------
-    lower, upper : ndarray of shape (6,), ends of the grid.
-    spacing : ndarray of shape (6,), of the grid.
-    """
+    """Where an action may move about its candidate: by a `spacing` (6,) within the ends of a grid."""
 
     def __init__(self, grid: ActionGrid, r0_m: float, limits: PlanLimits) -> None:
         self._r0_m, self._limits = r0_m, limits
@@ -182,12 +159,8 @@ def refine_choices(
 ) -> list[Choice]:
     """Move every choice towards its target by damped Gauss–Newton steps of least change.
 
-    A step is taken only where it lowers the predicted miss and the arm can do the new action
-    and its mirror image: the predicted miss never rises, and the safe set is never left.
-
-    Parameters
-    ----------
-    feasible : tells which actions (m, 6) the arm can do, and their mirror images too.
+    A step is taken only where it lowers the predicted miss and the new action and its mirror image
+    are `feasible`: the predicted miss never rises, and the safe set is never left.
     """
     if not choices:
         return []
@@ -264,23 +237,17 @@ def _r1_slopes(actions: np.ndarray, about: Neighbourhood) -> np.ndarray:
 class CastAndPull:
     """The analytic baseline (paper, "Baseline Policies"): a turned reset, then a slow pull.
 
-    The reset lays the cable along the ray to the target; the pull draws it in.
-
-    Attributes
-    ----------
-    land_r_m : where the swing of the reset sets the held end down.
-    r_min_m : how near to its base the arm may pull the held end; nearer targets are missed.
-    pull_m_s : largest speed of the pull.
-    angle_rad : largest angle of the ray.
+    The reset lays the cable along the ray to the target; the pull draws it in. Targets nearer than
+    the arm may pull, or beside the largest angle, are missed.
     """
 
-    land_r_m: float
-    r_min_m: float
-    pull_m_s: float
-    angle_rad: float
+    land_r_m: float  # where the swing of the reset sets the held end down
+    r_min_m: float  # how near to its base the arm may pull the held end
+    pull_m_s: float  # largest speed of the pull
+    angle_rad: float  # largest angle of the ray
 
     def choose(self, cable: Cable, targets_m: np.ndarray) -> list[Choice]:
-        """Return the pull for every target (k, 2), as near as the arm can bring the free end."""
+        """Return the pull that brings the free end as near as it can, for targets (k, 2)."""
         choices = []
         for target in targets_m:
             angle = max(-self.angle_rad, min(self.angle_rad, math.atan2(target[1], target[0])))

@@ -19,13 +19,9 @@ from robotcast.measurements.measurement_set import MeasurementSet, Trial
 
 @dataclass(frozen=True)
 class Examples:
-    """Pairs of an action and the endpoint it led to.
+    """Actions (n, 6), in the order and units of `ACTION_COLUMNS`, and the endpoints they led to.
 
-    Attributes
-    ----------
-    actions : ndarray of shape (n, 6), in the order and units of `ACTION_COLUMNS`.
-    endpoints_m : ndarray of shape (n, 2).
-    weights : ndarray of shape (n,), each example's weight in the loss.
+    `endpoints_m` is of shape (n, 2), `weights` in the loss of shape (n,).
     """
 
     actions: np.ndarray
@@ -63,11 +59,8 @@ class Examples:
 class Dataset:
     """What one forward model is fitted to.
 
-    Attributes
-    ----------
-    calibration : held-out casts that tell how far casts end from the model: the measured ones of
-        the validation part, where it holds any, else all of it.
-    facts : counts and settings that tell how the dataset was made, for policy.yaml.
+    `calibration` casts tell how far casts end from the model: the measured ones of the validation
+    part, where it holds any, else all of it. `facts` tell policy.yaml how the dataset was made.
     """
 
     name: str
@@ -88,15 +81,11 @@ def real_dataset(
 ) -> Dataset:
     """Make D_real: every tracked cast of `measurements` but the trials in `leave_out`.
 
-    Parameters
-    ----------
-    casts : take so many of them, action by action; fewer are contained in more. None takes all.
-    first : trials that are taken before others, such as those that a simulator was tuned to: a
-        policy of so many casts has then seen no others.
+    With a number of `casts`, so many are taken action by action, fewer contained in more, and the
+    trials `first` before others: where a simulator was tuned to those, the policy has seen no more.
     """
-    trials = [
-        t for t in measurements.trials if t.trial not in set(leave_out) and len(t.waypoints_m) > 0
-    ]
+    out = set(leave_out)
+    trials = [t for t in measurements.trials if t.trial not in out and len(t.waypoints_m) > 0]
     if not trials:
         raise ValueError("dataset real: no tracked cast is left once the test casts are taken out")
     if casts is not None:
@@ -126,10 +115,11 @@ def _first_casts(
     rng = np.random.default_rng(np.random.SeedSequence((seed, 4)))
     order = rng.permutation(np.unique([t.action_id for t in trials])).tolist()
     early = {t.action_id for t in trials if t.trial in set(first)}
-    drawn = sorted(
-        trials, key=lambda t: (t.action_id not in early, order.index(t.action_id), t.trial)
-    )
-    return sorted(drawn[:casts], key=lambda t: t.trial)
+
+    def rank(t: Trial) -> tuple[bool, int, int]:
+        return t.action_id not in early, order.index(t.action_id), t.trial
+
+    return sorted(sorted(trials, key=rank)[:casts], key=lambda t: t.trial)
 
 
 def simulated_dataset(path: Path, *, validation_fraction: float, seed: int) -> Dataset:
@@ -209,9 +199,8 @@ def refuse_other_cables(*datasets: Dataset) -> None:
 def folds(real: Dataset, count: int, *, seed: int) -> Iterator[tuple[Dataset, Examples]]:
     """Hold out every cast of D_real once, repeats of an action together.
 
-    Yields the rest, with a validation part as large, and the casts that it does not hold. There
-    are `count` folds, or as many as there are actions; none where fewer than three could not
-    leave two on the other side.
+    Yields the rest, with a validation part as large, and the casts held out. There are `count`
+    folds, or as many as there are actions; none of fewer than three, which could not leave two.
     """
     casts = real.training.joined(real.validation)
     groups = casts.action_groups()

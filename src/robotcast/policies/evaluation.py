@@ -39,10 +39,7 @@ class Subject:
 
 @dataclass(frozen=True)
 class Executed:
-    """Where casts ended, (n_choices, repeats, 2) [m], NaN where one is `lost`, and why it is.
-
-    `lost` is by target and repeat.
-    """
+    """Where casts ended, (n_choices, repeats, 2), NaN where one is `lost`: why, by its place."""
 
     ends_m: np.ndarray
     lost: Mapping[tuple[int, int], str]
@@ -74,7 +71,6 @@ def execute_choices(
 
     @cache
     def rest(request: CastRequest) -> np.ndarray | str:
-        """Return where a cast came to rest, (2,) [m], or why nobody knows."""
         session = read_session(folder)
         try:
             return track_rest(session.cast_folder(request), session)

@@ -27,6 +27,7 @@ from robotcast.policies.spread import DOUBT_ALONE, Spread
 WEIGHTS_FILE, HISTORY_FILE, DESCRIPTION_FILE = "weights.safetensors", "training.csv", "policy.yaml"
 ROWS_AT_ONCE = 1024  # what one core works on at a time: its intermediate results stay in cache
 
+Tensors = dict[str, torch.Tensor]
 TensorFunction = Callable[[torch.Tensor], torch.Tensor]
 
 
@@ -128,23 +129,23 @@ class LearnedModel(ABC):
         """Return how unsure the model is of normalised actions (n, d), (n,), up to a factor."""
 
     @abstractmethod
-    def stored(self) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
+    def stored(self) -> tuple[dict[str, Any], Tensors]:
         """Return settings for policy.yaml, and the weights."""
 
     @classmethod
     @abstractmethod
-    def restored(cls, settings: Any, tensors: dict[str, torch.Tensor], **shared: Any) -> Self:
+    def restored(cls, settings: Any, tensors: Tensors, **shared: Any) -> Self:
         """Make the model of what `stored` returned and of the attributes that all share."""
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
-        return self.endpoints.undo(self._apply(self.mean, actions, self.precision))
+        return self.endpoints.undo(self._apply(self.mean, actions))
 
     def spread(self, actions: np.ndarray) -> np.ndarray:
         return self.size(self.doubt(actions), self.slopes(actions))
 
     def doubt(self, actions: np.ndarray) -> np.ndarray:
         """Return how unsure the model itself is of actions (n, d), (n,), up to a factor."""
-        return self._apply(self.deviation, actions, self.precision)
+        return self._apply(self.deviation, actions)
 
     def slopes(self, actions: np.ndarray) -> np.ndarray:
         def of_rows(rows: torch.Tensor) -> torch.Tensor:
@@ -154,13 +155,11 @@ class LearnedModel(ABC):
                 grads = [torch.autograd.grad(e, inputs, retain_graph=True)[0] for e in ends]
             return torch.stack(grads, dim=1)
 
-        slopes = self._apply(of_rows, actions, self.precision)
+        slopes = self._apply(of_rows, actions)
         return slopes * self.endpoints.scale[:, None] / self.actions.scale
 
-    def _apply(
-        self, function: TensorFunction, actions: np.ndarray, precision: torch.dtype
-    ) -> np.ndarray:
-        rows = torch.from_numpy(self.actions.apply(actions)).to(precision)
+    def _apply(self, function: TensorFunction, actions: np.ndarray) -> np.ndarray:
+        rows = torch.from_numpy(self.actions.apply(actions)).to(self.precision)
         return in_parts(function, rows).numpy().astype(float)
 
     def calibrated(self, casts: Examples) -> Self:
@@ -179,17 +178,18 @@ class LearnedModel(ABC):
         text = io.StringIO()
         pl.DataFrame([vars(e) for e in self.history]).write_csv(text, float_precision=6)
         write_text(folder / HISTORY_FILE, text.getvalue())
-        best = best_epoch(self.history)
+        best, actions, endpoints = (
+            best_epoch(self.history),
+            _lists(self.actions),
+            _lists(self.endpoints),
+        )
         description = {
             **settings,
             "dataset": self.dataset,
             "seed": self.seed,
             "spread": _lists(self.size),
             "examples": dict(self.facts),
-            "normalisation": {
-                "actions": _lists(self.actions),
-                "endpoints_m": _lists(self.endpoints),
-            },
+            "normalisation": {"actions": actions, "endpoints_m": endpoints},
             "epochs": len(self.history),
             "best_epoch": best.epoch,
             "validation_median_m": round(best.validation_median_m, 6),
@@ -200,23 +200,20 @@ class LearnedModel(ABC):
     @classmethod
     def load(cls, folder: Path) -> Self:
         """Read back what `save` wrote; refuse weights that are not of the description."""
-        description, weights = read_description(folder), folder / WEIGHTS_FILE
-        if hashlib.sha256(weights.read_bytes()).hexdigest() != description["weights_sha256"]:
-            raise ValueError(
-                f"{weights} does not belong to {DESCRIPTION_FILE} beside it: train again"
-            )
+        facts, path = read_description(folder), folder / WEIGHTS_FILE
+        if hashlib.sha256(path.read_bytes()).hexdigest() != facts["weights_sha256"]:
+            raise ValueError(f"{path} does not belong to {DESCRIPTION_FILE} beside it: train again")
         history = pl.read_csv(folder / HISTORY_FILE).iter_rows(named=True)
-        normalisation = description["normalisation"]
         return cls.restored(
-            description,
-            load_file(weights),
-            actions=Normalisation(**_arrays(normalisation["actions"])),
-            endpoints=Normalisation(**_arrays(normalisation["endpoints_m"])),
-            dataset=description["dataset"],
-            facts=description["examples"],
-            seed=description["seed"],
+            facts,
+            load_file(path),
+            actions=Normalisation(**_arrays(facts["normalisation"]["actions"])),
+            endpoints=Normalisation(**_arrays(facts["normalisation"]["endpoints_m"])),
+            dataset=facts["dataset"],
+            facts=facts["examples"],
+            seed=facts["seed"],
             history=tuple(Epoch(**row) for row in history),
-            size=Spread(**_arrays(description["spread"])),
+            size=Spread(**_arrays(facts["spread"])),
         )
 
 

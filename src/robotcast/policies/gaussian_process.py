@@ -7,6 +7,7 @@ process and the sparse one are one code.
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from torch import nn
 from torch.nn.functional import softplus
 
 from robotcast.policies.datasets import Dataset
-from robotcast.policies.forward_model import Epoch, LearnedModel
+from robotcast.policies.forward_model import Epoch, LearnedModel, Tensors
 from robotcast.policies.training import Fit, Learner
 
 _JITTER = 1e-6
@@ -30,34 +31,26 @@ _STEPS_A_PASS = 4  # judging the held-out casts costs half as much as a step
 class GaussianProcess(LearnedModel):
     """A fitted process with a Matérn 5/2 kernel, in normalised units; x and y share the kernel.
 
-    In double precision, because where casts hardly scatter, the mean of an exact process is a
-    small difference of large numbers.
-
-    Attributes
-    ----------
-    exact : whether every training action is an inducing point, so that nothing is approximated.
-    points, lengths : tensors of shape (m, d) and (d,), inducing points and scales of the kernel.
-    variance, noise : tensors of shape (), of the function and of one cast.
-    mean_weights : tensor of shape (m, 2); the mean is k(a, points) @ mean_weights.
-    known : tensor of shape (m, m), V; the variance is k(a, a) − kᵀ V k.
+    In double precision, because where casts hardly scatter, the mean of an exact process, one
+    with every training action among its points, is a small difference of large numbers.
     """
 
     precision = torch.float64
     exact: bool
-    points: torch.Tensor
-    lengths: torch.Tensor
-    variance: torch.Tensor
-    noise: torch.Tensor
-    mean_weights: torch.Tensor
-    known: torch.Tensor
+    points: torch.Tensor  # (m, d)
+    lengths: torch.Tensor  # (d,), of the kernel
+    variance: torch.Tensor  # (), of the function
+    noise: torch.Tensor  # (), of one cast
+    mean_weights: torch.Tensor  # (m, 2); the mean is k(a, points) @ mean_weights
+    known: torch.Tensor  # (m, m), V; the variance is k(a, a) − kᵀ V k
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
-        precision = torch.float64 if self.exact else torch.float32  # in half the time
-        return self.endpoints.undo(self._apply(self.mean, actions, precision))
+        mean = self.mean if self.exact else partial(self.mean, precision=torch.float32)  # faster
+        return self.endpoints.undo(self._apply(mean, actions))
 
-    def mean(self, rows: torch.Tensor) -> torch.Tensor:
-        parts = self.points, self.lengths, self.variance, self.mean_weights
-        points, lengths, variance, weights = (part.to(rows.dtype) for part in parts)
+    def mean(self, rows: torch.Tensor, precision: torch.dtype = torch.float64) -> torch.Tensor:
+        parts = rows, self.points, self.lengths, self.variance, self.mean_weights
+        rows, points, lengths, variance, weights = (part.to(precision) for part in parts)
         return variance * matern(rows, points, lengths) @ weights
 
     def deviation(self, rows: torch.Tensor) -> torch.Tensor:
@@ -66,15 +59,13 @@ class GaussianProcess(LearnedModel):
         left = self.variance - ((kernel @ self.known) * kernel).sum(dim=1)
         return torch.sqrt(left.clamp_min(0.0) + self.noise)
 
-    def stored(self) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
+    def stored(self) -> tuple[dict[str, Any], Tensors]:
         kind = "exact Gaussian process" if self.exact else "sparse Gaussian process"
         tensors = {n: value for n, value in vars(self).items() if isinstance(value, torch.Tensor)}
         return {"kind": kind, "inducing_points": len(self.points)}, tensors
 
     @classmethod
-    def restored(
-        cls, settings: Any, tensors: dict[str, torch.Tensor], **shared: Any
-    ) -> "GaussianProcess":
+    def restored(cls, settings: Any, tensors: Tensors, **shared: Any) -> "GaussianProcess":
         return cls(exact=settings["kind"].startswith("exact"), **tensors, **shared)
 
 
@@ -107,16 +98,11 @@ class GaussianProcessLearner(Learner):
         return _ProcessFit(self, dataset, seed)
 
     def shortened(self, passes: int) -> "GaussianProcessLearner":
-        """Return a learner of fewer passes, to try settings with.
-
-        Full steps come near their end long before mini-batches do: a quarter is enough.
-        """
+        """Full steps come near their end long before mini-batches do: a quarter is enough."""
         return super().shortened(math.ceil(passes / 4))
 
 
 class _ProcessFit(Fit):
-    """The process in training: a pass is a few steps, each on all examples."""
-
     def __init__(self, learner: GaussianProcessLearner, dataset: Dataset, seed: int) -> None:
         super().__init__(dataset, seed)
         self.examples = self.tensors(dataset.training.merged(), torch.float64)
@@ -131,7 +117,6 @@ class _ProcessFit(Fit):
         self.optimizer = torch.optim.Adam(moved, lr=learner.learning_rate)
 
     def one_pass(self, number: int) -> float:
-        """Take some steps; return the negative bound before the last of them."""
         value = 0.0
         for _ in range(_STEPS_A_PASS):
             self.optimizer.zero_grad(set_to_none=True)
@@ -169,11 +154,10 @@ class _Process(nn.Module):
         """Variance of one cast about the function, ()."""
         return softplus(self.raw_noise) + _LEAST_NOISE
 
-    def bound(
-        self, actions: torch.Tensor, ends: torch.Tensor, weights: torch.Tensor
-    ) -> torch.Tensor:
+    def bound(self, *examples: torch.Tensor) -> torch.Tensor:
         """Return the lower bound of the log likelihood per unit of weight, ()."""
-        _, whitened, inner, projected = self._factors(actions, ends, weights)
+        actions, ends, weights = examples
+        _, whitened, inner, projected = self._factors(*examples)
         outputs, noise = ends.shape[1], self.noise
         spent = (weights[:, None] * ends.square()).sum() / noise
         prior = torch.as_tensor(self.kernel(actions, diag=True))
@@ -186,7 +170,7 @@ class _Process(nn.Module):
         ) / weights.sum()
 
     @torch.no_grad()
-    def posterior(self, *examples: torch.Tensor) -> dict[str, torch.Tensor]:
+    def posterior(self, *examples: torch.Tensor) -> Tensors:
         """Return the tensors of `GaussianProcess` after the examples."""
         prior, _, inner, projected = self._factors(*examples)
         both = prior @ inner
@@ -203,15 +187,14 @@ class _Process(nn.Module):
             "known": from_prior.T @ from_prior - from_both.T @ from_both,
         }
 
-    def _factors(
-        self, actions: torch.Tensor, ends: torch.Tensor, weights: torch.Tensor
-    ) -> tuple[torch.Tensor, ...]:
+    def _factors(self, *examples: torch.Tensor) -> tuple[torch.Tensor, ...]:
         """Return the Cholesky factors that the bound and the posterior share.
 
         For weights w, endpoints y and noise σ²: L (m, m) of the kernel of the inducing points;
         L⁻¹ k(points, actions) (m, n) with columns a; the factor (m, m) of B = I + Σ w a aᵀ / σ²;
         and its inverse times Σ w a y / σ² (m, 2).
         """
+        actions, ends, weights = examples
         own = self.kernel(self.points).to_dense()
         unit = torch.eye(len(own), dtype=own.dtype)
         prior = psd_safe_cholesky(own + _JITTER * self.kernel.outputscale * unit)

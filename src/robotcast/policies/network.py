@@ -13,7 +13,7 @@ from torch.nn.functional import huber_loss
 from torch.optim.swa_utils import AveragedModel
 
 from robotcast.policies.datasets import Dataset
-from robotcast.policies.forward_model import Epoch, LearnedModel
+from robotcast.policies.forward_model import Epoch, LearnedModel, Tensors
 from robotcast.policies.spread import Scatter, fit_scatter
 from robotcast.policies.training import Fit, Learner
 
@@ -46,13 +46,13 @@ class Network(LearnedModel):
         unlike = (_with_one(features) @ self.root.T).square().sum(dim=1)
         return self.scatter(features) * torch.sqrt(1 + unlike)
 
-    def stored(self) -> tuple[dict[str, Any], dict[str, torch.Tensor]]:
+    def stored(self) -> tuple[dict[str, Any], Tensors]:
         hidden = [layer.out_features for layer in self.layers[:-1] if isinstance(layer, nn.Linear)]
         doubt = zip(_DOUBT, (self.root, *vars(self.scatter).values()), strict=True)
         return {"kind": "network", "hidden": hidden}, {**self.layers.state_dict(), **dict(doubt)}
 
     @classmethod
-    def restored(cls, settings: Any, tensors: dict[str, torch.Tensor], **shared: Any) -> "Network":
+    def restored(cls, settings: Any, tensors: Tensors, **shared: Any) -> "Network":
         root, *scatter = (tensors.pop(name) for name in _DOUBT)
         layers = make_layers(settings["hidden"])
         layers.load_state_dict(tensors)
@@ -61,11 +61,11 @@ class Network(LearnedModel):
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkLearner(Learner):
-    """Trains a network by Adam on mini-batches, with early stopping.
+    """Trains a network with layers of widths `hidden` by Adam on mini-batches.
 
     The learning rate falls to zero along a cosine over all `passes`. Errors beyond `outlier_m`
     count linearly instead of squared: whip-like casts amplify small differences, and the few that
-    no smooth function explains must not bend the others. `hidden` are the widths of the layers.
+    no smooth function explains must not bend the others.
     """
 
     name, kind = "nn", Network

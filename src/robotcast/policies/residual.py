@@ -6,14 +6,11 @@ and a Gaussian process learns what D_real leaves of it (residual physics: Zeng e
 "TossingBot"; Ajay et al. 2018, "Augmenting Physical Simulators with Stochastic Neural Networks").
 
 Its inputs are the action, where the networks let the cast end and how that end moves with the
-action: casts alike in all of these went alike, and the simulator was wrong about them in the same
-way. It is exact, with its numbers at the maximum of the marginal likelihood (Rasmussen and
-Williams 2006, chapters 2 and 5).
-
-Casts are not equally sure: whip-like ones end anywhere. The networks know where their own examples
-scattered, and how far the endpoint moves with every number of the action, and with it whatever
-chance does to the arm. What the casts themselves say of that, each predicted from the others,
-makes the few that nothing explains count little.
+action; its numbers are at the maximum of the marginal likelihood (Rasmussen and Williams 2006,
+chapters 2 and 5). Casts are not equally sure: the networks know where their own examples scattered
+and how far the endpoint moves with the action, and with it whatever chance does to the arm. What
+casts that are predicted from the others say of that makes the few that nothing explains count
+little.
 """
 
 import math
@@ -34,6 +31,7 @@ from robotcast.policies.forward_model import (
     Epoch,
     ForwardModel,
     Normalisation,
+    Tensors,
     best_epoch,
     read_description,
     reproducible_torch,
@@ -296,7 +294,7 @@ class _Likelihood:
 
     def posterior(
         self, logs: torch.Tensor, inflation: torch.Tensor
-    ) -> tuple[dict[str, torch.Tensor], torch.Tensor, torch.Tensor]:
+    ) -> tuple[Tensors, torch.Tensor, torch.Tensor]:
         """Return the tensors of `GaussianProcess`, and misses (n, 2) and variances (n,) of casts.
 
         Every action in turn is predicted from all others, in closed form (Rasmussen and Williams

@@ -26,12 +26,9 @@ class Spread:
     board, move it far too: how far a cast ends from its prediction follows the slope more than
     the doubt, above all of a network that learned from few casts, which it hardly misses.
 
-    Attributes
-    ----------
-    unit : ndarray of shape (d,), of the numbers of an action, that S = ∂endpoint/∂action takes.
-    powers : p and q.
-    least : least doubt and least slope [m] of the casts it was set on: calmer is not believed.
-    scale : ndarray of shape (2,), for x and y.
+    S = ∂endpoint/∂action takes the numbers of an action in units of `unit` (d,); `powers` are p
+    and q; calmer than the `least` doubt and slope [m] of the casts it was set on is not believed;
+    `scale` (2,) is for x and y.
     """
 
     unit: np.ndarray
@@ -91,34 +88,25 @@ def slope_size(slopes: np.ndarray, unit: np.ndarray) -> np.ndarray:
 def held_out_scale(misses_m: np.ndarray, relative: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return the spread [m] that a relative spread of 1 means, for x and y, (2,).
 
-    It is chosen so that 68 % of the held-out casts, by weight, miss by less than their spread.
-    The quantile is the next larger one that n casts have (Vovk et al. 2005), so that few casts
-    make a model say too much spread rather than too little; whip-like casts that miss by far
-    count no more than others.
-
-    Parameters
-    ----------
-    misses_m : ndarray of shape (n, 2), measured minus predicted endpoints.
-    relative, weights : ndarrays of shape (n,); the spread that the model expects, up to a factor.
+    It is chosen so that 68 % of the held-out casts, by `weights` (n,), have `misses_m` (n, 2) below
+    their spread, `relative` (n,) of which is what the model expects. The quantile is the next
+    larger one that n casts have (Vovk et al. 2005), so that few casts make a model say too much
+    spread rather than too little; casts that miss by far count no more than others.
     """
     ratios = np.abs(misses_m) / relative[:, None]
     order = np.argsort(ratios, axis=0, kind="stable")
     part = np.cumsum(weights[order], axis=0) / weights.sum()
     wanted = min(1.0, _WITHIN * (1 + 1 / len(ratios))) - 1e-12
-    return np.array(
-        [ratios[order[np.searchsorted(part[:, c], wanted), c], c] for c in range(ratios.shape[1])]
-    )
+    found = [order[np.searchsorted(part[:, c], wanted), c] for c in (0, 1)]
+    return ratios[found, [0, 1]]
 
 
 @dataclass(frozen=True)
 class Scatter:
     """The scatter of casts about a model, up to a factor: log-linear in the model's features.
 
-    Attributes
-    ----------
-    weights : tensor of shape (h + 1,), of the features and of a constant, for the logarithm.
-    bounds : tensor of shape (2,), the least and the largest logarithm among the examples: what
-        lies beyond is not believed.
+    `weights` (h + 1,) are of the features and of a constant; `bounds` (2,) the least and the
+    largest logarithm among the examples: what lies beyond is not believed.
     """
 
     weights: torch.Tensor
@@ -131,18 +119,12 @@ class Scatter:
 
 
 def fit_scatter(features: torch.Tensor, misses: torch.Tensor, weights: torch.Tensor) -> Scatter:
-    """Fit the scatter to the sizes of a model's misses, whip-like casts by far the largest.
+    """Fit the scatter to the sizes of a model's `misses` (n,), whip-like casts by far the largest.
 
-    A network that is asked for the mean says nothing of it, and a Gaussian process believes in
-    one noise for all. The likelihood is that of Laplace's distribution, which a few wild casts do
-    not sway as squares would. The features are reduced to their leading principal components, one
-    for every so many examples; in these, scaled to unit variance, Fisher's information is the
-    unit matrix.
-
-    Parameters
-    ----------
-    features : tensor of shape (n, h), in double precision.
-    misses, weights : tensors of shape (n,); misses in any unit.
+    The likelihood is that of Laplace's distribution, which a few wild casts do not sway as squares
+    would. The `features` (n, h), in double precision, are reduced to their leading principal
+    components, one for every so many examples; in these, scaled to unit variance, Fisher's
+    information is the unit matrix.
     """
     weights = weights / weights.sum()
     mean = weights @ features

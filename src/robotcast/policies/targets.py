@@ -10,9 +10,7 @@ from scipy.cluster.vq import kmeans2
 from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.measurements.table import read_table
 
-_CELL_M = 0.05
-_EDGE_M = 0.1
-_OUTLINE_BINS = 72
+_CELL_M, _EDGE_M, _OUTLINE_BINS = 0.05, 0.1, 72
 _BOOTSTRAP_DRAWS, _BOOTSTRAP_SEED = 2000, 0
 _TURNS = "theta1", "r1", "theta2", "r2"
 
@@ -71,17 +69,10 @@ def read_targets(path: Path, board: Board) -> np.ndarray:
 def spread_targets(endpoints_m: np.ndarray, count: int, board: Board) -> np.ndarray:
     """Spread `count` targets evenly over the well-populated reachable area of the usual half.
 
-    The targets depend on D_sim alone, so every policy of a cable is tested on the same ones, and
-    no random number enters: cells of 5 cm that hold enough endpoints are clustered by Lloyd's
-    algorithm, started from farthest points.
-
-    Parameters
-    ----------
-    endpoints_m : ndarray of shape (n, 2), where the casts of D_sim ended.
-
-    Returns
-    -------
-    ndarray of shape (count, 2) [m], ordered by angle about the robot base.
+    They depend on `endpoints_m` (n, 2) of D_sim alone, so every policy of a cable is tested on the
+    same ones, and no random number enters: cells of 5 cm that hold enough endpoints are clustered
+    by Lloyd's algorithm, started from farthest points. Returns (count, 2) [m], ordered by angle
+    about the robot base.
     """
     side = rest_side(endpoints_m)
     usual = (endpoints_m[:, 1] * side > 0) & board.holds(endpoints_m)
@@ -92,8 +83,7 @@ def spread_targets(endpoints_m: np.ndarray, count: int, board: Board) -> np.ndar
             f"simulated endpoints, too few for {count} targets: generate more casts"
         )
     centres, _ = kmeans2(cells, _farthest_points(cells, count), iter=30, minit="matrix")
-    nearest = np.linalg.norm(centres[:, None] - cells, axis=2).argmin(axis=1)
-    targets = cells[nearest]
+    targets = cells[np.linalg.norm(centres[:, None] - cells, axis=2).argmin(axis=1)]
     return targets[np.lexsort((targets[:, 0], np.arctan2(targets[:, 1], targets[:, 0])))]
 
 
@@ -103,8 +93,7 @@ def reachable_outline(endpoints_m: np.ndarray) -> np.ndarray:
     For every 5° about the robot base: from the 1st to the 99th percentile of the distance.
     """
     both = np.concatenate([endpoints_m, endpoints_m * np.array([1.0, -1.0])])
-    angle = np.arctan2(both[:, 1], both[:, 0])
-    distance = np.linalg.norm(both, axis=1)
+    angle, distance = np.arctan2(both[:, 1], both[:, 0]), np.linalg.norm(both, axis=1)
     edges = np.linspace(-np.pi, np.pi, _OUTLINE_BINS + 1)
     which = np.clip(np.digitize(angle, edges) - 1, 0, _OUTLINE_BINS - 1)
     counts = np.bincount(which, minlength=_OUTLINE_BINS)
@@ -120,17 +109,14 @@ def reachable_outline(endpoints_m: np.ndarray) -> np.ndarray:
 def tool_sector(actions: np.ndarray) -> Sector:
     """Return the sector that the held end sweeps over `actions` (n, 6) and their mirror images."""
     theta1, r1, theta2, r2 = (actions[:, ACTION_COLUMNS.index(n)] for n in _TURNS)
-    return Sector(
-        inner_m=float(min(r1.min(), r2.min())),
-        outer_m=float(max(r1.max(), r2.max())),
-        half_angle_rad=float(np.abs([theta1, theta2]).max()),
-    )
+    radii, angles = np.stack([r1, r2]), np.stack([theta1, theta2])
+    return Sector(float(radii.min()), float(radii.max()), float(np.abs(angles).max()))
 
 
 def _populated_cells(points: np.ndarray) -> np.ndarray:
     """Return the centres (m, 2) of cells that hold at least a quarter of the usual number."""
     cells, counts = np.unique(np.floor(points / _CELL_M).astype(int), axis=0, return_counts=True)
-    if len(cells) == 0:
+    if not len(cells):
         return np.empty((0, 2))
     apart = np.abs(cells[:, None] - cells).max(axis=2)
     around = ((apart <= 1) * counts).sum(axis=1)

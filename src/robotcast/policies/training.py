@@ -19,6 +19,7 @@ from robotcast.policies.forward_model import (
     Epoch,
     LearnedModel,
     Normalisation,
+    Tensors,
     best_epoch,
     reproducible_torch,
 )
@@ -76,11 +77,8 @@ class Fit(ABC):
 class Learner(ABC):
     """One way to make a forward model: what conf/policy/*.yaml configures.
 
-    Attributes
-    ----------
-    outlier_m : misses of held-out casts beyond it count less and less when passes are compared.
-    passes : at most so many passes over the examples.
-    patience : passes without a better held-out loss before training stops.
+    There are `passes` over the examples at most, and `patience` without a better held-out loss;
+    held-out misses beyond `outlier_m` count less and less when passes are compared.
     """
 
     name: ClassVar[str]
@@ -139,7 +137,7 @@ class Learner(ABC):
         return model.calibrated(dataset.calibration)
 
     def shortened(self, passes: int) -> Self:
-        """Return a learner of at most so many passes, to try settings with."""
+        """Return a learner of fewer passes, to try settings with."""
         return replace(self, passes=min(passes, self.passes))
 
     def load(self, folder: Path) -> LearnedModel:
@@ -168,10 +166,7 @@ def _fingerprint(dataset: Dataset, learner: Learner, seed: int) -> str:
     return digest.hexdigest()
 
 
-def _keep(
-    fit: Fit, path: Path, fingerprint: str, history: list[Epoch], best: dict[str, torch.Tensor]
-) -> None:
-    """Write the state of a training into one file."""
+def _keep(fit: Fit, path: Path, fingerprint: str, history: list[Epoch], best: Tensors) -> None:
     state = {
         "fingerprint": fingerprint,
         "history": [asdict(epoch) for epoch in history],
@@ -183,9 +178,7 @@ def _keep(
         torch.save(state, temporary)
 
 
-def _resume(
-    fit: Fit, path: Path | None, fingerprint: str
-) -> tuple[list[Epoch], dict[str, torch.Tensor]]:
+def _resume(fit: Fit, path: Path | None, fingerprint: str) -> tuple[list[Epoch], Tensors]:
     """Put `fit` where a killed training of the same fingerprint was; return its past."""
     if path is None or not path.exists():
         return [], {}
