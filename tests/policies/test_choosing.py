@@ -1,5 +1,6 @@
 import importlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,7 +64,8 @@ class Uneven:
 
 @pytest.mark.parametrize("most_m", [0.0, 0.05, 0.5, 5.0])
 def test_the_least_expected_miss_of_all_candidates_is_chosen(world, most_m: float) -> None:
-    model, candidates = Uneven(world, 0.0, most_m), world.actions(3000)
+    candidates = world.actions(3000)
+    model: Any = Uneven(world, 0.0, most_m)
     targets = np.array([[0.8, -0.5], [1.0, -0.3], [0.9, 0.4], [2.5, -0.2]])
     choices = choose_actions(model, candidates, targets, caution=2.0)
     scatter = 2.0 * np.square(model.spread(candidates)).sum(axis=1)
@@ -74,7 +76,8 @@ def test_the_least_expected_miss_of_all_candidates_is_chosen(world, most_m: floa
 
 
 def test_all_targets_share_a_prediction_and_the_few_spreads_that_matter(world) -> None:
-    model, candidates = Uneven(world, 0.01, 0.05), world.actions(3000)
+    candidates = world.actions(3000)
+    model: Any = Uneven(world, 0.01, 0.05)
     choose_actions(model, candidates, np.array([[0.8, -0.5], [1.0, -0.3]]))
     assert model.asked < 300
     assert model.batches == 1
@@ -105,7 +108,8 @@ def test_a_target_is_out_of_reach_only_when_no_candidate_is_predicted_near_it(wo
 
     candidates = world.actions(300)
     near, far = world.predict(candidates)[5], np.array([3.0, -0.5])
-    within, beyond = choose_actions(SureOfOne(), candidates, np.array([near, far]))
+    model: Any = SureOfOne()
+    within, beyond = choose_actions(model, candidates, np.array([near, far]))
     assert within.miss_m > 0.03
     assert within.reachable
     assert not beyond.reachable

@@ -1,5 +1,6 @@
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from robotcast.policies.gaussian_process import GaussianProcessLearner
 from robotcast.policies.residual import Ensemble, Residual, ResidualLearner, corrected
 
 PROCESS = GaussianProcessLearner(
-    exact_up_to=600, inducing=100, learning_rate=0.1, outlier_m=0.01, passes=30, patience=10
+    exact_up_to=600, inducing=60, learning_rate=0.1, outlier_m=0.01, passes=25, patience=10
 )
 LEARNER = ResidualLearner(member=PROCESS, members=2)
 BENDS_M = 0.3
@@ -30,7 +31,7 @@ def real(world) -> Dataset:
 
 @pytest.fixture(scope="module")
 def simulated(world, tmp_path_factory) -> Dataset:
-    path = world.simulated(tmp_path_factory.mktemp("simulated"), 500)
+    path = world.simulated(tmp_path_factory.mktemp("simulated"), 250)
     return simulated_dataset(path, validation_fraction=0.2, seed=0)
 
 
@@ -116,10 +117,6 @@ def test_casts_of_two_cables_are_refused(real: Dataset, simulated: Dataset) -> N
 class Swinging:
     """A forward model whose casts scatter the more, the farther the second turn goes."""
 
-    def __init__(self) -> None:
-        self.facts: dict[str, object] = {}
-        self.history = ()
-
     def predict(self, actions: np.ndarray) -> np.ndarray:
         return np.stack([np.sin(actions[:, 0]), np.cos(actions[:, 0])], axis=1)
 
@@ -131,11 +128,9 @@ class Swinging:
     def spread(self, actions: np.ndarray) -> np.ndarray:
         return np.repeat(0.002 * np.exp(2 * actions[:, [2]]), 2, axis=1)
 
-    def save(self, folder: Path) -> None:
-        raise NotImplementedError
 
-
-BASE = Ensemble((Swinging(),))
+MEMBERS: Any = (Swinging(),)
+BASE = Ensemble(MEMBERS)
 
 
 def cast(count: int, seed: int) -> tuple[Examples, np.ndarray]:

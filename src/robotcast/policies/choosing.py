@@ -12,7 +12,7 @@ from robotcast.casts.grid import ActionGrid
 from robotcast.casts.limits import PlanLimits
 from robotcast.casts.pull import pull_action
 from robotcast.measurements.measurement_set import Cable
-from robotcast.policies.forward_model import Predictor, SmoothPredictor
+from robotcast.policies.forward_model import ForwardModel
 from robotcast.policies.targets import rest_side
 
 Feasible = Callable[[np.ndarray], np.ndarray]
@@ -68,7 +68,7 @@ class Choice:
 
 
 def choose_actions(
-    model: Predictor, candidates: np.ndarray, targets_m: np.ndarray, caution: float = 1.0
+    model: ForwardModel, candidates: np.ndarray, targets_m: np.ndarray, caution: float = 1.0
 ) -> list[Choice]:
     """Choose the candidate whose cast is expected to miss least, for every target.
 
@@ -101,7 +101,7 @@ def choose_actions(
 
 
 def _scatter(
-    model: Predictor, candidates: np.ndarray, away: np.ndarray, caution: float
+    model: ForwardModel, candidates: np.ndarray, away: np.ndarray, caution: float
 ) -> np.ndarray:
     """Return `caution` times |σ|² of every candidate that a target may want, (n,), else infinity.
 
@@ -121,7 +121,7 @@ def _scatter(
     return scatter
 
 
-def with_spread(model: Predictor, choices: Sequence[Choice]) -> list[Choice]:
+def with_spread(model: ForwardModel, choices: Sequence[Choice]) -> list[Choice]:
     """Say of every choice how sure the model is of its endpoint; mirror images are as sure."""
     if not choices:
         return []
@@ -138,7 +138,7 @@ def _on_candidates_half(choices: Sequence[Choice]) -> tuple[np.ndarray, ...]:
 
 
 class Neighbourhood:
-    """Where an action may move about its candidate: by a `spacing` (6,) within the ends of a grid."""
+    """Where an action may move about its candidate: by a `spacing` (6,), within a grid's ends."""
 
     def __init__(self, grid: ActionGrid, r0_m: float, limits: PlanLimits) -> None:
         self._r0_m, self._limits = r0_m, limits
@@ -155,7 +155,7 @@ class Neighbourhood:
 
 
 def refine_choices(
-    model: SmoothPredictor, choices: Sequence[Choice], about: Neighbourhood, feasible: Feasible
+    model: ForwardModel, choices: Sequence[Choice], about: Neighbourhood, feasible: Feasible
 ) -> list[Choice]:
     """Move every choice towards its target by damped Gauss–Newton steps of least change.
 
@@ -190,7 +190,7 @@ def refine_choices(
 
 
 def _steps(
-    model: SmoothPredictor,
+    model: ForwardModel,
     actions: np.ndarray,
     wanted_m: np.ndarray,
     about: Neighbourhood,

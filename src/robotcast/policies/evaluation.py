@@ -15,7 +15,7 @@ from robotcast.casts.action import action_factors
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.policies.choosing import Choice
-from robotcast.policies.forward_model import Predictor
+from robotcast.policies.forward_model import ForwardModel
 from robotcast.progress import Progress, silent
 from robotcast.rigs.collect import Plan, collect_casts
 from robotcast.rigs.rig import Rig
@@ -126,7 +126,9 @@ def executed_table(subject: Subject, choices: Sequence[Choice], executed: Execut
     return _table(subject, "executed", range(len(choices)), choices, executed.ends_m)
 
 
-def predicted_table(subject: Subject, model: Predictor, held_out: MeasurementSet) -> pl.DataFrame:
+def predicted_table(
+    subject: Subject, model: ForwardModel, held_out: MeasurementSet
+) -> pl.DataFrame:
     """Return evaluation.csv for recorded casts, which cannot be executed again.
 
     Each held-out cast stands for a target: where it ended. The error is how far the forward
@@ -155,10 +157,8 @@ def _table(
             rows.append(
                 {
                     "kind": kind,
-                    "rig": subject.rig,
+                    **vars(subject),
                     "cable": subject.cable.name,
-                    "policy": subject.policy,
-                    "dataset": subject.dataset,
                     "target": target,
                     **_xy("target_", choice.target_m),
                     "repeat": repeat,

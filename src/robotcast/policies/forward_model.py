@@ -48,8 +48,13 @@ def best_epoch(history: Sequence[Epoch]) -> Epoch:
     )
 
 
-class Predictor(Protocol):
-    """f_forw, of actions of shape (n, 6) in the order and units of `ACTION_COLUMNS`."""
+class ForwardModel(Protocol):
+    """f_forw, of actions (n, 6) in the order and units of `ACTION_COLUMNS`."""
+
+    @property
+    def facts(self) -> Mapping[str, object]:
+        """What is known of the examples; `cable` names the cable they are of, where known."""
+        ...
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
         """Return where casts come to rest, (n, 2), in the robot base's frame [m]."""
@@ -59,28 +64,9 @@ class Predictor(Protocol):
         """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
         ...
 
-
-class SmoothPredictor(Predictor, Protocol):
-    """A predictor that knows its own gradient."""
-
     def slopes(self, actions: np.ndarray) -> np.ndarray:
         """Return the endpoint's derivatives (n, 2, 6) by the numbers of the actions."""
         ...
-
-
-class ForwardModel(SmoothPredictor, Protocol):
-    """A predictor that was learned, one entry of `history` a pass, and can be kept.
-
-    `facts` are of the examples; `cable` names the cable they are of, where known.
-    """
-
-    @property
-    def facts(self) -> Mapping[str, object]: ...
-
-    @property
-    def history(self) -> tuple[Epoch, ...]: ...
-
-    def save(self, folder: Path) -> None: ...
 
 
 @dataclass(frozen=True)

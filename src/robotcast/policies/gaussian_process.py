@@ -112,15 +112,15 @@ class _ProcessFit(Fit):
             rng = np.random.default_rng(np.random.SeedSequence((seed, 3)))
             drawn = rng.permutation(len(points))[: learner.inducing]
             points = points[torch.from_numpy(np.sort(drawn))]
-        self.module = _Process(points, moving=not self.exact)
-        moved = [p for p in self.module.parameters() if p.requires_grad]
+        self.module = self.process = _Process(points, moving=not self.exact)
+        moved = [p for p in self.process.parameters() if p.requires_grad]
         self.optimizer = torch.optim.Adam(moved, lr=learner.learning_rate)
 
     def one_pass(self, number: int) -> float:
         value = 0.0
         for _ in range(_STEPS_A_PASS):
             self.optimizer.zero_grad(set_to_none=True)
-            loss = -self.module.bound(*self.examples)
+            loss = -self.process.bound(*self.examples)
             loss.backward()
             self.optimizer.step()
             value = loss.item()
@@ -130,7 +130,7 @@ class _ProcessFit(Fit):
         return self.model(()).predict(actions)
 
     def model(self, history: tuple[Epoch, ...]) -> GaussianProcess:
-        tensors = self.module.posterior(*self.examples)
+        tensors = self.process.posterior(*self.examples)
         return GaussianProcess(exact=self.exact, history=history, **tensors, **self.shared)
 
 

@@ -47,7 +47,7 @@ class Network(LearnedModel):
         return self.scatter(features) * torch.sqrt(1 + unlike)
 
     def stored(self) -> tuple[dict[str, Any], Tensors]:
-        hidden = [layer.out_features for layer in self.layers[:-1] if isinstance(layer, nn.Linear)]
+        *hidden, _ = (part.out_features for part in self.layers if isinstance(part, nn.Linear))
         doubt = zip(_DOUBT, (self.root, *vars(self.scatter).values()), strict=True)
         return {"kind": "network", "hidden": hidden}, {**self.layers.state_dict(), **dict(doubt)}
 
@@ -127,7 +127,7 @@ class _NetworkFit(Fit):
             return self.endpoints.undo(_all(self.averaged, rows).numpy())
 
     def model(self, history: tuple[Epoch, ...]) -> Network:
-        layers = self.averaged.module
+        layers: Any = self.averaged.module
         with torch.inference_mode():
             features = _all(layers[:-1], self.inputs)
             misses_m = torch.linalg.norm((layers[-1](features) - self.ends) * self.scale_m, dim=1)

@@ -29,9 +29,8 @@ from robotcast.policies.datasets import Dataset, Examples, refuse_other_cables
 from robotcast.policies.forward_model import (
     DESCRIPTION_FILE,
     Epoch,
-    ForwardModel,
+    LearnedModel,
     Normalisation,
-    Tensors,
     best_epoch,
     read_description,
     reproducible_torch,
@@ -54,12 +53,12 @@ _LOG_BOUNDS = (-2.0, 6.0), (-8.0, 6.0), (-24.0, 6.0)
 
 @dataclass(frozen=True)
 class Ensemble:
-    """The mean of several models: what one training gets wrong by chance, it hardly does.
+    """The mean of models: what one training gets wrong by chance, it hardly does.
 
     Hansen and Salamon 1990, "Neural Network Ensembles".
     """
 
-    members: tuple[ForwardModel, ...]
+    members: tuple[LearnedModel, ...]
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
         return np.mean([m.predict(actions) for m in self.members], axis=0)
@@ -90,11 +89,6 @@ class Residual:
     left_out_median_m: float
     facts: Mapping[str, Any]
 
-    @property
-    def history(self) -> tuple[Epoch, ...]:
-        """The passes of the first network; each keeps its own."""
-        return self.base.members[0].history
-
     def predict(self, actions: np.ndarray) -> np.ndarray:
         features = _features(self.base, actions)
         return features[:, 6:8] + self.process.predict(features)
@@ -122,6 +116,7 @@ class Residual:
         for number, member in enumerate(self.base.members):
             member.save(folder / _BASE / str(number))
         self.process.save(folder / _CORRECTION)
+        history = self.base.members[0].history  # each network keeps its own
         description = {
             "kind": "residual",
             "dataset": "mixed",
@@ -129,8 +124,8 @@ class Residual:
             "noise": {"of_spread": self.of_spread, "of_slope": self.of_slope},
             "spread": self.scale.tolist(),
             "examples": dict(self.facts),
-            "epochs": len(self.history),
-            "best_epoch": best_epoch(self.history).epoch,
+            "epochs": len(history),
+            "best_epoch": best_epoch(history).epoch,
             "validation_median_m": round(self.left_out_median_m, 6),
         }
         write_text(folder / DESCRIPTION_FILE, yaml.safe_dump(description, sort_keys=False))
@@ -294,7 +289,7 @@ class _Likelihood:
 
     def posterior(
         self, logs: torch.Tensor, inflation: torch.Tensor
-    ) -> tuple[Tensors, torch.Tensor, torch.Tensor]:
+    ) -> tuple[dict[str, Any], torch.Tensor, torch.Tensor]:
         """Return the tensors of `GaussianProcess`, and misses (n, 2) and variances (n,) of casts.
 
         Every action in turn is predicted from all others, in closed form (Rasmussen and Williams
