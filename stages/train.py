@@ -15,8 +15,9 @@ from robotcast.policies.datasets import (
     real_dataset,
     simulated_dataset,
 )
+from robotcast.policies.mixing import choose_mixture
 from robotcast.policies.residual import ResidualLearner
-from robotcast.policies.training import Learner, choose_mixture
+from robotcast.policies.training import Learner
 
 
 def train(config: DictConfig) -> None:

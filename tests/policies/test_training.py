@@ -9,8 +9,9 @@ import torch
 
 from robotcast.policies.datasets import Dataset, Examples, real_dataset, simulated_dataset
 from robotcast.policies.gaussian_process import GaussianProcessLearner
+from robotcast.policies.mixing import Mixture, choose_mixture
 from robotcast.policies.network import NetworkLearner
-from robotcast.policies.training import Learner, Mixture, choose_mixture, held_out_loss
+from robotcast.policies.training import Learner, held_out_loss
 
 NETWORK = NetworkLearner(
     hidden=(16, 16),

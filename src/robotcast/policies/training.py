@@ -1,20 +1,18 @@
-"""The training loop of every forward model, and the mixture that brief trainings choose."""
+"""The training loop of every forward model: early stopping, and going on after a kill."""
 
 import hashlib
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import product
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch
 from torch import nn
 
 from robotcast.files import atomic_file
-from robotcast.policies.datasets import Dataset, Examples, folds, mixed_dataset
+from robotcast.policies.datasets import Dataset, Examples
 from robotcast.policies.forward_model import (
     Epoch,
     LearnedModel,
@@ -23,14 +21,11 @@ from robotcast.policies.forward_model import (
     best_epoch,
     reproducible_torch,
 )
-from robotcast.processes.elsewhere import answers, cores
 from robotcast.progress import Progress, silent
 from robotcast.source import source_digest
 
 _ROOM = "policies"
 _KEPT_EVERY = 5  # passes between two states on disk
-_FOLDS = 3
-_LEAST_MISS_M = 1e-3  # a miss below what tracking can tell counts as this
 
 
 class Fit(ABC):
@@ -188,66 +183,3 @@ def _resume(fit: Fit, path: Path | None, fingerprint: str) -> tuple[list[Epoch],
     fit.module.load_state_dict(state["module"])
     fit.optimizer.load_state_dict(state["optimizer"])
     return [Epoch(**epoch) for epoch in state["history"]], state["best"]
-
-
-class Mixture(NamedTuple):
-    """How to mix real and simulated casts: real part of the examples, weight of each in the loss.
-
-    `held_out_miss_m` is the geometric mean of the misses on held-out real casts; None when not
-    tried.
-    """
-
-    real_fraction: float
-    real_weight: float
-    held_out_miss_m: float | None = None
-
-
-def choose_mixture(
-    learner: Learner,
-    real: Dataset,
-    simulated: Dataset,
-    *,
-    fractions: Sequence[float],
-    weights: Sequence[float],
-    passes: int,
-    seed: int,
-    progress: Progress = silent,
-) -> tuple[Mixture, ...]:
-    """Try every pair of a fraction and a weight; return all, the best first.
-
-    The paper takes "the best performing values" (paper, "Experiments"). Here forward models
-    trained for so many `passes` are judged on casts that none of them saw, each real cast once
-    (Stone 1974), and never on the targets that policies are tested on. The geometric mean of the
-    misses counts: like the median it does not let the few whip-like casts decide, and it is less
-    noisy where few casts are held out. Too few real actions tell nothing: then the pairs come as
-    they were given.
-    """
-    pairs = [Mixture(*pair) for pair in product(fractions, weights)]
-    if not pairs:
-        raise ValueError("dataset mixed: real_fraction and real_weight need a value each")
-    held_out = list(folds(real, _FOLDS, seed=seed))
-    if len(pairs) == 1 or not held_out:
-        return tuple(pairs)
-    brief = learner.shortened(passes)
-    trials = [(brief, seed, simulated, pair, *fold) for pair in pairs for fold in held_out]
-    logarithms: dict[Mixture, list[np.ndarray]] = {pair: [] for pair in pairs}
-    progress(0, len(trials))
-    found = answers(_log_misses, trials, cores(0))  # a network this small keeps one core busy
-    for done, ((_, _, _, pair, *_), misses) in enumerate(zip(trials, found, strict=True), 1):
-        logarithms[pair].append(misses)
-        note = f"tried {pair.real_fraction:.0%} real × {pair.real_weight:g}"
-        progress(done, len(trials), note)
-    means = {pair: float(np.concatenate(logarithms[pair]).mean()) for pair in pairs}
-    ranked = sorted(pairs, key=means.__getitem__)
-    return tuple(pair._replace(held_out_miss_m=float(np.exp(means[pair]))) for pair in ranked)
-
-
-def _log_misses(
-    trial: tuple[Learner, int, Dataset, Mixture, Dataset, Examples],
-) -> np.ndarray:
-    """Learn one mixture without a fold; return the logarithms of the misses on that fold, (n,)."""
-    learner, seed, simulated, (fraction, weight, _), rest, held_out = trial
-    mixed = mixed_dataset(rest, simulated, real_fraction=fraction, real_weight=weight, seed=seed)
-    model = learner.fit(mixed, seed=seed)
-    misses = np.linalg.norm(model.predict(held_out.actions) - held_out.endpoints_m, axis=1)
-    return np.log(np.maximum(misses, _LEAST_MISS_M))
