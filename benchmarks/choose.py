@@ -22,9 +22,8 @@ import numpy as np
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 
-from robotcast.policies.choosing.choice import choose_actions
-from robotcast.policies.choosing.refinement import Neighbourhood, refine_choices
-from robotcast.policies.learning.datasets import Dataset, Examples
+from robotcast.policies.choosing import Neighbourhood, choose_actions, refine_choices
+from robotcast.policies.datasets import Dataset, Examples
 from robotcast.rigs.envelope import are_feasible, feasible_actions
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -76,7 +75,7 @@ def main() -> None:
     feasible = partial(are_feasible, r0_m=r0_m, limits=limits, envelope=envelope)
     drawn = np.random.default_rng(1).permutation(len(candidates))[:TARGETS]
     targets = made_up_endpoints(candidates[drawn])
-    about, dataset, good = Neighbourhood.of(grid, r0_m, limits), made_up_dataset(candidates), True
+    about, dataset, good = Neighbourhood(grid, r0_m, limits), made_up_dataset(candidates), True
     for name, policy in configs.items():
         model = instantiate(policy.policy.learner).shortened(PASSES).fit(dataset, seed=0)
         predicting_s = median_s(partial(model.predict, candidates), rounds)

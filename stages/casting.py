@@ -12,11 +12,10 @@ from stage import bar, console, output_folder
 
 from robotcast.casts.plan import plan_action
 from robotcast.files import atomic_file
-from robotcast.policies.choosing.choice import Choice
-from robotcast.policies.choosing.target_file import read_targets
-from robotcast.policies.choosing.targets import Board, spread_targets
-from robotcast.policies.evaluating.evaluation import Subject, execute_choices, executed_table
-from robotcast.policies.learning.datasets import read_simulated
+from robotcast.policies.choosing import Choice
+from robotcast.policies.datasets import read_simulated
+from robotcast.policies.evaluation import Subject, execute_choices, executed_table
+from robotcast.policies.targets import Board, read_targets, spread_targets
 from robotcast.rigs.collect import Plan
 from robotcast.rigs.rig import Rig
 

@@ -15,10 +15,14 @@ from stage import console, stage
 from robotcast.casts.action_file import read_actions
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
-from robotcast.policies.choosing.choice import choose_actions, with_spread
-from robotcast.policies.choosing.refinement import Neighbourhood, refine_choices
-from robotcast.policies.evaluating.evaluation import Subject, predicted_table
-from robotcast.policies.learning.forward_model import ForwardModel
+from robotcast.policies.choosing import (
+    Neighbourhood,
+    choose_actions,
+    refine_choices,
+    with_spread,
+)
+from robotcast.policies.evaluation import Subject, predicted_table
+from robotcast.policies.forward_model import ForwardModel
 from robotcast.rigs.envelope import are_feasible
 
 
@@ -36,7 +40,7 @@ def _executed(config: DictConfig, model: ForwardModel) -> pl.DataFrame:
     feasible = partial(are_feasible, r0_m=rig.r0_m, limits=limits, envelope=envelope)
     caution = config.evaluate.caution
     choices = choose_actions(model, _candidates(config), chosen_targets(config), caution)
-    about = Neighbourhood.of(build_grid(config, "candidates"), rig.r0_m, limits)
+    about = Neighbourhood(build_grid(config, "candidates"), rig.r0_m, limits)
     refined = refine_choices(model, choices, about, feasible)
     return cast_on_rig(config, rig, with_spread(model, refined))
 

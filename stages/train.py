@@ -9,15 +9,15 @@ from stage import bar, console, output_folder, stage, unfinished_file
 
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
-from robotcast.policies.learning.datasets import (
+from robotcast.policies.datasets import (
     Dataset,
     mixed_dataset,
     real_dataset,
     simulated_dataset,
 )
-from robotcast.policies.learning.forward_model import Learner
-from robotcast.policies.learning.mixing import choose_mixture
-from robotcast.policies.learning.residual import ResidualLearner
+from robotcast.policies.mixing import choose_mixture
+from robotcast.policies.residual import ResidualLearner
+from robotcast.policies.training import Learner
 
 
 def train(config: DictConfig) -> None:
@@ -30,7 +30,7 @@ def train(config: DictConfig) -> None:
         model = learner.fit(
             *datasets,
             seed=config.seed,
-            unfinished=unfinished_file(config, folder, ".safetensors"),
+            unfinished=unfinished_file(config, folder, ".pt"),
             progress=progress,
         )
     model.save(folder)

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from robotcast.policies.learning.datasets import (
+from robotcast.policies.datasets import (
     Dataset,
     folds,
     mixed_dataset,

@@ -1,11 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 from gpytorch.kernels import MaternKernel, ScaleKernel
 
-from robotcast.policies.learning.datasets import Dataset, real_dataset, simulated_dataset
-from robotcast.policies.learning.gaussian_process import GaussianProcess
-from robotcast.policies.learning.gaussian_process_learner import GaussianProcessLearner
+from robotcast.policies.datasets import Dataset, real_dataset, simulated_dataset
+from robotcast.policies.gaussian_process import GaussianProcess, GaussianProcessLearner
 
 SMALL = GaussianProcessLearner(
     exact_up_to=100, inducing=40, learning_rate=0.1, outlier_m=0.01, passes=10, patience=10
@@ -25,12 +26,18 @@ def simulated(world, tmp_path_factory) -> Dataset:
 
 @pytest.fixture(scope="module")
 def exact(real) -> GaussianProcess:
-    return SMALL.fit(real, seed=0)
+    return fitted(real)
 
 
 @pytest.fixture(scope="module")
 def sparse(simulated) -> GaussianProcess:
-    return SMALL.fit(simulated, seed=0)
+    return fitted(simulated)
+
+
+def fitted(dataset: Dataset) -> GaussianProcess:
+    model = SMALL.fit(dataset, seed=0)
+    assert isinstance(model, GaussianProcess)
+    return model
 
 
 def misses_m(model: GaussianProcess, world) -> np.ndarray:
@@ -40,9 +47,9 @@ def misses_m(model: GaussianProcess, world) -> np.ndarray:
 
 def test_few_casts_are_fitted_exactly_and_many_by_inducing_points(exact, sparse, real) -> None:
     assert exact.exact
-    assert len(exact.posterior.points) == len(np.unique(real.training.actions, axis=0))
+    assert len(exact.points) == len(np.unique(real.training.actions, axis=0))
     assert not sparse.exact
-    assert len(sparse.posterior.points) == 40
+    assert len(sparse.points) == 40
 
 
 def test_both_learn_a_smooth_world(exact, sparse, world) -> None:
@@ -52,21 +59,21 @@ def test_both_learn_a_smooth_world(exact, sparse, world) -> None:
 
 def test_the_exact_process_is_the_textbooks(exact, real) -> None:
     """Rasmussen and Williams 2006, eqs. 2.25 and 2.26."""
-    posterior, training = exact.posterior, real.training
+    training = real.training
     kernel = ScaleKernel(MaternKernel(nu=2.5, ard_num_dims=6)).double()
-    kernel.outputscale = posterior.variance
-    kernel.base_kernel.lengthscale = posterior.lengths
+    kernel.outputscale = exact.variance
+    kernel.base_kernel.lengthscale = exact.lengths
     seen = torch.from_numpy(exact.actions.apply(training.actions))
     asked = torch.from_numpy(exact.actions.apply(real.validation.actions))
     with torch.no_grad():
         across, own = kernel(asked, seen).to_dense(), kernel(seen).to_dense()
-        noisy = own + posterior.noise * torch.eye(len(seen), dtype=own.dtype)
+        noisy = own + exact.noise * torch.eye(len(seen), dtype=own.dtype)
         told = torch.from_numpy(exact.endpoints.apply(training.endpoints_m))
         mean = across @ torch.linalg.solve(noisy, told)
         left = kernel(asked, diag=True) - (across * torch.linalg.solve(noisy, across.T).T).sum(1)
-    assert posterior.mean(asked).numpy() == pytest.approx(mean.numpy(), abs=1e-4)
-    deviation = torch.sqrt(left + posterior.noise).numpy()
-    assert posterior.deviation(asked).numpy() == pytest.approx(deviation, rel=1e-3)
+    assert exact.mean(asked).numpy() == pytest.approx(mean.numpy(), abs=1e-4)
+    deviation = torch.sqrt(left + exact.noise).numpy()
+    assert exact.deviation(asked).numpy() == pytest.approx(deviation, rel=1e-3)
 
 
 def test_an_example_of_weight_two_is_one_seen_twice(real) -> None:
@@ -110,4 +117,4 @@ def test_a_saved_process_predicts_the_same_after_loading(sparse, world, tmp_path
 
 def test_a_setting_that_cannot_train_is_refused() -> None:
     with pytest.raises(ValueError, match="policy gp: inducing must be positive"):
-        GaussianProcessLearner(100, 0, 0.1, 0.01, 10, 10)
+        replace(SMALL, inducing=0)

@@ -1,15 +1,22 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from robotcast.policies.choosing.targets import (
+from robotcast.policies.targets import (
     Board,
+    error_parts,
+    median_interval,
     reachable_outline,
+    read_targets,
     spread_targets,
     tool_sector,
 )
 
 BOARD = Board(length_m=1.55, width_m=2.45)
 MIRROR = np.array([1.0, -1.0])
+RANDOM = np.random.default_rng(0)
+PLACES = [np.array([1.0, -0.2 * k]) for k in range(400)]
 
 
 @pytest.fixture(scope="module")
@@ -78,3 +85,73 @@ def test_the_tool_sector_holds_every_turn_and_end(casts) -> None:
     assert sector.half_angle_rad == pytest.approx(np.abs(actions[:, [0, 2]]).max())
     assert sector.inner_m <= actions[:, [1, 3]].min()
     assert sector.outer_m >= actions[:, [1, 3]].max()
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "targets.csv"
+
+
+def test_targets_are_read_in_their_order(path: Path) -> None:
+    path.write_text("name,x,y\nfar,1.2,-0.4\nnear,0.9,1\n")
+    assert read_targets(path, BOARD).tolist() == [[1.2, -0.4], [0.9, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x,z\n1,2\n", "column y is missing; expected x, y, found x, z"),
+        ("x,y\n1,0.2\n,0.3\n", "line 3: x must be a finite number, got an empty cell"),
+        ("x,y\n1,left\n", "line 2: y must be a finite number"),
+        ("x,y\n1,nan\n", "line 2: y must be a finite number, got 'nan'"),
+        ("x,y\n1,0.2\n1.6,0\n", "line 3: (1.6, 0) m lies off the board, x from 0 to 1.55 m"),
+        ("x,y\n", "holds no target"),
+        ("", "expected the names of the columns"),
+    ],
+)
+def test_bad_targets_get_one_clear_message(path: Path, text: str, said: str) -> None:
+    path.write_text(text)
+    with pytest.raises(ValueError) as caught:
+        read_targets(path, BOARD)
+    assert str(caught.value).startswith(str(path))
+    assert said in str(caught.value)
+
+
+def test_a_missing_file_is_named(path: Path) -> None:
+    with pytest.raises(ValueError, match=r"targets\.csv: there is no such file"):
+        read_targets(path, BOARD)
+
+
+def executed(offset_m: float, scatter_m: float, repeats: int) -> list[np.ndarray]:
+    away = np.array([offset_m, 0.0])
+    return [t + away + RANDOM.normal(0, scatter_m, (repeats, 2)) for t in PLACES]
+
+
+@pytest.mark.parametrize("repeats", [2, 5])
+def test_scatter_and_offset_are_told_apart_whatever_the_number_of_repeats(repeats) -> None:
+    parts = error_parts(executed(0.04, 0.02, repeats), PLACES)
+    assert parts is not None
+    assert parts.repeatability == pytest.approx(0.02 * np.sqrt(2), rel=0.1)
+    assert parts.model == pytest.approx(0.04, rel=0.1)
+    assert parts.repeatability_share == pytest.approx(1 / 3, abs=0.06)
+
+
+def test_casts_without_repeats_tell_no_parts() -> None:
+    assert error_parts(executed(0.04, 0.02, 1), PLACES) is None
+
+
+def test_the_interval_of_the_median_holds_it_and_narrows_with_targets() -> None:
+    def width(count: int) -> float:
+        errors = [np.abs(RANDOM.normal(3, 1, 5)) for _ in range(count)]
+        low, high = median_interval(errors)
+        assert low <= np.median(np.concatenate(errors)) <= high
+        return high - low
+
+    assert width(200) < 0.6 * width(16)
+
+
+def test_repeats_of_one_target_do_not_count_as_independent() -> None:
+    errors = [np.full(5, e) for e in RANDOM.normal(3, 1, 16)]
+    low, high = median_interval(errors)
+    alone_low, alone_high = median_interval([e[:1] for e in errors])
+    assert (low, high) == pytest.approx((alone_low, alone_high), rel=0.2)

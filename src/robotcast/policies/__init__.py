@@ -1,1 +1,1 @@
-"""Policies: `learning` of forward models, `choosing` of actions, `evaluating` of what came."""
+"""Policies: forward models learned from casts, actions chosen by them, and how far casts end."""

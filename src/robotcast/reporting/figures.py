@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, Polygon, Wedge
 from matplotlib.ticker import FixedLocator, NullLocator
 
-from robotcast.policies.choosing.targets import reachable_outline, tool_sector
-from robotcast.policies.learning.datasets import Examples
+from robotcast.policies.datasets import Examples
+from robotcast.policies.targets import reachable_outline, tool_sector
 from robotcast.reporting.names import (
     cable_name,
     dataset_name,

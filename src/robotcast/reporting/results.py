@@ -16,8 +16,8 @@ import yaml
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.noise_floor import NoiseFloor, noise_floor
 from robotcast.measurements.reader import read_measurement_set
-from robotcast.policies.evaluating.error_parts import ErrorParts, error_parts, median_interval
-from robotcast.policies.learning.datasets import Examples, read_simulated
+from robotcast.policies.datasets import Examples, read_simulated
+from robotcast.policies.targets import ErrorParts, error_parts, median_interval
 from robotcast.reporting.names import method_name
 from robotcast.tuning.revisions import Revision, comparable_revisions
 

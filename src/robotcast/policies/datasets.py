@@ -5,7 +5,7 @@ duplicates are drawn after the split, so validation never sees a cast that was t
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,9 @@ from robotcast.measurements.measurement_set import MeasurementSet, Trial
 
 @dataclass(frozen=True)
 class Examples:
-    """Pairs of an action and the endpoint it led to.
+    """Actions (n, 6), in the order and units of `ACTION_COLUMNS`, and the endpoints they led to.
 
-    Attributes
-    ----------
-    actions : ndarray of shape (n, 6), in the order and units of `ACTION_COLUMNS`.
-    endpoints_m : ndarray of shape (n, 2).
-    weights : ndarray of shape (n,), each example's weight in the loss.
+    `endpoints_m` is of shape (n, 2), `weights` in the loss of shape (n,).
     """
 
     actions: np.ndarray
@@ -37,37 +33,34 @@ class Examples:
 
     def take(self, rows: np.ndarray) -> "Examples":
         """Return the examples at `rows`, which may repeat."""
-        return Examples(self.actions[rows], self.endpoints_m[rows], self.weights[rows])
+        return Examples(*(column[rows] for column in vars(self).values()))
 
     def weighted(self, factor: float) -> "Examples":
         """Return the examples with every weight times `factor`."""
-        return Examples(self.actions, self.endpoints_m, self.weights * factor)
+        return replace(self, weights=self.weights * factor)
+
+    def joined(self, other: "Examples") -> "Examples":
+        """Return these examples followed by `other`."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return Examples(*(np.concatenate(pair) for pair in pairs))
 
     def merged(self) -> "Examples":
         """Return the different examples, each with the summed weight of its duplicates."""
         pairs = np.concatenate([self.actions, self.endpoints_m], axis=1)
         _, first, which = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
-        summed = np.bincount(which.ravel(), weights=self.weights)
-        return Examples(self.actions[first], self.endpoints_m[first], summed)
+        return replace(self.take(first), weights=np.bincount(which.ravel(), weights=self.weights))
 
-    def joined(self, other: "Examples") -> "Examples":
-        """Return these examples followed by `other`."""
-        return Examples(
-            np.concatenate([self.actions, other.actions]),
-            np.concatenate([self.endpoints_m, other.endpoints_m]),
-            np.concatenate([self.weights, other.weights]),
-        )
+    def action_groups(self) -> np.ndarray:
+        """Number the different actions and return the number of each example, (n,)."""
+        return np.unique(self.actions, axis=0, return_inverse=True)[1].ravel()
 
 
 @dataclass(frozen=True)
 class Dataset:
     """What one forward model is fitted to.
 
-    Attributes
-    ----------
-    calibration : held-out casts that tell how far casts end from the model: the measured ones of
-        the validation part, where it holds any, else all of it.
-    facts : counts and settings that tell how the dataset was made, for policy.yaml.
+    `calibration` casts tell how far casts end from the model: the measured ones of the validation
+    part, where it holds any, else all of it. `facts` tell policy.yaml how the dataset was made.
     """
 
     name: str
@@ -88,15 +81,11 @@ def real_dataset(
 ) -> Dataset:
     """Make D_real: every tracked cast of `measurements` but the trials in `leave_out`.
 
-    Parameters
-    ----------
-    casts : take so many of them, action by action; fewer are contained in more. None takes all.
-    first : trials that are taken before others, such as those that a simulator was tuned to: a
-        policy of so many casts has then seen no others.
+    With a number of `casts`, so many are taken action by action, fewer contained in more, and the
+    trials `first` before others: where a simulator was tuned to those, the policy has seen no more.
     """
-    trials = [
-        t for t in measurements.trials if t.trial not in set(leave_out) and len(t.waypoints_m) > 0
-    ]
+    out = set(leave_out)
+    trials = [t for t in measurements.trials if t.trial not in out and len(t.waypoints_m) > 0]
     if not trials:
         raise ValueError("dataset real: no tracked cast is left once the test casts are taken out")
     if casts is not None:
@@ -125,22 +114,22 @@ def _first_casts(
         raise ValueError(f"dataset real: asked for {casts} casts, {len(trials)} are to be had")
     rng = np.random.default_rng(np.random.SeedSequence((seed, 4)))
     order = rng.permutation(np.unique([t.action_id for t in trials])).tolist()
-    place = {action_id: k for k, action_id in enumerate(order)}
     early = {t.action_id for t in trials if t.trial in set(first)}
-    drawn = sorted(trials, key=lambda t: (t.action_id not in early, place[t.action_id], t.trial))
-    drawn = drawn[:casts]
-    return sorted(drawn, key=lambda t: t.trial)
+
+    def rank(t: Trial) -> tuple[bool, int, int]:
+        return t.action_id not in early, order.index(t.action_id), t.trial
+
+    return sorted(sorted(trials, key=rank)[:casts], key=lambda t: t.trial)
 
 
 def simulated_dataset(path: Path, *, validation_fraction: float, seed: int) -> Dataset:
     """Make D_sim from the casts.parquet that generate wrote."""
     examples = read_simulated(path)
     made = path.with_name("generation.yaml")
-    told = yaml.safe_load(made.read_text(encoding="utf-8")) if made.exists() else {}
-    cable = {"cable": told["cable"]} if "cable" in told else {}
-    groups = np.arange(len(examples))
-    training, validation = _split(examples, groups, validation_fraction, seed)
-    facts = {**cable, "simulated_casts": len(examples)}
+    generation = yaml.safe_load(made.read_text(encoding="utf-8")) if made.exists() else {}
+    facts = {name: generation[name] for name in ("cable",) if name in generation}
+    training, validation = _split(examples, np.arange(len(examples)), validation_fraction, seed)
+    facts["simulated_casts"] = len(examples)
     return Dataset("simulated", training, validation, validation, facts)
 
 
@@ -183,23 +172,19 @@ def mixed_dataset(
     n_real, n_simulated = len(real.training), len(simulated.training)
     wanted = max(n_real, round(n_simulated * real_fraction / (1 - real_fraction)))
     rng = np.random.default_rng(np.random.SeedSequence((seed, 1)))
-    duplicates = rng.integers(n_real, size=wanted - n_real)
-    rows = np.concatenate([np.arange(n_real), duplicates])
+    rows = np.concatenate([np.arange(n_real), rng.integers(n_real, size=wanted - n_real)])
     upsampled = real.training.take(rows).weighted(real_weight)
     share = real_weight * (wanted / n_simulated) * len(simulated.validation) / len(real.validation)
-    return Dataset(
-        "mixed",
-        simulated.training.joined(upsampled),
-        simulated.validation.joined(real.validation.weighted(share)),
-        real.calibration,
-        {
-            **simulated.facts,
-            **real.facts,
-            "real_examples_after_upsampling": wanted,
-            "real_fraction": round(wanted / (wanted + n_simulated), 4),
-            "real_weight": real_weight,
-        },
-    )
+    facts = {
+        **simulated.facts,
+        **real.facts,
+        "real_examples_after_upsampling": wanted,
+        "real_fraction": round(wanted / (wanted + n_simulated), 4),
+        "real_weight": real_weight,
+    }
+    training = simulated.training.joined(upsampled)
+    validation = simulated.validation.joined(real.validation.weighted(share))
+    return Dataset("mixed", training, validation, real.calibration, facts)
 
 
 def refuse_other_cables(*datasets: Dataset) -> None:
@@ -214,19 +199,19 @@ def refuse_other_cables(*datasets: Dataset) -> None:
 def folds(real: Dataset, count: int, *, seed: int) -> Iterator[tuple[Dataset, Examples]]:
     """Hold out every cast of D_real once, repeats of an action together.
 
-    Yields the rest, with a validation part as large, and the casts that it does not hold. There
-    are `count` folds, or as many as there are actions; none where fewer than three could not
-    leave two on the other side.
+    Yields the rest, with a validation part as large, and the casts held out. There are `count`
+    folds, or as many as there are actions; none of fewer than three, which could not leave two.
     """
     casts = real.training.joined(real.validation)
-    groups = np.unique(casts.actions, axis=0, return_inverse=True)[1].ravel()
+    groups = casts.action_groups()
     n_groups = groups.max() + 1
+    count = min(count, n_groups) if n_groups > 2 else 0
     rng = np.random.default_rng(np.random.SeedSequence((seed, 5)))
-    fold_of = rng.permutation(n_groups)[groups] % min(count, n_groups)
+    order = rng.permutation(n_groups)[groups]
     fraction = len(real.validation) / len(casts)
-    for fold in range(min(count, n_groups) if n_groups > 2 else 0):
-        rest, out = np.flatnonzero(fold_of != fold), np.flatnonzero(fold_of == fold)
-        training, validation = _split(casts.take(rest), groups[rest], fraction, seed)
+    for fold in range(count):
+        out = order % count == fold
+        training, validation = _split(casts.take(~out), groups[~out], fraction, seed)
         yield Dataset(real.name, training, validation, validation, real.facts), casts.take(out)
 
 
@@ -244,4 +229,4 @@ def _split(
     rng = np.random.default_rng(np.random.SeedSequence((seed, 0)))
     n_held = min(max(1, round(fraction * len(names))), len(names) - 1)
     held = np.isin(groups, rng.permutation(names)[:n_held])
-    return examples.take(np.flatnonzero(~held)), examples.take(np.flatnonzero(held))
+    return examples.take(~held), examples.take(held)

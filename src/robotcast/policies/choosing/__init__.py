@@ -1,1 +1,0 @@
-"""Targets, and the action to take for each."""

@@ -1,1 +1,0 @@
-"""How far chosen casts end from their targets, and what that error is made of."""

@@ -1,0 +1,177 @@
+"""How far casts end from their targets (paper, "Physical Experiments")."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import yaml
+
+from robotcast.casts.action import action_factors
+from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
+from robotcast.measurements.measurement_set import Cable, MeasurementSet
+from robotcast.policies.choosing import Choice
+from robotcast.policies.forward_model import ForwardModel
+from robotcast.progress import Progress, silent
+from robotcast.rigs.collect import Plan, collect_casts
+from robotcast.rigs.rig import Rig
+from robotcast.sessions import CastRequest, number_requests, read_session
+from robotcast.vision.tracker import track_rest
+
+# Evaluated casts are numbered apart from collected ones, so that a virtual rig draws them
+# another chance; every policy's casts at one target draw the same.
+_FIRST_TARGET_ID = 9_000
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What was tested: the names that every row of evaluation.csv carries."""
+
+    rig: str
+    cable: Cable
+    policy: str
+    dataset: str
+
+
+@dataclass(frozen=True)
+class Executed:
+    """Where casts ended, (n_choices, repeats, 2), NaN where one is `lost`: why, by its place."""
+
+    ends_m: np.ndarray
+    lost: Mapping[tuple[int, int], str]
+
+
+def execute_choices(
+    rig: Rig,
+    choices: Sequence[Choice],
+    repeats: int,
+    sessions: Path,
+    settings: str,
+    limits: PlanLimits,
+    progress: Progress = silent,
+    *,
+    plan: Plan = plan_action,
+) -> Executed:
+    """Execute every choice `repeats` times and track where the free end comes to rest.
+
+    The casts lie in a session of their own under `sessions`, named after the chosen actions and
+    `settings`, all else that decides what the rig does: a killed evaluation goes on where it was,
+    another policy or another rig starts a new session, and no cast is ever replaced. `plan` makes
+    the motion of an action.
+    """
+    numbered = list(enumerate(choices, _FIRST_TARGET_ID))
+    actions = [(number, choice.action) for _ in range(repeats) for number, choice in numbered]
+    decided = b"".join(choice.action.as_array().tobytes() for choice in choices)
+    decided += (settings + yaml.safe_dump(rig.facts())).encode()
+    folder = sessions / hashlib.sha256(decided).hexdigest()[:12]
+
+    @cache
+    def rest(request: CastRequest) -> np.ndarray | str:
+        session = read_session(folder)
+        try:
+            return track_rest(session.cast_folder(request), session)
+        except ValueError as error:
+            return str(error)
+
+    def describe(request: CastRequest, _: Path) -> str:
+        target, end = request.action_id - _FIRST_TARGET_ID, rest(request)
+        if isinstance(end, str):
+            return f"target {target}, not tracked"
+        away_m = np.linalg.norm(end - choices[target].target_m)
+        return f"target {target}, {away_m * 100:.1f} cm off"
+
+    filmed = _RestOnly(rig, rig.name, rig.cable, rig.r0_m, rig.workers)
+    done = collect_casts(filmed, actions, folder, limits, progress, plan=plan, describe=describe)
+    ends_m = np.full((len(choices), repeats, 2), np.nan)
+    lost = {}
+    for place, request in enumerate(number_requests(actions)):
+        repeat, target = divmod(place, len(choices))
+        end = done.failed.get(request.number) or rest(request)
+        if isinstance(end, str):
+            lost[target, repeat] = end
+        else:
+            ends_m[target, repeat] = end
+    return Executed(ends_m, lost)
+
+
+@dataclass(frozen=True)
+class _RestOnly:
+    """A rig that films only where its casts come to rest."""
+
+    rig: Rig
+    name: str
+    cable: Cable
+    r0_m: float
+    workers: int
+
+    def facts(self) -> dict[str, Any]:
+        return self.rig.facts()
+
+    def cast(
+        self, planned: PlannedCast, number: int, folder: Path, *, rest_only: bool = True
+    ) -> None:
+        self.rig.cast(planned, number, folder, rest_only=True)
+
+
+def executed_table(subject: Subject, choices: Sequence[Choice], executed: Executed) -> pl.DataFrame:
+    """Return evaluation.csv for executed casts; a lost cast has no endpoint and no error.
+
+    `spread_x`, `spread_y` are the standard deviations that the model expects about
+    `predicted_x`, `predicted_y` [m].
+    """
+    return _table(subject, "executed", range(len(choices)), choices, executed.ends_m)
+
+
+def predicted_table(
+    subject: Subject, model: ForwardModel, held_out: MeasurementSet
+) -> pl.DataFrame:
+    """Return evaluation.csv for recorded casts, which cannot be executed again.
+
+    Each held-out cast stands for a target: where it ended. The error is how far the forward
+    model's endpoint for its action lies from there, so choosing an action is not tested.
+    """
+    trials = held_out.trials
+    actions = np.stack([t.action.as_array() for t in trials])
+    said = zip(trials, model.predict(actions), model.spread(actions), strict=True)
+    choices = [Choice(t.endpoint_m, t.action, end_m, spread_m) for t, end_m, spread_m in said]
+    ends_m = np.stack([t.endpoint_m for t in trials])[:, None]
+    return _table(subject, "predicted", [t.trial for t in trials], choices, ends_m)
+
+
+def _table(
+    subject: Subject,
+    kind: str,
+    targets: Sequence[int],
+    choices: Sequence[Choice],
+    ends_m: np.ndarray,
+) -> pl.DataFrame:
+    rows = []
+    for target, choice, repeated_m in zip(targets, choices, ends_m, strict=True):
+        for repeat, end_m in enumerate(repeated_m):
+            reached_m = end_m if kind == "executed" else choice.predicted_m
+            error_m = float(np.linalg.norm(reached_m - choice.target_m))
+            rows.append(
+                {
+                    "kind": kind,
+                    **vars(subject),
+                    "cable": subject.cable.name,
+                    "target": target,
+                    **_xy("target_", choice.target_m),
+                    "repeat": repeat,
+                    **action_factors(choice.action.as_array()),
+                    **_xy("predicted_", choice.predicted_m),
+                    **_xy("spread_", choice.spread_m),
+                    **_xy("", end_m),
+                    "error_m": error_m,
+                    "error_percent": 100 * error_m / subject.cable.length_m,
+                }
+            )
+    return pl.DataFrame(rows).with_columns(pl.col(pl.Float64).fill_nan(None))
+
+
+def _xy(prefix: str, point_m: np.ndarray) -> dict[str, float]:
+    return {f"{prefix}x": float(point_m[0]), f"{prefix}y": float(point_m[1])}

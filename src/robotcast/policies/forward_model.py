@@ -1,0 +1,256 @@
+"""What every forward model answers (paper, "Policies"), and what learned ones share.
+
+On disk a model is a folder: numbers as safetensors, the rest as YAML and CSV, no pickles.
+"""
+
+import hashlib
+import io
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Protocol, Self
+
+import numpy as np
+import polars as pl
+import torch
+import yaml
+from safetensors.torch import load_file, save_file
+
+from robotcast.files import atomic_file, write_text
+from robotcast.policies.datasets import Examples
+from robotcast.policies.spread import DOUBT_ALONE, Spread
+
+WEIGHTS_FILE, HISTORY_FILE, DESCRIPTION_FILE = "weights.safetensors", "training.csv", "policy.yaml"
+ROWS_AT_ONCE = 1024  # what one core works on at a time: its intermediate results stay in cache
+
+Tensors = dict[str, torch.Tensor]
+TensorFunction = Callable[[torch.Tensor], torch.Tensor]
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """How one pass over the training examples ended."""
+
+    epoch: int
+    training_loss: float
+    validation_loss: float
+    validation_median_m: float
+
+
+def best_epoch(history: Sequence[Epoch]) -> Epoch:
+    """Return the pass with the lowest loss on held-out casts, the first of equals."""
+    return min(
+        history, key=lambda e: math.inf if math.isnan(e.validation_loss) else e.validation_loss
+    )
+
+
+class ForwardModel(Protocol):
+    """f_forw, of actions (n, 6) in the order and units of `ACTION_COLUMNS`."""
+
+    @property
+    def facts(self) -> Mapping[str, object]:
+        """What is known of the examples; `cable` names the cable they are of, where known."""
+        ...
+
+    def predict(self, actions: np.ndarray) -> np.ndarray:
+        """Return where casts come to rest, (n, 2), in the robot base's frame [m]."""
+        ...
+
+    def spread(self, actions: np.ndarray) -> np.ndarray:
+        """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
+        ...
+
+    def slopes(self, actions: np.ndarray) -> np.ndarray:
+        """Return the endpoint's derivatives (n, 2, 6) by the numbers of the actions."""
+        ...
+
+
+@dataclass(frozen=True)
+class Normalisation:
+    """Shift and scale, both (d,), that bring columns to mean 0 and spread 1."""
+
+    mean: np.ndarray
+    scale: np.ndarray
+
+    @classmethod
+    def of(cls, values: np.ndarray) -> "Normalisation":
+        """Compute from values (n, d); a column that never changes keeps scale 1."""
+        spread = values.std(axis=0)
+        return cls(values.mean(axis=0), np.where(spread > 1e-9, spread, 1.0))
+
+    def apply(self, values: np.ndarray) -> np.ndarray:
+        return (values - self.mean) / self.scale
+
+    def undo(self, normalised: np.ndarray) -> np.ndarray:
+        return normalised * self.scale + self.mean
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnedModel(ABC):
+    """A network or a Gaussian process in normalised units.
+
+    `actions` and `endpoints` are normalised as the training examples were; `history` has one
+    entry a pass, of which the best gave the weights; `size` of the spread is set on held-out casts.
+    """
+
+    precision: ClassVar[torch.dtype]
+    actions: Normalisation
+    endpoints: Normalisation
+    dataset: str
+    facts: Mapping[str, object]
+    seed: int
+    history: tuple[Epoch, ...]
+    size: Spread = DOUBT_ALONE
+
+    @abstractmethod
+    def mean(self, rows: torch.Tensor) -> torch.Tensor:
+        """Return normalised endpoints (n, 2) of normalised actions (n, d)."""
+
+    @abstractmethod
+    def deviation(self, rows: torch.Tensor) -> torch.Tensor:
+        """Return how unsure the model is of normalised actions (n, d), (n,), up to a factor."""
+
+    @abstractmethod
+    def stored(self) -> tuple[dict[str, Any], Tensors]:
+        """Return settings for policy.yaml, and the weights."""
+
+    @classmethod
+    @abstractmethod
+    def restored(cls, settings: Any, tensors: Tensors, **shared: Any) -> Self:
+        """Make the model of what `stored` returned and of the attributes that all share."""
+
+    def predict(self, actions: np.ndarray) -> np.ndarray:
+        return self.endpoints.undo(self._apply(self.mean, actions))
+
+    def spread(self, actions: np.ndarray) -> np.ndarray:
+        return self.size(self.doubt(actions), self.slopes(actions))
+
+    def doubt(self, actions: np.ndarray) -> np.ndarray:
+        """Return how unsure the model itself is of actions (n, d), (n,), up to a factor."""
+        return self._apply(self.deviation, actions)
+
+    def slopes(self, actions: np.ndarray) -> np.ndarray:
+        def of_rows(rows: torch.Tensor) -> torch.Tensor:
+            with torch.inference_mode(False), torch.enable_grad():
+                inputs = rows.detach().requires_grad_()
+                ends = self.mean(inputs).sum(dim=0)
+                grads = [torch.autograd.grad(e, inputs, retain_graph=True)[0] for e in ends]
+            return torch.stack(grads, dim=1)
+
+        slopes = self._apply(of_rows, actions)
+        return slopes * self.endpoints.scale[:, None] / self.actions.scale
+
+    def _apply(self, function: TensorFunction, actions: np.ndarray) -> np.ndarray:
+        rows = torch.from_numpy(self.actions.apply(actions)).to(self.precision)
+        return in_parts(function, rows).numpy().astype(float)
+
+    def calibrated(self, casts: Examples) -> Self:
+        """Return the model with the spread that held-out `casts` show."""
+        misses_m = casts.endpoints_m - self.predict(casts.actions)
+        doubt, slopes = self.doubt(casts.actions), self.slopes(casts.actions)
+        size = Spread.of(misses_m, doubt, slopes, self.actions.scale, casts.weights)
+        return replace(self, size=size)
+
+    def save(self, folder: Path) -> None:
+        """Write weights.safetensors, training.csv and, last, policy.yaml into `folder`."""
+        settings, tensors = self.stored()
+        weights = folder / WEIGHTS_FILE
+        with atomic_file(weights) as temporary:
+            save_file({name: v.contiguous() for name, v in tensors.items()}, temporary)
+        text = io.StringIO()
+        pl.DataFrame([vars(e) for e in self.history]).write_csv(text, float_precision=6)
+        write_text(folder / HISTORY_FILE, text.getvalue())
+        best, actions, endpoints = (
+            best_epoch(self.history),
+            _lists(self.actions),
+            _lists(self.endpoints),
+        )
+        description = {
+            **settings,
+            "dataset": self.dataset,
+            "seed": self.seed,
+            "spread": _lists(self.size),
+            "examples": dict(self.facts),
+            "normalisation": {"actions": actions, "endpoints_m": endpoints},
+            "epochs": len(self.history),
+            "best_epoch": best.epoch,
+            "validation_median_m": round(best.validation_median_m, 6),
+            "weights_sha256": hashlib.sha256(weights.read_bytes()).hexdigest(),
+        }
+        write_text(folder / DESCRIPTION_FILE, yaml.safe_dump(description, sort_keys=False))
+
+    @classmethod
+    def load(cls, folder: Path) -> Self:
+        """Read back what `save` wrote; refuse weights that are not of the description."""
+        facts, path = read_description(folder), folder / WEIGHTS_FILE
+        if hashlib.sha256(path.read_bytes()).hexdigest() != facts["weights_sha256"]:
+            raise ValueError(f"{path} does not belong to {DESCRIPTION_FILE} beside it: train again")
+        history = pl.read_csv(folder / HISTORY_FILE).iter_rows(named=True)
+        return cls.restored(
+            facts,
+            load_file(path),
+            actions=Normalisation(**_arrays(facts["normalisation"]["actions"])),
+            endpoints=Normalisation(**_arrays(facts["normalisation"]["endpoints_m"])),
+            dataset=facts["dataset"],
+            facts=facts["examples"],
+            seed=facts["seed"],
+            history=tuple(Epoch(**row) for row in history),
+            size=Spread(**_arrays(facts["spread"])),
+        )
+
+
+def read_description(folder: Path) -> dict[str, Any]:
+    """Read policy.yaml, which is written last; say what to run where there is none."""
+    description = folder / DESCRIPTION_FILE
+    if not description.exists():
+        raise FileNotFoundError(f"{description} is missing: run the train stage first")
+    return yaml.safe_load(description.read_text(encoding="utf-8"))
+
+
+def _lists(numbers: object) -> dict[str, Any]:
+    return {name: value.tolist() for name, value in vars(numbers).items()}
+
+
+def _arrays(numbers: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    return {name: np.array(value) for name, value in numbers.items()}
+
+
+@contextmanager
+def reproducible_torch(seed: int) -> Iterator[None]:
+    """Make torch give the same bytes on any number of cores; its global state is put back.
+
+    On one thread every sum on the CPU has one order, so `torch.use_deterministic_algorithms` has
+    nothing to add; it would import torch's compiler, which takes seconds.
+    """
+    threads = torch.get_num_threads()
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        torch.set_num_threads(1)
+        try:
+            yield
+        finally:
+            torch.set_num_threads(threads)
+
+
+def in_parts(function: TensorFunction, rows: torch.Tensor) -> torch.Tensor:
+    """Apply a function to the rows (n, …) of a tensor, part by part, on as many cores as torch has.
+
+    Parts are always cut alike and each is worked out by one thread, so the result has the same
+    bits whatever the number of cores.
+    """
+
+    def one(part: torch.Tensor) -> torch.Tensor:
+        with torch.inference_mode():  # holds for the thread that enters it
+            return function(part)
+
+    parts = rows.split(ROWS_AT_ONCE)
+    workers = min(torch.get_num_threads(), len(parts))
+    with reproducible_torch(0):
+        if workers <= 1:
+            return torch.cat([one(part) for part in parts])
+        with ThreadPoolExecutor(workers) as pool:
+            return torch.cat(list(pool.map(one, parts)))

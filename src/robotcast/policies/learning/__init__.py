@@ -1,1 +1,0 @@
-"""Forward models: where a cast comes to rest, learned from real and simulated casts."""

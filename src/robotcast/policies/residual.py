@@ -1,0 +1,315 @@
+"""Networks of D_sim, corrected by how measured casts depart from them.
+
+Where a simulator misses, it mostly misses smoothly in the action: a few hundred casts tell by how
+much, although they are far too few to learn the casts themselves from. So networks learn D_sim,
+and a Gaussian process learns what D_real leaves of it (residual physics: Zeng et al. 2020,
+"TossingBot"; Ajay et al. 2018, "Augmenting Physical Simulators with Stochastic Neural Networks").
+
+Its inputs are the action, where the networks let the cast end and how that end moves with the
+action; its numbers are at the maximum of the marginal likelihood (Rasmussen and Williams 2006,
+chapters 2 and 5). Casts are not equally sure: the networks know where their own examples scattered
+and how far the endpoint moves with the action, and with it whatever chance does to the arm. What
+casts that are predicted from the others say of that makes the few that nothing explains count
+little.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import yaml
+from scipy.optimize import minimize
+
+from robotcast.files import write_text
+from robotcast.policies.datasets import Dataset, Examples, refuse_other_cables
+from robotcast.policies.forward_model import (
+    DESCRIPTION_FILE,
+    Epoch,
+    LearnedModel,
+    Normalisation,
+    best_epoch,
+    read_description,
+    reproducible_torch,
+)
+from robotcast.policies.gaussian_process import GaussianProcess, matern
+from robotcast.policies.spread import held_out_scale, slope_size
+from robotcast.policies.training import Learner
+from robotcast.progress import Progress, silent
+
+_BASE, _CORRECTION = "base", "correction"
+_STEP = 0.02  # of the spread of an action's numbers, to see how the endpoint moves
+_FREEDOM = 4.0  # degrees of freedom of Student's distribution, by which wild casts lose weight
+_ROUNDS = 3  # of fitting and weighing
+_EVALUATIONS = 100  # of the likelihood in a round
+_LENGTH = 1.0, 1.0  # mean and deviation of the logarithm of a length, in spreads of the input
+_LEAST_M = 1e-4  # what is never known of a cast
+_FIRST_LOGS = math.log(2.0), 0.0, -2.0  # of lengths, variance and factors of the noise
+_LOG_BOUNDS = (-2.0, 6.0), (-8.0, 6.0), (-24.0, 6.0)
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """The mean of models: what one training gets wrong by chance, it hardly does.
+
+    Hansen and Salamon 1990, "Neural Network Ensembles".
+    """
+
+    members: tuple[LearnedModel, ...]
+
+    def predict(self, actions: np.ndarray) -> np.ndarray:
+        return np.mean([m.predict(actions) for m in self.members], axis=0)
+
+    def spread(self, actions: np.ndarray) -> np.ndarray:
+        return np.sqrt(np.mean([m.spread(actions) ** 2 for m in self.members], axis=0))
+
+    def slopes(self, actions: np.ndarray) -> np.ndarray:
+        return np.mean([m.slopes(actions) for m in self.members], axis=0)
+
+
+@dataclass(frozen=True)
+class Residual:
+    """A base model and its correction.
+
+    The `process` is of departures from the base [m], given what `_features` returns. Casts of one
+    action scatter by √(least² + (of_spread |σ|)² + (of_slope |S|)²), σ the spread that the base
+    expects, S its slope for actions in units of their spread. `scale` (2,) are standard deviations
+    of x and y in units of both together; `left_out_median_m` is the median miss of a cast
+    predicted from other actions; `facts` are of D_sim and D_real.
+    """
+
+    base: Ensemble
+    process: GaussianProcess
+    of_spread: float
+    of_slope: float
+    scale: np.ndarray
+    left_out_median_m: float
+    facts: Mapping[str, Any]
+
+    def predict(self, actions: np.ndarray) -> np.ndarray:
+        features = _features(self.base, actions)
+        return features[:, 6:8] + self.process.predict(features)
+
+    def spread(self, actions: np.ndarray) -> np.ndarray:
+        doubt = self.process.doubt(_features(self.base, actions))
+        doubt_m = doubt * self.process.endpoints.scale[0]
+        return np.hypot(doubt_m, self.noise_m(actions))[:, None] * self.scale
+
+    def noise_m(self, actions: np.ndarray) -> np.ndarray:
+        """Return how far casts scatter in one coordinate, (n,) [m], up to a common factor."""
+        terms_m = _noise_terms(self.base, actions, self.process.actions.scale[:6])
+        parts = _LEAST_M, self.of_spread * terms_m[:, 0], self.of_slope * terms_m[:, 1]
+        return np.sqrt(sum(np.square(part) for part in parts))
+
+    def slopes(self, actions: np.ndarray) -> np.ndarray:
+        # By differences: the process hears of the base's slopes, and networks' move in steps.
+        steps = _STEP * self.process.actions.scale[:6]
+        there, back = (actions[:, None] + sign * np.diag(steps) for sign in (1, -1))
+        change = self.predict(there.reshape(-1, 6)) - self.predict(back.reshape(-1, 6))
+        return change.reshape(len(actions), 6, 2).transpose(0, 2, 1) / (2 * steps)
+
+    def save(self, folder: Path) -> None:
+        """Write every model into a folder of its own and, last, policy.yaml."""
+        for number, member in enumerate(self.base.members):
+            member.save(folder / _BASE / str(number))
+        self.process.save(folder / _CORRECTION)
+        history = self.base.members[0].history  # each network keeps its own
+        description = {
+            "kind": "residual",
+            "dataset": "mixed",
+            "members": len(self.base.members),
+            "noise": {"of_spread": self.of_spread, "of_slope": self.of_slope},
+            "spread": self.scale.tolist(),
+            "examples": dict(self.facts),
+            "epochs": len(history),
+            "best_epoch": best_epoch(history).epoch,
+            "validation_median_m": round(self.left_out_median_m, 6),
+        }
+        write_text(folder / DESCRIPTION_FILE, yaml.safe_dump(description, sort_keys=False))
+
+
+@dataclass(frozen=True)
+class ResidualLearner:
+    """Learns D_sim by the mean of several `members`, and what D_real leaves of it."""
+
+    member: Learner
+    members: int
+
+    def __post_init__(self) -> None:
+        if self.members < 1:
+            raise ValueError(f"policy residual: members must be positive, got {self.members}")
+
+    def fit(
+        self,
+        real: Dataset,
+        simulated: Dataset,
+        *,
+        seed: int,
+        unfinished: Path | None = None,
+        progress: Progress = silent,
+    ) -> Residual:
+        """Learn both. The correction learns from the casts that D_real holds out too.
+
+        The file `unfinished` is of the member in training (see `Learner.fit`); those before it
+        are trained anew after a kill.
+        """
+        refuse_other_cables(real, simulated)
+        members = []
+        for number in range(self.members):
+
+            def of_all(done: int, total: int, note: str = "", before: int = number) -> None:
+                progress(before * total + done, self.members * total, note)
+
+            own = int(np.random.SeedSequence((seed, 6, number)).generate_state(1)[0])
+            member = self.member.fit(simulated, seed=own, unfinished=unfinished, progress=of_all)
+            members.append(member)
+        casts = real.training.joined(real.validation)
+        facts = {**simulated.facts, **real.facts}
+        return corrected(Ensemble(tuple(members)), casts, facts, seed=seed)
+
+    def load(self, folder: Path) -> Residual:
+        """Read back what `Residual.save` wrote."""
+        description = read_description(folder)
+        members = range(description["members"])
+        return Residual(
+            base=Ensemble(tuple(self.member.load(folder / _BASE / str(k)) for k in members)),
+            process=GaussianProcess.load(folder / _CORRECTION),
+            **description["noise"],
+            scale=np.array(description["spread"]),
+            left_out_median_m=description["validation_median_m"],
+            facts=description["examples"],
+        )
+
+
+def corrected(base: Ensemble, casts: Examples, facts: Mapping[str, Any], *, seed: int) -> Residual:
+    """Learn how `casts` depart from where `base` lets them end; none is held out."""
+    features = _features(base, casts.actions)
+    departures_m = casts.endpoints_m - features[:, 6:8]
+    inputs = Normalisation.of(features)
+    rms_m = max(float(np.sqrt(departures_m.var(axis=0).mean())), _LEAST_M)
+    outputs = Normalisation(departures_m.mean(axis=0), np.full(2, rms_m))
+    terms_m = _noise_terms(base, casts.actions, inputs.scale[:6])
+    typical_m = np.maximum(np.sqrt(np.square(terms_m).mean(axis=0)), _LEAST_M)
+    with reproducible_torch(seed):
+        likelihood = _Likelihood(
+            torch.from_numpy(inputs.apply(features)),
+            torch.from_numpy(outputs.apply(departures_m)),
+            torch.from_numpy(np.square(terms_m / typical_m)),
+            torch.from_numpy(1 / casts.weights),
+            casts.action_groups(),
+            (_LEAST_M / rms_m) ** 2,
+        )
+        logs, inflation, loss = likelihood.maximized()
+        tensors, misses, variances = likelihood.posterior(logs, inflation)
+    left_out_m, expected_m = misses.numpy() * rms_m, np.sqrt(variances.numpy()) * rms_m
+    scale = held_out_scale(left_out_m, expected_m, casts.weights)
+    of_spread, of_slope = (rms_m * np.sqrt(logs[-2:].exp().numpy()) / typical_m).tolist()
+    median_m = float(np.median(np.linalg.norm(left_out_m, axis=1)))
+    process = GaussianProcess(
+        exact=True,
+        **tensors,
+        actions=inputs,
+        endpoints=outputs,
+        dataset="departures",
+        facts={"real_casts": len(casts)},
+        seed=seed,
+        history=(Epoch(1, loss / len(casts), loss / len(casts), median_m),),
+    )
+    return Residual(base, process, of_spread, of_slope, scale, median_m, facts)
+
+
+def _features(base: Ensemble, actions: np.ndarray) -> np.ndarray:
+    """Return the inputs of the process, (n, 20): actions, the base's endpoints and its slopes."""
+    slopes = base.slopes(actions).reshape(len(actions), -1)
+    return np.concatenate([actions, base.predict(actions), slopes], axis=1)
+
+
+def _noise_terms(base: Ensemble, actions: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """Return |σ| and |S| of `Residual`, (n, 2) [m]."""
+    spread_m = np.linalg.norm(base.spread(actions), axis=1)
+    return np.stack([spread_m, slope_size(base.slopes(actions), unit)], axis=1)
+
+
+@dataclass(frozen=True)
+class _Likelihood:
+    """Of departures (n, 2) at inputs (n, d), both normalised.
+
+    Its logarithms (d + 3,) are of the lengths and the variance of the kernel, and of the factors
+    of the noise `terms` (n, 2), squares of |σ| and |S|. The variance of the noise is `least` or
+    more, and `lightness` (n,) times as large for casts of less weight. Casts of one action share a
+    number in `groups` (n,).
+    """
+
+    inputs: torch.Tensor
+    departures: torch.Tensor
+    terms: torch.Tensor
+    lightness: torch.Tensor
+    groups: np.ndarray
+    least: float
+
+    def maximized(self) -> tuple[torch.Tensor, torch.Tensor, float]:
+        """Fit, and weigh casts by how far they miss, by turns.
+
+        Returns the logarithms, by what the noise of wild casts is inflated, (n,), and the loss.
+        """
+        counts = self.inputs.shape[1], 1, 2
+        logs, bounds = np.repeat(_FIRST_LOGS, counts), np.repeat(_LOG_BOUNDS, counts, axis=0)
+        inflation, loss = torch.ones(len(self.inputs), dtype=torch.float64), 0.0
+        options = {"maxfun": _EVALUATIONS}
+        for _ in range(_ROUNDS):
+            best = minimize(
+                self._loss, logs, args=(inflation,), jac=True, bounds=bounds, options=options
+            )
+            logs, loss = best.x, float(best.fun)
+            _, misses, variances = self.posterior(torch.from_numpy(logs), inflation)
+            ratio = misses.square().sum(dim=1) / variances
+            inflation = ((_FREEDOM + ratio) / (_FREEDOM + 2)).clamp_min(1.0)
+        return torch.from_numpy(logs), inflation, loss
+
+    def _loss(self, logs: np.ndarray, inflation: torch.Tensor) -> tuple[float, np.ndarray]:
+        """Return the negative logarithm of likelihood times prior, and its gradient."""
+        moved = torch.from_numpy(logs).requires_grad_()
+        lower = torch.linalg.cholesky(self._covariance(moved, inflation))
+        whitened = torch.linalg.solve_triangular(lower, self.departures, upper=False)
+        mean, deviation = _LENGTH
+        prior = ((moved[:-3] - mean) / deviation).square().sum() / 2
+        loss = whitened.square().sum() / 2 + 2 * lower.diagonal().log().sum() + prior
+        loss.backward()
+        return loss.item(), moved.grad.numpy()  # type: ignore[union-attr]
+
+    def _covariance(self, logs: torch.Tensor, inflation: torch.Tensor) -> torch.Tensor:
+        kernel = logs[-3].exp() * matern(self.inputs, self.inputs, logs[:-3].exp())
+        return kernel + torch.diag(self._noise(logs) * self.lightness * inflation)
+
+    def _noise(self, logs: torch.Tensor) -> torch.Tensor:
+        return (self.terms * logs[-2:].exp()).sum(dim=1) + self.least
+
+    def posterior(
+        self, logs: torch.Tensor, inflation: torch.Tensor
+    ) -> tuple[dict[str, Any], torch.Tensor, torch.Tensor]:
+        """Return the tensors of `GaussianProcess`, and misses (n, 2) and variances (n,) of casts.
+
+        Every action in turn is predicted from all others, in closed form (Rasmussen and Williams
+        2006, equation 5.12, for one cast of each).
+        """
+        lower = torch.linalg.cholesky(self._covariance(logs, inflation))
+        known = torch.cholesky_inverse(lower).contiguous()  # row-major, as a file holds it
+        weights = (known @ self.departures).contiguous()
+        misses, variances = torch.empty_like(weights), torch.empty_like(weights[:, 0])
+        for group in range(self.groups.max() + 1):
+            rows = torch.from_numpy(np.flatnonzero(self.groups == group))
+            unseen = torch.linalg.inv(known[rows][:, rows])
+            misses[rows], variances[rows] = unseen @ weights[rows], unseen.diagonal()
+        extra = self._noise(logs) * (self.lightness * inflation - 1)
+        process = {
+            "points": self.inputs.contiguous(),
+            "lengths": logs[:-3].exp(),
+            "variance": logs[-3].exp(),
+            "noise": torch.zeros((), dtype=torch.float64),
+            "mean_weights": weights,
+            "known": known,
+        }
+        return process, misses, (variances - extra).clamp_min(self.least)

@@ -1,0 +1,237 @@
+import importlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hydra import compose, initialize_config_dir
+
+from robotcast.casts.grid import ActionGrid, GridCounts
+from robotcast.casts.limits import PlanLimits
+from robotcast.casts.pull import plan_pull
+from robotcast.measurements.measurement_set import Cable
+from robotcast.policies.choosing import (
+    CastAndPull,
+    Choice,
+    Neighbourhood,
+    choose_actions,
+    refine_choices,
+    with_spread,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+CABLE = Cable("made up", 0.63, 0.03, 0.01, 0.02)
+BASELINE = CastAndPull(land_r_m=0.81, r_min_m=0.55, pull_m_s=0.2, angle_rad=1.5)
+GRID = ActionGrid(
+    theta1_rad=(0.3, 1.0),
+    theta2_rad=(-0.9, -0.1),
+    r2_m=(0.55, 0.75),
+    alpha_rad=(0.0, 1.5),
+    vmax_m_s=(1.6, 2.2),
+    counts=GridCounts(theta1=4, theta2=4, r2=3, alpha=3, vmax=2),
+)
+LIMITS = PlanLimits()
+TARGETS = np.array([[0.8, -0.5], [1.0, -0.3], [0.9, 0.4]])
+FAR = np.array([[3.0, -0.5]])
+
+
+def test_without_caution_the_candidate_predicted_nearest_to_the_target_is_chosen(world) -> None:
+    candidates = world.actions(300)
+    predicted = world.predict(candidates)
+    targets = np.array([[0.8, -0.5], [1.0, -0.3]])
+    choices = choose_actions(world, candidates, targets, caution=0)
+    for target, choice in zip(targets, choices, strict=True):
+        nearest = np.linalg.norm(predicted - target, axis=1).min()
+        assert np.linalg.norm(choice.predicted_m - target) == pytest.approx(nearest)
+        assert world.predict(choice.action.as_array()[None])[0] == pytest.approx(choice.predicted_m)
+
+
+class Uneven:
+    """Knows the world, and says of every action by itself how far casts scatter about it."""
+
+    def __init__(self, world, least_m: float, most_m: float) -> None:
+        self._world, self._range, self.asked, self.batches = world, (least_m, most_m), 0, 0
+
+    def predict(self, actions: np.ndarray) -> np.ndarray:
+        self.batches += 1
+        return self._world.predict(actions)
+
+    def spread(self, actions: np.ndarray) -> np.ndarray:
+        self.asked += len(actions)
+        part = np.sin(1e4 * actions.sum(axis=1)) ** 2
+        return np.interp(part, [0, 1], self._range)[:, None] * [1.0, 0.5]
+
+
+@pytest.mark.parametrize("most_m", [0.0, 0.05, 0.5, 5.0])
+def test_the_least_expected_miss_of_all_candidates_is_chosen(world, most_m: float) -> None:
+    candidates = world.actions(3000)
+    model: Any = Uneven(world, 0.0, most_m)
+    targets = np.array([[0.8, -0.5], [1.0, -0.3], [0.9, 0.4], [2.5, -0.2]])
+    choices = choose_actions(model, candidates, targets, caution=2.0)
+    scatter = 2.0 * np.square(model.spread(candidates)).sum(axis=1)
+    for (x, y), choice in zip(targets, choices, strict=True):
+        away = np.square(world.predict(candidates) - [x, -abs(y)]).sum(axis=1)
+        chosen = choice.action if y < 0 else choice.action.mirrored()
+        np.testing.assert_allclose(chosen.as_array(), candidates[(away + scatter).argmin()])
+
+
+def test_all_targets_share_a_prediction_and_the_few_spreads_that_matter(world) -> None:
+    candidates = world.actions(3000)
+    model: Any = Uneven(world, 0.01, 0.05)
+    choose_actions(model, candidates, np.array([[0.8, -0.5], [1.0, -0.3]]))
+    assert model.asked < 300
+    assert model.batches == 1
+
+
+def test_a_target_on_the_other_side_gets_the_mirror_cast(world) -> None:
+    candidates = world.actions(300)
+    right, left = choose_actions(world, candidates, np.array([[0.8, -0.5], [0.8, 0.5]]))
+    assert left.action == right.action.mirrored()
+    assert left.predicted_m == pytest.approx(right.predicted_m * [1, -1])
+
+
+def test_no_candidate_is_refused(world) -> None:
+    with pytest.raises(ValueError, match="no candidate action"):
+        choose_actions(world, np.zeros((0, 6)), np.array([[0.8, -0.5]]))
+
+
+def test_a_target_is_out_of_reach_only_when_no_candidate_is_predicted_near_it(world) -> None:
+    class SureOfOne:
+        """Sure of the first candidate alone, which ends far from the target."""
+
+        def predict(self, actions):
+            return world.predict(actions)
+
+        def spread(self, actions):
+            first = (actions == candidates[0]).all(axis=1)
+            return np.where(first, 0.0, 5.0)[:, None] * np.ones(2)
+
+    candidates = world.actions(300)
+    near, far = world.predict(candidates)[5], np.array([3.0, -0.5])
+    model: Any = SureOfOne()
+    within, beyond = choose_actions(model, candidates, np.array([near, far]))
+    assert within.miss_m > 0.03
+    assert within.reachable
+    assert not beyond.reachable
+    assert "the nearest point within reach is" in beyond.out_of_reach()
+
+
+def test_a_choice_and_its_mirror_image_are_as_sure(world) -> None:
+    targets = np.array([[0.8, -0.5], [0.8, 0.5]])
+    right, left = with_spread(world, choose_actions(world, world.actions(300), targets))
+    assert right.action == left.action.mirrored()
+    assert right.spread_m == pytest.approx(left.spread_m)
+    assert right.spread_m == pytest.approx(np.array([0.02, 0.01]) / right.action.vmax_m_s)
+
+
+def anything(actions: np.ndarray) -> np.ndarray:
+    return np.ones(len(actions), dtype=bool)
+
+
+@pytest.fixture(scope="module")
+def candidates() -> np.ndarray:
+    return GRID.candidates(0.6, LIMITS)
+
+
+@pytest.fixture(scope="module")
+def about() -> Neighbourhood:
+    return Neighbourhood(GRID, 0.6, LIMITS)
+
+
+@pytest.fixture(scope="module")
+def choices(world, candidates) -> list[Choice]:
+    return choose_actions(world, candidates, TARGETS)
+
+
+def usual_half(choice: Choice) -> np.ndarray:
+    turned = choice.action if choice.action.theta1_rad > 0 else choice.action.mirrored()
+    return turned.as_array()
+
+
+def test_the_predicted_miss_falls_to_nothing_within_reach(world, choices, about) -> None:
+    refined = refine_choices(world, choices, about, anything)
+    assert max(c.miss_m for c in refined) < 0.1 * max(c.miss_m for c in choices)
+    assert all(c.reachable for c in refined)
+
+
+def test_the_prediction_is_that_of_the_refined_action(world, choices, about) -> None:
+    for choice in refine_choices(world, choices, about, anything):
+        mirror = [1, 1 if choice.action.theta1_rad > 0 else -1]
+        assert world.predict(usual_half(choice)[None])[0] * mirror == pytest.approx(
+            choice.predicted_m
+        )
+
+
+def test_an_action_stays_within_the_grid_and_one_spacing_of_its_candidate(
+    world, choices, about
+) -> None:
+    for before, after in zip(choices, refine_choices(world, choices, about, anything), strict=True):
+        moved = usual_half(after) - usual_half(before)
+        others = [0, 2, 3, 4]
+        assert (np.abs(moved[others]) <= about.spacing[others] + 1e-12).all()
+        assert moved[5] == 0
+        assert (usual_half(after)[others] >= about.lower[others]).all()
+        assert (usual_half(after)[others] <= about.upper[others]).all()
+
+
+def test_the_safe_set_is_never_left_and_the_miss_never_rises(world, candidates, about) -> None:
+    def slow_turns(actions: np.ndarray) -> np.ndarray:
+        return actions[:, 0] + actions[:, 3] < 1.2
+
+    chosen = choose_actions(world, candidates[slow_turns(candidates)], TARGETS)
+    refined = refine_choices(world, chosen, about, slow_turns)
+    assert slow_turns(np.stack([usual_half(c) for c in refined])).all()
+    assert all(r.miss_m <= c.miss_m for r, c in zip(refined, chosen, strict=True))
+
+
+def test_where_nothing_is_safe_the_candidates_stay(world, choices, about) -> None:
+    refined = refine_choices(world, choices, about, lambda a: np.zeros(len(a), bool))
+    assert [c.action for c in refined] == [c.action for c in choices]
+
+
+def test_a_mirrored_target_is_refined_to_the_mirror_image(world, candidates, about) -> None:
+    pair = choose_actions(world, candidates, np.array([[0.8, -0.5], [0.8, 0.5]]))
+    right, left = refine_choices(world, pair, about, anything)
+    assert left.action == right.action.mirrored()
+    assert left.predicted_m == pytest.approx(right.predicted_m * [1, -1])
+
+
+def test_a_target_out_of_reach_is_said_so_with_the_nearest_point(world, candidates, about) -> None:
+    (choice,) = refine_choices(world, choose_actions(world, candidates, FAR), about, anything)
+    assert not choice.reachable
+    reached = world.predict(candidates)
+    assert choice.miss_m <= np.linalg.norm(reached - FAR, axis=1).min()
+    assert choice.out_of_reach().startswith("(3.00, -0.50) m is out of reach; the nearest point")
+
+
+def on_ray(radius_m: float, angle_rad: float) -> np.ndarray:
+    return radius_m * np.array([np.cos(angle_rad), np.sin(angle_rad)])
+
+
+def test_a_target_within_reach_is_where_the_free_end_is_pulled_to() -> None:
+    (choice,) = BASELINE.choose(CABLE, on_ray(1.3, -0.7)[None])
+    assert choice.predicted_m == pytest.approx(on_ray(1.3, -0.7))
+    assert choice.action.theta1_rad == choice.action.theta2_rad == pytest.approx(-0.7)
+    assert choice.action.r2_m == pytest.approx(1.3 - 0.63)
+    assert choice.reachable
+
+
+@pytest.mark.parametrize(("target_m", "nearest_m"), [(0.8, 0.55 + 0.63), (1.6, 0.81 + 0.63)])
+def test_a_target_too_near_or_too_far_is_missed_along_its_ray(target_m, nearest_m) -> None:
+    (choice,) = BASELINE.choose(CABLE, on_ray(target_m, 0.4)[None])
+    assert choice.predicted_m == pytest.approx(on_ray(nearest_m, 0.4))
+    assert not choice.reachable
+
+
+@pytest.mark.slow
+@pytest.mark.rig
+def test_the_free_end_of_the_virtual_rig_comes_to_rest_on_the_ray() -> None:
+    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
+        config = compose("config", overrides=["rig.workers=1"])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(ROOT / "stages"))
+        rig = importlib.import_module("virtual_rig").build_virtual_rig(config)
+    (choice,) = BASELINE.choose(rig.cable, on_ray(1.25, -0.8)[None])
+    planned = plan_pull(choice.action, r0_m=rig.r0_m, limits=PlanLimits())
+    end = rig.simulate_truth(planned, 9_000).cable.end_m[-1, :2]
+    assert np.linalg.norm(end - choice.target_m) < 0.05
