@@ -10,7 +10,8 @@ from hydra.errors import MissingConfigException
 from hydra.utils import get_object, instantiate
 from omegaconf import DictConfig, OmegaConf
 
-CONF = Path(__file__).resolve().parents[1] / "conf"
+ROOT = Path(__file__).resolve().parents[1]
+CONF = ROOT / "conf"
 LIBRARIES = ("effect", "field")  # used by name, many at once: no group to choose one from
 LAUNCHERS = ("hydra",)  # of clusters: their libraries are extras
 NO_GROUPS = (*LIBRARIES, *LAUNCHERS)
@@ -20,6 +21,7 @@ OPTIONS = sorted(
     for group in GROUPS
     for path in (CONF / group).glob("**/*.yaml")
 )
+STUDIES = sorted(path for path in ROOT.glob("studies/*/*.yaml") if path.stem != "dvc")
 ENTRIES = sorted(path for library in LIBRARIES for path in (CONF / library).glob("*.yaml"))
 
 
@@ -43,6 +45,17 @@ def test_every_option_composes_and_its_targets_exist(option: str) -> None:
         assert callable(get_object(target))
 
 
+def study(path: Path) -> DictConfig:
+    with initialize_config_dir(str(path.parent), version_base=None):
+        return compose(path.stem, overrides=[f"hydra.searchpath=[{CONF}]"])
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_every_study_composes_and_its_targets_exist(path: Path) -> None:
+    for target in targets(OmegaConf.to_container(study(path), resolve=True)):
+        assert callable(get_object(target))
+
+
 @pytest.mark.parametrize("path", ENTRIES, ids=lambda path: path.stem)
 def test_every_effect_and_field_can_be_made(path: Path) -> None:
     made = instantiate(OmegaConf.load(path), name=path.stem, _convert_="all")
@@ -58,15 +71,17 @@ def test_an_unknown_option_lists_the_known_ones(group: str) -> None:
         assert path.stem in str(refusal.value)
 
 
-def sizes(scale: str) -> dict[str, Any]:
+def sizes(config: DictConfig) -> dict[str, Any]:
     return {
         f"{stage}.{name}": size
-        for stage, entries in composed(f"scale={scale}").scale.items()
+        for stage, entries in config.scale.items()
         for name, size in entries.items()
     }
 
 
 def test_scales_differ_in_sizes_only() -> None:
-    demo, study, paper = sizes("demo"), sizes("study"), sizes("paper")
-    assert demo.keys() == study.keys() == paper.keys()
+    demo, paper = (sizes(composed(f"scale={scale}")) for scale in ("demo", "paper"))
+    assert (
+        demo.keys() == paper.keys() == sizes(study(ROOT / "studies/better_model/full.yaml")).keys()
+    )
     assert demo != paper
