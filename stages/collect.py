@@ -22,11 +22,8 @@ def collect(config: DictConfig) -> None:
             raise ValueError("rig=recorded cannot cast the actions of collect.actions")
         measured = adopt_recorded_set(config.rig.path and Path(config.rig.path), folder)
         return tell(f"{folder}: {len(measured.trials)} recorded casts, nothing to execute")
-    rig, limits, chosen = (
-        build_rig(config),
-        build(config.casts.limits),
-        chosen_casts(config, folder),
-    )
+    rig, limits = build_rig(config), build(config.casts.limits)
+    chosen = chosen_casts(config, folder)
     if config.rig.get("dry_run"):
         return show_dry_run(rig, limits, [action for _, action in chosen], folder)
     with bar(f"collect {rig.cable.name}") as progress:

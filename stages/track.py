@@ -22,20 +22,19 @@ def track(config: DictConfig) -> None:
         measured, summary = read_measurement_set(copy), {"recorded": True}
         tell(f"{sessions}: {len(measured.trials)} recorded casts passed on")
     else:
-        session, cores = read_session(sessions), len(os.sched_getaffinity(0))
+        session = read_session(sessions)
         with bar(f"track {config.cable.name}") as progress:
-            found = track_session(session, workers=cores, progress=progress)
+            found = track_session(session, workers=len(os.sched_getaffinity(0)), progress=progress)
         for reason in found.lost.values():
             warn(f"lost: {reason}")
         tell(f"{len(found.tracked)} of {len(session.casts)} casts tracked, {len(found.lost)} lost")
-        robot, measured = session_notes(session), found.measurement_set()
-        summary = found.summary() | ({"robot": robot} if robot else {})
-    told = folder / "tracking.json"
-    if folder.is_dir() and any(folder.iterdir()) and not told.is_file():
+        measured, summary = found.measurement_set(), found.summary()
+        summary |= {"robot": robot} if (robot := session_notes(session)) else {}
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / "tracking.json").is_file():
         raise ValueError(f"{folder}: holds files that this stage did not write")
     shutil.rmtree(folder, ignore_errors=True)
     write_measurement_set(measured, folder)
-    write_text(told, json.dumps(summary, indent=2) + "\n")
+    write_text(folder / "tracking.json", json.dumps(summary, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -38,33 +38,30 @@ console = _StageConsole(stderr=True)
 INTERRUPTED = 130  # as a shell has it: 128 and the number of SIGINT
 
 
-def stage(body: Callable[[DictConfig], None], study: str | None = None) -> Callable[[], None]:
+def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
     """Turn `body(config)` into a command: composed by Hydra, refusing bad input in one line.
 
-    An interrupt ends it with one line too.
-
-    Parameters
-    ----------
-    study : folder of a study's own configurations, which rest on conf/config.yaml: `full`, or
-        the one that `--config-name` names.
+    An interrupt ends it with one line too. A step of a study takes the configurations of its own
+    folder, which rest on conf/config.yaml: `full`, or the one that `--config-name` names.
     """
-    if study is not None:
-        sys.argv[1:1] = ["--config-dir", study]
+    name, folder = "config", Path(body.__code__.co_filename).resolve().parent
+    if folder.parent.name == "studies":
+        name = "full"
+        sys.argv[1:1] = ["--config-dir", str(folder)]
 
     @wraps(body)  # Hydra names the job after the file that `body` stands in
     def run(config: DictConfig) -> None:
         try:
             with _one_order_of_sums():
-                body(config)
+                return body(config)
         except (ValueError, FileNotFoundError) as error:
-            console.print(f"{Path(sys.argv[0]).stem}: {error}", style="bold red", markup=False)
-            sys.exit(2)
+            said, status = str(error), 2
         except KeyboardInterrupt:
             said = "interrupted; the same command goes on from what was finished"
-            console.print(f"{Path(sys.argv[0]).stem}: {said}", style="bold red", markup=False)
-            sys.exit(INTERRUPTED)
+            status = INTERRUPTED
+        console.print(f"{Path(sys.argv[0]).stem}: {said}", style="bold red", markup=False)
+        sys.exit(status)
 
-    name = "config" if study is None else "full"
     return hydra.main(version_base=None, config_path=str(CONFIGURATION), config_name=name)(run)
 
 

@@ -38,7 +38,6 @@ From the base model to the diagnosed one, over the targets at which casts of bot
 the 95 % interval of a bootstrap that draws the same targets for both:
 
 """
-HERE = str(Path(__file__).parent)
 MODELS = ("base", "diagnosed")
 
 
@@ -71,4 +70,4 @@ def table(config: DictConfig) -> None:
 
 
 if __name__ == "__main__":
-    stage(table, HERE)()
+    stage(table)()

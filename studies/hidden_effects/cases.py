@@ -18,33 +18,8 @@ import numpy as np
 
 from robotcast.casts.action import Action
 from robotcast.files import write_text
-from robotcast.rigs.virtual.hidden.board import (
-    Grain,
-    RoughEnd,
-    RoughPatch,
-    SlowGrip,
-    TiltedBoard,
-    WearingBoard,
-)
-from robotcast.rigs.virtual.hidden.camera import (
-    DistortingCamera,
-    FastClock,
-    MisscaledCamera,
-    ShiftedCamera,
-    SlowCamera,
-    TurnedCamera,
-)
+from robotcast.rigs.virtual.hidden import board, camera, grip, make, medium, outside
 from robotcast.rigs.virtual.hidden.effect import HiddenEffect
-from robotcast.rigs.virtual.hidden.grip import LooseClamp, LooseGrip, ShiftedGrip, TurnedGrip
-from robotcast.rigs.virtual.hidden.make import CurvedCable, SoftCore, UnevenMass
-from robotcast.rigs.virtual.hidden.medium import Air, Oil
-from robotcast.rigs.virtual.hidden.outside import (
-    Draught,
-    RubberBand,
-    StickyZone,
-    SwingingEnd,
-    WarmingBoard,
-)
 from robotcast.rigs.virtual.rig import VirtualRig
 
 Parameters = dict[str, float]
@@ -114,46 +89,50 @@ class Mechanism:
 _SPOT = {"x0": _between(0.75, 1.15), "y0": _between(-0.5, 0.5)}  # the ends of many casts cross it
 
 LIBRARY: Mapping[str, Mechanism] = {
-    "board_tilt": Mechanism(TiltedBoard, {"sx sy": _direction}, 0.01, 0.08),
-    "air_drag": Mechanism(Air, {"C": _size}, 4.0, 30.0),
-    "viscous_friction": Mechanism(Oil, {"c": _size}, 0.4, 4.0),
+    "board_tilt": Mechanism(board.TiltedBoard, {"sx sy": _direction}, 0.01, 0.08),
+    "air_drag": Mechanism(medium.Air, {"C": _size}, 4.0, 30.0),
+    "viscous_friction": Mechanism(medium.Oil, {"c": _size}, 0.4, 4.0),
     # MuJoCo's cone opposes sliding askew in another direction than the library's law
-    "anisotropic_friction": Mechanism(Grain, {"a": _size}, 0.4, 2.0, same_law=False),
+    "anisotropic_friction": Mechanism(board.Grain, {"a": _size}, 0.4, 2.0, same_law=False),
     "friction_patch": Mechanism(
-        RoughPatch, {"k": _size, **_SPOT, "w": _between(0.15, 0.3)}, 0.5, 3.0
+        board.RoughPatch, {"k": _size, **_SPOT, "w": _between(0.15, 0.3)}, 0.5, 3.0
     ),
-    "stribeck_friction": Mechanism(SlowGrip, {"k": _size, "vs": _between(0.2, 0.6)}, 0.4, 2.0),
+    "stribeck_friction": Mechanism(
+        board.SlowGrip, {"k": _size, "vs": _between(0.2, 0.6)}, 0.4, 2.0
+    ),
     # what bends between the heavy end and the light cable carries some of the end's weight
-    "endpoint_friction": Mechanism(RoughEnd, {"k": _size}, 0.3, 2.0, same_law=False),
-    "mass_gradient": Mechanism(UnevenMass, {"k": _signed}, 0.4, 0.85),
-    "resting_curvature": Mechanism(CurvedCable, {"kappa": _signed}, 1.0, 8.0),
-    "plastic_bending": Mechanism(lambda soft: SoftCore(1 / soft), {"softness": _size}, 0.05, 0.4),
-    "tool_lag": Mechanism(LooseGrip, {"tau": _size}, 0.02, 0.15),
-    "wrist_offset": Mechanism(TurnedGrip, {"beta": _signed}, 0.1, 0.6),
-    "camera_latency": Mechanism(SlowCamera, {"tau": _size}, 0.02, 0.2),
-    "camera_scale": Mechanism(MisscaledCamera, {"k": _signed}, 0.01, 0.1),
-    "camera_rotation": Mechanism(TurnedCamera, {"phi": _signed}, 0.01, 0.2),
-    "camera_offset": Mechanism(ShiftedCamera, {"dx dy": _direction}, 0.01, 0.1),
+    "endpoint_friction": Mechanism(board.RoughEnd, {"k": _size}, 0.3, 2.0, same_law=False),
+    "mass_gradient": Mechanism(make.UnevenMass, {"k": _signed}, 0.4, 0.85),
+    "resting_curvature": Mechanism(make.CurvedCable, {"kappa": _signed}, 1.0, 8.0),
+    "plastic_bending": Mechanism(
+        lambda soft: make.SoftCore(1 / soft), {"softness": _size}, 0.05, 0.4
+    ),
+    "tool_lag": Mechanism(grip.LooseGrip, {"tau": _size}, 0.02, 0.15),
+    "wrist_offset": Mechanism(grip.TurnedGrip, {"beta": _signed}, 0.1, 0.6),
+    "camera_latency": Mechanism(camera.SlowCamera, {"tau": _size}, 0.02, 0.2),
+    "camera_scale": Mechanism(camera.MisscaledCamera, {"k": _signed}, 0.01, 0.1),
+    "camera_rotation": Mechanism(camera.TurnedCamera, {"phi": _signed}, 0.01, 0.2),
+    "camera_offset": Mechanism(camera.ShiftedCamera, {"dx dy": _direction}, 0.01, 0.1),
     "lens_distortion": Mechanism(
-        lambda x0, y0, k: DistortingCamera(k, x0, y0),
+        lambda x0, y0, k: camera.DistortingCamera(k, x0, y0),
         {"x0": _between(0.7, 0.85), "y0": _between(-0.05, 0.05), "k": _signed},
         0.05,
         0.3,
     ),
-    "camera_clock": Mechanism(FastClock, {"k": _signed}, 0.01, 0.1),
-    "cable_slip": Mechanism(LooseClamp, {"s": _size, "v": _between(0.7, 1.1)}, 0.01, 0.04),
-    "friction_drift": Mechanism(lambda k: WearingBoard(k, SESSION), {"k": _size}, 0.4, 0.8),
-    "tool_offset": Mechanism(ShiftedGrip, {"dx dy": _direction}, 0.01, 0.05),
+    "camera_clock": Mechanism(camera.FastClock, {"k": _signed}, 0.01, 0.1),
+    "cable_slip": Mechanism(grip.LooseClamp, {"s": _size, "v": _between(0.7, 1.1)}, 0.01, 0.04),
+    "friction_drift": Mechanism(lambda k: board.WearingBoard(k, SESSION), {"k": _size}, 0.4, 0.8),
+    "tool_offset": Mechanism(grip.ShiftedGrip, {"dx dy": _direction}, 0.01, 0.05),
 }
 """Effects that a diagnosis can name."""
 
 OUTSIDE: Mapping[str, Mechanism] = {
-    "rubber_band": Mechanism(RubberBand, {"stiffness": _size, **_SPOT}, 0.02, 0.3),
+    "rubber_band": Mechanism(outside.RubberBand, {"stiffness": _size, **_SPOT}, 0.02, 0.3),
     "sticky_zone": Mechanism(
-        StickyZone, {"c": _size, **_SPOT, "radius": _between(0.15, 0.25)}, 2.0, 30.0
+        outside.StickyZone, {"c": _size, **_SPOT, "radius": _between(0.15, 0.25)}, 2.0, 30.0
     ),
     "draught": Mechanism(
-        Draught,
+        outside.Draught,
         {
             "a": _size,
             "heading": _between(-np.pi, np.pi),
@@ -163,8 +142,12 @@ OUTSIDE: Mapping[str, Mechanism] = {
         0.2,
         2.0,
     ),
-    "swinging_end": Mechanism(SwingingEnd, {"share": lambda _: 0.5, "arm": _size}, 0.04, 0.12),
-    "warming_board": Mechanism(WarmingBoard, {"k": _size, "time": _between(0.5, 1.0)}, 0.4, 3.0),
+    "swinging_end": Mechanism(
+        outside.SwingingEnd, {"share": lambda _: 0.5, "arm": _size}, 0.04, 0.12
+    ),
+    "warming_board": Mechanism(
+        outside.WarmingBoard, {"k": _size, "time": _between(0.5, 1.0)}, 0.4, 3.0
+    ),
 }
 """Mechanisms that a diagnosis has no name for."""
 

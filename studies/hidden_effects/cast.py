@@ -18,7 +18,6 @@ from robotcast.pool import process_pool
 from robotcast.rigs.virtual.measure import Eye
 from robotcast.stage import require, stage, tell
 from studies.hidden_effects.cases import answer_path, unseal
-from studies.hidden_effects.layout import HERE
 from studies.hidden_effects.measuring import further_casts
 
 
@@ -44,4 +43,4 @@ def cast(config: DictConfig) -> None:
 
 
 if __name__ == "__main__":
-    stage(cast, HERE)()
+    stage(cast)()

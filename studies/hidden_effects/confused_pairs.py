@@ -2,30 +2,28 @@
 
     python -m studies.hidden_effects.confused_pairs [--pairs 10]
 
-Sets of 11 casts that are alike hide one effect each (pairs.yaml). One after
-another is diagnosed until so many confuse what they hide with something else and ask for further
-casts. The virtual rig executes these, and a second diagnosis has to choose between the hidden
-effect and its strongest rival. Sets that are named at once, or in which what is hidden does not
-show, are no pairs; the lines say so. Where a diagnosis says that no cast would tell the two apart,
-there is nothing to cast: such sets are counted beside, with what was named first. All of it goes
-into pairs.csv beside the sealed answers. What stands in the benchmark's folder is not done again.
-Exits with 1 when fewer than 8 of 10 are named rightly, or there are not so many pairs.
+Sets of 11 casts that are alike hide one effect each (pairs.yaml). One after another is diagnosed
+until so many confuse what they hide with something else and ask for further casts. The virtual rig
+executes these, and a second diagnosis has to choose between the hidden effect and its strongest
+rival. Sets that are named at once, or in which what is hidden does not show, are no pairs; the
+lines say so. Where a diagnosis says that no cast would tell the two apart, there is nothing to
+cast: such sets are counted beside, with what was named first. All of it goes into pairs.csv beside
+the sealed answers. What stands in the benchmark's folder is not done again. Exits with 1 when
+fewer than 8 of 10 are named rightly, or there are not so many pairs.
 """
 
 import argparse
-import csv
-import io
 import json
 import subprocess
 import sys
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+import polars as pl
+
+from robotcast.build import known_effects
 from robotcast.files import write_text
 from studies.hidden_effects.cases import answer_path, unseal
-from studies.hidden_effects.layout import page_folder
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "data" / "hidden_effects_pairs"
@@ -42,6 +40,10 @@ def run(*arguments: str) -> None:
         raise SystemExit(f"{' '.join(command)}: {done.stderr[-800:]}")
 
 
+def step(name: str, *overrides: str) -> None:
+    run("-m", f"studies.hidden_effects.{name}", "--config-name", "pairs", *overrides)
+
+
 def diagnosis(output: Path, *overrides: str) -> dict[str, Any]:
     """Return what a diagnosis says, and make it where it is not finished."""
     path = output / "diagnosis.json"
@@ -50,93 +52,64 @@ def diagnosis(output: Path, *overrides: str) -> dict[str, Any]:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
-def confused_with(truth: str, said: dict[str, Any]) -> str | None:
+def confused_with(truth: str, said: dict[str, Any]) -> str:
     """Return the effect that the true one is confused with, the strongest if there are more."""
     confused = {name for group in said["confusion_set"] if truth in group for name in group}
     ranked = [entry["effect"] for entry in said["ranking"]]
-    return next((name for name in ranked if name != truth and name in confused), None)
+    return next((name for name in ranked if name != truth and name in confused), "")
 
 
 def chosen_between(measurements: Path, truth: str, rival: str) -> list[str]:
     """Return the verdict of a diagnosis that knows the two effects alone, after further casts."""
-    first, name = page_folder(measurements.name, FOLDER), measurements.name
-    grown = FOLDER / "grown" / name
+    asked, grown, second = (
+        FOLDER / kind / measurements.name for kind in ("diagnoses", "grown", "second")
+    )
     if not grown.exists():
-        run(
-            *("-m", "studies.hidden_effects.cast", "--config-name", "pairs"),
-            f"measurements={measurements}",
-            f"hidden_effects.actions={first / 'actions.csv'}",
-            f"output={grown}",
-        )
-    known = [path.stem for path in (ROOT / "conf" / "effect").glob("*.yaml")]
-    others = sorted(effect for effect in known if effect not in (truth, rival))
-    second = FOLDER / "second" / name
-    return diagnosis(second, f"measurements={grown}", f"exclude=[{','.join(others)}]")["verdict"]
+        actions = f"hidden_effects.actions={asked / 'actions.csv'}"
+        step("cast", f"measurements={measurements}", actions, f"output={grown}")
+    others = ",".join(name for name in known_effects() if name not in (truth, rival))
+    return diagnosis(second, f"measurements={grown}", f"exclude=[{others}]")["verdict"]
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """How a set ends; `rival` is "" where what it hides is confused with nothing.
+def judged(case: str) -> dict[str, Any]:
+    """Return how a set ends: a line of pairs.csv.
 
-    Attributes
-    ----------
-    casts : how many further casts the first diagnosis asked for.
-    after : the verdict of the second diagnosis, "" where there is none.
+    `rival` is "" where what it hides is confused with nothing, `casts` how many further casts the
+    first diagnosis asked for, `after` the verdict of the second one, "" where there is none.
     """
-
-    case: str
-    hidden: str
-    first: str
-    rival: str
-    casts: int
-    after: str
-
-    def __str__(self) -> str:
-        line = f"{self.case}: hidden {self.hidden}, first {self.first}"
-        if not self.rival:
-            return f"{line}; not confused"
-        line += f", confused with {self.rival}"
-        if not self.casts:
-            return f"{line}; no cast would tell"
-        return f"{line}; after {self.casts} further casts {self.after}"
-
-
-def judged(case: str) -> Outcome:
-    draw = ("-m", "studies.hidden_effects.draw", "--config-name", "pairs")
-    run(*draw, f"hidden_effects.cases={case}")
+    step("draw", f"hidden_effects.cases={case}")
     measurements = FOLDER / "sets" / case
     (truth,) = (one["effect"] for one in unseal(answer_path(case, REPORTS))["effects"])
-    said = diagnosis(page_folder(case, FOLDER), f"measurements={measurements}")
-    rival, first = confused_with(truth, said) or "", " ".join(said["verdict"])
+    said = diagnosis(FOLDER / "diagnoses" / case, f"measurements={measurements}")
+    rival, first = confused_with(truth, said), " ".join(said["verdict"])
     casts = len(said["next_actions"]) if rival else 0
     after = " ".join(chosen_between(measurements, truth, rival)) if casts else ""
-    return Outcome(case, truth, first, rival, casts, after)
-
-
-def write(outcomes: Sequence[Outcome]) -> None:
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow([field.name for field in fields(Outcome)])
-    table.writerows(asdict(outcome).values() for outcome in outcomes)
-    write_text(REPORTS / "pairs.csv", text.getvalue())
+    line = f"{case}: hidden {truth}, first {first}"
+    line += f", confused with {rival}" if rival else "; not confused"
+    line += f"; after {casts} further casts {after}" if casts else ""
+    line += "; no cast would tell" if rival and not casts else ""
+    print(line, flush=True)
+    return {
+        **{"case": case, "hidden": truth, "first": first},
+        **{"rival": rival, "casts": casts, "after": after},
+    }
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--pairs", type=int, default=10)
     wanted = parser.parse_args().pairs
-    outcomes: list[Outcome] = []
+    sets: list[dict[str, Any]] = []
     for number in range(1, MOST_SETS + 1):
-        outcomes.append(judged(f"case-{number:03d}"))
-        print(outcomes[-1], flush=True)
-        write(outcomes)
-        if sum(outcome.casts > 0 for outcome in outcomes) == wanted:
+        sets.append(judged(f"case-{number:03d}"))
+        write_text(REPORTS / "pairs.csv", pl.DataFrame(sets).write_csv().replace('""', ""))
+        if sum(one["casts"] > 0 for one in sets) == wanted:
             break
-    pairs = [outcome for outcome in outcomes if outcome.casts]
-    right = sum(outcome.after == outcome.hidden for outcome in pairs)
+    pairs = [one for one in sets if one["casts"]]
+    right = sum(one["after"] == one["hidden"] for one in pairs)
     print(f"{right} of {len(pairs)} pairs named rightly after further casts")
-    stuck = [outcome for outcome in outcomes if outcome.rival and not outcome.casts]
-    named = sum(outcome.first == outcome.hidden for outcome in stuck)
+    stuck = [one for one in sets if one["rival"] and not one["casts"]]
+    named = sum(one["first"] == one["hidden"] for one in stuck)
     print(
         f"{len(stuck)} more that no cast would tell apart, {named} of them named rightly at first"
     )

@@ -10,7 +10,7 @@ from omegaconf import DictConfig
 from robotcast.build import CONFIGURATION
 from robotcast.files import write_text
 from robotcast.stage import bar, stage
-from studies.hidden_effects.layout import HERE, measured_sets, page_folder, result
+from studies.hidden_effects.layout import measured_sets, result
 
 
 def diagnose(config: DictConfig) -> None:
@@ -21,7 +21,7 @@ def diagnose(config: DictConfig) -> None:
             progress(done, len(sets), measurements.name)
             path = result("diagnoses", measurements.name, Path(settings.reports))
             if not path.exists():
-                output = page_folder(measurements.name, Path(settings.folder))
+                output = Path(settings.folder) / "diagnoses" / measurements.name
                 write_text(path, _diagnosed(measurements, output, ",".join(config.exclude)))
         progress(len(sets), len(sets))
 
@@ -41,4 +41,4 @@ def _diagnosed(measurements: Path, output: Path, exclude: str) -> str:
 
 
 if __name__ == "__main__":
-    stage(diagnose, HERE)()
+    stage(diagnose)()

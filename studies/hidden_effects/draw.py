@@ -13,7 +13,6 @@ from robotcast.rigs.feasible import feasible_actions
 from robotcast.rigs.virtual.measure import Eye
 from robotcast.stage import bar, stage, tell
 from studies.hidden_effects.cases import draw_cases
-from studies.hidden_effects.layout import HERE
 from studies.hidden_effects.measuring import Bench, measure_cases
 
 
@@ -40,4 +39,4 @@ def draw(config: DictConfig) -> None:
 
 
 if __name__ == "__main__":
-    stage(draw, HERE)()
+    stage(draw)()

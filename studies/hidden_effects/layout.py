@@ -8,13 +8,6 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Literal
 
-HERE = str(Path(__file__).parent)
-
-
-def page_folder(case: str, folder: Path) -> Path:
-    """Return where the diagnosis of a case works and writes its pages."""
-    return folder / "diagnoses" / case
-
 
 def result(kind: Literal["diagnoses", "rivals", "oracle"], case: str, reports: Path) -> Path:
     """Return where stands what was said of a case."""

@@ -159,13 +159,28 @@ def _fitted(
     nominal = bench.rigs[case.cable]
     length_m, period_s = nominal.cable.length_m, bench.eye.period_s
 
-    def seen(hidden: Mapping[str, Parameters]) -> tuple[np.ndarray, np.ndarray]:
-        return _see_casts(case.rig(nominal, hidden), casts, period_s, pool)
+    longest_s = max(planned.end_s for planned in casts) + SLOWEST_S
+    stamps = np.arange(round(longest_s / period_s) + 1) * period_s
 
-    without = seen({})
+    def seen(hidden: Mapping[str, Parameters]) -> tuple[np.ndarray, np.ndarray]:
+        """Return ends (n_casts, k, 2) without the camera's noise, and when they move."""
+        rig = case.rig(nominal, hidden)
+        found = list(pool.map(_see, repeat(rig), casts, range(len(casts)), repeat(stamps)))
+        rests_s = np.array([rest_s for _, rest_s in found])
+        return np.stack([places for places, _ in found]), stamps <= rests_s[:, None]
+
+    still_m, moves = seen({})
 
     def moved_percent(hidden: Mapping[str, Parameters]) -> float:
-        return _shift_percent(seen(hidden), without, length_m)
+        """Return how far apart the ends are, averaged over a cast, the median over casts.
+
+        A cast that amplifies everything does not count for more.
+        """
+        places_m, moving = seen(hidden)
+        moving = moving | moves
+        apart = np.linalg.norm(places_m - still_m, axis=2)
+        averages = (apart * moving).sum(axis=1) / moving.sum(axis=1)
+        return float(100 * np.median(averages) / length_m)
 
     parameters: dict[str, Parameters] = {}
     shifts: dict[str, float] = {}
@@ -187,39 +202,11 @@ def _fitted(
     return parameters, {**shifts, "": together}
 
 
-def _see_casts(
-    rig: VirtualRig, casts: Sequence[PlannedCast], period_s: float, pool: Executor
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return where the camera would see the free end without noise, and when it moves.
-
-    Places (n_casts, k, 2), an end that rests stays, and (n_casts, k) of bool. Casts 0 … n − 1
-    with the rig's own chance.
-    """
-    longest_s = max(planned.end_s for planned in casts) + SLOWEST_S
-    stamps = np.arange(round(longest_s / period_s) + 1) * period_s
-    seen = list(pool.map(_see, repeat(rig), casts, range(len(casts)), repeat(stamps)))
-    rests_s = np.array([rest_s for _, rest_s in seen])
-    return np.stack([places for places, _ in seen]), stamps <= rests_s[:, None]
-
-
 def _see(
     rig: VirtualRig, planned: PlannedCast, number: int, stamps: np.ndarray
 ) -> tuple[np.ndarray, float]:
     cable = rig.simulate_truth(planned, number).cable
     return seen_places(rig, cable, stamps), float(cable.t_s[-1])
-
-
-def _shift_percent(
-    one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray], length_m: float
-) -> float:
-    """Return how far apart the ends are, averaged over a cast, in % of cable length.
-
-    The median over casts: a cast that amplifies everything does not count for more.
-    """
-    moving = one[1] | other[1]
-    apart = np.linalg.norm(one[0] - other[0], axis=2)
-    averages = (apart * moving).sum(axis=1) / moving.sum(axis=1)
-    return float(100 * np.median(averages) / length_m)
 
 
 def _stands(case: Case, measured: Path, reports: Path) -> bool:

@@ -12,9 +12,6 @@ from studies.hidden_effects.layout import result
 
 SIGNIFICANT = 0.001
 
-Sizes = dict[tuple[str, str], float]
-"""(effect, parameter) → size."""
-
 
 @dataclass(frozen=True)
 class Said:
@@ -76,8 +73,11 @@ class Outcome:
         """Whether the data can show at all what is hidden: the oracle's gain is significant."""
         return "oracle" in self.said and self.said["oracle"].p_value < SIGNIFICANT
 
-    def sizes(self, comparable: bool = False) -> Sizes:
-        """Return the true sizes; those alone that mean in the library what they mean on the rig."""
+    def sizes(self, comparable: bool = False) -> dict[tuple[str, str], float]:
+        """Return the true sizes by (effect, parameter).
+
+        Comparable are those that mean in the library what they mean on the rig.
+        """
         return {
             (effect, name): value
             for effect, given in self.effects.items()

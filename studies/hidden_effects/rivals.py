@@ -12,7 +12,7 @@ import time
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import islice, product
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ from robotcast.progress import Progress
 from robotcast.stage import bar, stage, tell
 from robotcast.workflow.diagnosing import case_of
 from studies.hidden_effects.cases import answer_path, unseal
-from studies.hidden_effects.layout import HERE, measured_sets, result
+from studies.hidden_effects.layout import measured_sets, result
 
 INSIDE = 1e-3  # a fit that starts on a bound stalls: starts keep this share of the range from it
 BEGUN, ENDED = 6, 2  # fits that start, and of these those that see whole trials
@@ -320,24 +320,21 @@ def _told(question: Question, base: Rung, base_casts: int, hidden: Place) -> dic
     inquiry, before = question.inquiry, question.inquiry.simulated
     base, rung, gain = oracle(question, base, hidden)
     found = sizes(inquiry, rung.revision, rung.errors.vectors, question.rule.discrepancy)
-    every = [(size.parameter.name, size.as_dict()) for size in found]
-    first = len(inquiry.model.parameters)
-    own: list[dict[str, Any]] = []
-    start = first
-    for name in rung.revision.effects:
-        end = start + len(inquiry.model.effects[name].parameters)
-        own.append({"effect": name, "parameters": dict(every[start:end])})
-        start = end
+    every, model, effects = iter(found), inquiry.model, rung.revision.effects
+    counts = [len(own.parameters) for own in (model, *(model.effects[n] for n in effects))]
+    base_sizes, *own = (
+        {size.parameter.name: size.as_dict() for size in islice(every, count)} for count in counts
+    )
     return {
         "effects": list(hidden),
         "base_heldout_waypoint_error_percent": float(base.errors.waypoint.mean()),
         "heldout_waypoint_error_percent": float(rung.errors.waypoint.mean()),
         "p_value": gain.p_value,
-        "base": {"parameters": dict(every[:first])},
-        "sizes": own,
+        "base": {"parameters": base_sizes},
+        "sizes": [{"effect": n, "parameters": p} for n, p in zip(effects, own, strict=True)],
         "simulated_casts": base_casts + inquiry.simulated - before,
     }
 
 
 if __name__ == "__main__":
-    stage(rivals, HERE)()
+    stage(rivals)()

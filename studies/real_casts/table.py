@@ -12,7 +12,6 @@ from robotcast.reporting.results import read_evaluation
 from robotcast.reporting.studies import HEAD, Point, markdown, real_casts_figure
 from robotcast.stage import output_folder, stage, tell
 
-HERE = str(Path(__file__).parent)
 TEXT = """# What real casts are worth
 
 Policies that learned from so many real casts, tested on the same targets of the virtual rig.
@@ -51,4 +50,4 @@ def table(config: DictConfig) -> None:
 
 
 if __name__ == "__main__":
-    stage(table, HERE)()
+    stage(table)()

@@ -12,7 +12,6 @@ from robotcast.reporting.paper import SIM2SIM, SIM2SIM_CASTS
 from robotcast.reporting.studies import markdown
 from robotcast.stage import output_folder, stage, tell
 
-HERE = str(Path(__file__).parent)
 MISSING = "–"
 NEAR_PERCENT = 1.0  # the paper's bar: a tuning is near when its parameters are within this
 HEAD = (
@@ -108,4 +107,4 @@ def table(config: DictConfig) -> None:
 
 
 if __name__ == "__main__":
-    stage(table, HERE)()
+    stage(table)()

@@ -4,8 +4,7 @@ python -m studies.sim2sim.tune simulator=segmented optimizer=gn sim2sim.casts=20
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -16,33 +15,19 @@ from omegaconf import DictConfig, open_dict
 from robotcast.build import action_space, build, build_simulator
 from robotcast.casts.plan import PlannedCast, plan_actions
 from robotcast.files import atomic_file
+from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Trial
 from robotcast.rigs.feasible import feasible_actions
 from robotcast.simulators.simulator import SimulatedCast, Simulator
 from robotcast.stage import bar, output_folder, stage, tell
 from robotcast.tuning.asking import Problem, Question
-from robotcast.tuning.certainty import certainty
+from robotcast.tuning.certainty import Certainty, certainty
 from robotcast.tuning.objective import WaypointError, full_vectors
 from robotcast.tuning.search import Found
 from robotcast.workflow.searching import open_journal, search_with_bar
 
-HERE = str(Path(__file__).parent)
+KEY = ("simulator", "optimizer", "casts", "model", "start")  # of a tuning
 DRAWS = 50  # of a model, until one diverges on no cast
-
-
-@dataclass(frozen=True)
-class Invented:
-    """A model whose parameters are known.
-
-    Attributes
-    ----------
-    vector : ndarray of shape (n_free,), its free parameters, each mapped to [0, 1].
-    tuning, test : its casts to tune to and to judge on.
-    """
-
-    vector: np.ndarray
-    tuning: tuple[Trial, ...]
-    test: tuple[Trial, ...]
 
 
 def tune(config: DictConfig) -> None:
@@ -61,26 +46,24 @@ def tune(config: DictConfig) -> None:
     path = output_folder(settings.folder) / f"{cell}.csv"
     budget = settings.budget_per_cast[names[0]][names[1]] * settings.casts
     journals, rows = [], list[dict[str, Any]]()
-    for number, model in enumerate(_models(config, simulator)):
-        objective = WaypointError(simulator, model.tuning, cable.length_m)
+    for number, (vector, tuning, test) in enumerate(_models(config, simulator)):
+        objective, judged = (WaypointError(simulator, t, cable.length_m) for t in (tuning, test))
+        problem = Problem(objective.free, vector, settings.casts, settings.shown_percent)
+        known = certainty(objective, problem, vector, np.arange(settings.casts))
         for start in range(settings.starts):
             output = path.with_name(f"{cell}-{number}-{start}")
-            journal = open_journal(
-                config, output, simulator.parameters, cable, model.tuning, objective
-            )
+            journal = open_journal(config, output, simulator.parameters, cable, tuning, objective)
             journals.append(journal)
             begin = stream(settings.seed, number, "start", start).random(len(objective.free))
-            problem = Problem(objective.free, begin, settings.casts, settings.shown_percent)
+            problem = replace(problem, start=begin)
             seed = config.optimizer.seed + 1000 * number + 10 * start  # searches may count on
             optimizer = instantiate(config.optimizer.search, seed=seed)
             title = f"model {number + 1}, start {start + 1}, {names[1]}"
             found = search_with_bar(title, optimizer, problem, journal, budget)
-            common = {
-                **dict(zip(("simulator", "optimizer"), names, strict=True)),
-                **{"casts": settings.casts, "model": number, "start": start},
-            }
-            judged = WaypointError(simulator, model.test, cable.length_m)
-            rows += _outcomes(common, objective, judged, model, found, settings.shown_percent)
+            test_percent = float(judged(Question(found.vector[None])).percent[0])
+            tuning_of = dict(zip(KEY, (*names, settings.casts, number, start), strict=True))
+            parameters = _outcomes(objective.free, vector, found, known, test_percent)
+            rows += [{**tuning_of, **parameter} for parameter in parameters]
     with atomic_file(path) as temporary:
         pl.DataFrame(rows).write_csv(temporary)
     for journal in journals:
@@ -104,8 +87,13 @@ def stream(
     return np.random.default_rng([seed, number, tag, start])
 
 
-def _models(config: DictConfig, simulator: Simulator) -> Iterator[Invented]:
-    """Draw the models, each with casts of its own; however many are tuned to, they are the same."""
+def _models(
+    config: DictConfig, simulator: Simulator
+) -> Iterator[tuple[np.ndarray, tuple[Trial, ...], tuple[Trial, ...]]]:
+    """Draw models: free parameters (n_free,) in [0, 1], casts to tune to, and casts to judge on.
+
+    However many casts are tuned to, the models are the same.
+    """
     settings, space = config.sim2sim, action_space(config, "collected")
     with bar("feasible actions") as progress:
         feasible, _ = feasible_actions(*space, progress)
@@ -116,7 +104,7 @@ def _models(config: DictConfig, simulator: Simulator) -> Iterator[Invented]:
         casts = plan_actions(actions, r0_m=config.casts.r0_m, limits=space[2])
         random = stream(settings.seed, number, "model")
         vector, trials = _invent(simulator, casts, settings, random)
-        yield Invented(vector, trials[: settings.casts], trials[settings.most_casts :])
+        yield vector, trials[: settings.casts], trials[settings.most_casts :]
 
 
 def _invent(
@@ -130,30 +118,29 @@ def _invent(
     Returns them and the casts that it simulates, seen every `period_s` until `settle_s` after
     the tool stops. Raises ValueError when every draw diverges on some cast.
     """
-    free = [p for p in simulator.parameters if not p.frozen]
-    stops = [cast.end_s + settings.settle_s for cast in casts]
-    times = [np.arange(0.0, last_s, settings.period_s) for last_s in stops]
-    asked = [SimulatedCast(cast.tool, t_s) for cast, t_s in zip(casts, times, strict=True)]
+    free = sum(not p.frozen for p in simulator.parameters)
+    asked = [
+        SimulatedCast(c.tool, np.arange(0.0, c.end_s + settings.settle_s, settings.period_s))
+        for c in casts
+    ]
     for _ in range(DRAWS):
-        vector = random.uniform(settings.margin, 1 - settings.margin, len(free))
+        vector = random.uniform(settings.margin, 1 - settings.margin, free)
         found = simulator.simulate(asked, full_vectors(simulator.parameters, vector))
         if not found.diverged.any():
+            seen = enumerate(zip(casts, asked, found.waypoints_m[0], strict=True))
             return vector, tuple(
-                Trial(number, number, cast.action, cast.tool, t_s, path[: len(t_s)])
-                for number, (cast, t_s, path) in enumerate(
-                    zip(casts, times, found.waypoints_m[0], strict=True)
-                )
+                Trial(n, n, c.action, c.tool, one.waypoints_s, path[: len(one.waypoints_s)])
+                for n, (c, one, path) in seen
             )
     raise ValueError(f"{DRAWS} draws of the {simulator.name} simulator all diverged on some cast")
 
 
 def _outcomes(
-    common: dict[str, Any],
-    objective: WaypointError,
-    judged: WaypointError,
-    model: Invented,
+    parameters: Sequence[Parameter],
+    vector: np.ndarray,
     found: Found,
-    shown_percent: float,
+    known: Certainty,
+    test_percent: float,
 ) -> Iterator[dict[str, Any]]:
     """Yield a row a parameter.
 
@@ -161,15 +148,10 @@ def _outcomes(
     model, in % of its value: small where the casts tell the parameter at all. Errors are average
     waypoint errors, % of cable length.
     """
-    casts = len(model.tuning)
-    problem = Problem(objective.free, model.vector, casts, shown_percent)
-    known = certainty(objective, problem, model.vector, np.arange(casts))
-    test_percent = float(judged(Question(found.vector[None])).percent[0])
-    true_and_found = full_vectors(objective.free, np.array([model.vector, found.vector]))
-    for parameter, (true, value) in zip(objective.free, true_and_found.T.tolist(), strict=True):
+    true_and_found = full_vectors(parameters, np.array([vector, found.vector]))
+    for parameter, (true, value) in zip(parameters, true_and_found.T.tolist(), strict=True):
         ends = np.array(known.intervals[parameter.name])
         yield {
-            **common,
             "parameter": parameter.name,
             "unit": parameter.unit,
             "true": true,
@@ -183,4 +165,4 @@ def _outcomes(
 
 
 if __name__ == "__main__":
-    stage(tune, HERE)()
+    stage(tune)()

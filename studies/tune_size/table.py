@@ -11,7 +11,6 @@ from robotcast.reporting.studies import markdown
 from robotcast.reporting.tuning_sizes import SIZE_HEAD, size_rows
 from robotcast.stage import output_folder, stage, tell
 
-HERE = str(Path(__file__).parent)
 TEXT = """# How many casts to tune to?
 
 Simulators tuned by differential evolution to casts of {cable}, {rig}, and judged on the same
@@ -38,4 +37,4 @@ def table(config: DictConfig) -> None:
 
 
 if __name__ == "__main__":
-    stage(table, HERE)()
+    stage(table)()
