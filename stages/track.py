@@ -7,8 +7,7 @@ import shutil
 from omegaconf import DictConfig
 
 from robotcast.files import write_text
-from robotcast.measurements.reader import read_measurement_set
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements import reader, writer
 from robotcast.rigs.recorded import recorded_copy
 from robotcast.rigs.ur5_robot.notes import session_notes
 from robotcast.sessions.session import read_session
@@ -19,7 +18,7 @@ from robotcast.vision.track_session import track_session
 def track(config: DictConfig) -> None:
     sessions, folder = named_session(config), output_folder(config.paths.measurements)
     if copy := recorded_copy(sessions):
-        measured, summary = read_measurement_set(copy), {"recorded": True}
+        measured, summary = reader.read_measurement_set(copy), {"recorded": True}
         tell(f"{sessions}: {len(measured.trials)} recorded casts passed on")
     else:
         session = read_session(sessions)
@@ -33,7 +32,7 @@ def track(config: DictConfig) -> None:
     if folder.is_dir() and any(folder.iterdir()) and not (folder / "tracking.json").is_file():
         raise ValueError(f"{folder}: holds files that this stage did not write")
     shutil.rmtree(folder, ignore_errors=True)
-    write_measurement_set(measured, folder)
+    writer.write_measurement_set(measured, folder)
     write_text(folder / "tracking.json", json.dumps(summary, indent=2) + "\n")
 
 
