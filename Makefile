@@ -3,6 +3,8 @@ PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+LAST := table
+export PATH := $(CURDIR)/$(BIN):$(PATH)
 
 .DEFAULT_GOAL := help
 .PHONY: help install repro hidden-effects hidden-effects-few sim2sim \
@@ -31,86 +33,41 @@ $(INSTALLED): requirements.lock pyproject.toml
 	touch $@
 
 repro: $(INSTALLED)
-	$(BIN)/dvc repro
+	dvc repro
 
-hidden-effects: $(INSTALLED)
-	$(BIN)/dvc repro benchmarks/hidden_effects/dvc.yaml
+# A study and its small variant are two ends of one pipeline: studies/<name>/dvc.yaml.
+hidden-effects hidden-effects-few: LAST = score
+hidden-effects hidden-effects-few: STUDY = hidden_effects
+tune-size tune-size-few: STUDY = tune_size
+real-casts real-casts-few: STUDY = real_casts
+better-model better-model-few: STUDY = better_model
 
-hidden-effects-few: $(INSTALLED)
-	for stage in draw diagnose rivals score; do \
-		$(BIN)/python stages/hidden_$$stage.py hidden_effects=few || exit 1; \
-	done
+hidden-effects better-model: $(INSTALLED)
+	dvc repro studies/$(STUDY)/dvc.yaml:$(LAST)@full
+
+tune-size real-casts: $(INSTALLED)
+	@grep -q '^scale: paper' params.yaml || { \
+		echo '$@ goes on from a paper-scale run: set "scale: paper" in params.yaml,' \
+			'then make repro' >&2; exit 1; }
+	dvc repro studies/$(STUDY)/dvc.yaml:$(LAST)@full
+
+hidden-effects-few tune-size-few real-casts-few better-model-few: $(INSTALLED)
+	dvc repro studies/$(STUDY)/dvc.yaml:$(LAST)@few
 
 sim2sim: $(INSTALLED)
-	$(BIN)/dvc repro benchmarks/sim2sim/dvc.yaml
-
-PAPER_SCALE = @grep -q '^scale: paper' params.yaml || { \
-	echo '$@ goes on from a paper-scale run: set "scale: paper" in params.yaml,' \
-		'then make repro' >&2; exit 1; }
-
-tune-size: $(INSTALLED)
-	$(PAPER_SCALE)
-	$(BIN)/dvc repro benchmarks/tune_size/dvc.yaml
-
-tune-size-few: $(INSTALLED)
-	for casts in 5 15; do \
-		$(BIN)/python stages/tune.py scale.tune.tune_casts=15 scale.tune.segmented.casts=$$casts \
-			optimizer.budget_casts=$$((280 * casts)) \
-			paths.tuned=data/tune_size_few/segmented-$$casts || exit 1; \
-	done
-	$(BIN)/python stages/tune_size_table.py studies=few
-
-real-casts: $(INSTALLED)
-	$(PAPER_SCALE)
-	$(BIN)/dvc repro benchmarks/real_casts/dvc.yaml
-
-real-casts-few: $(INSTALLED)
-	$(BIN)/python stages/candidates.py
-	for cell in real-20 real-35 mixed-20 mixed-35; do \
-		set -- dataset=$${cell%-*} paths.policy=data/real_casts_few/policies/$$cell \
-			paths.evaluation=data/real_casts_few/evaluation/$$cell \
-			paths.evaluation_sessions=data/real_casts_few/sessions/$$cell; \
-		$(BIN)/python stages/train.py $$@ dataset.casts=$${cell#*-} || exit 1; \
-		$(BIN)/python stages/evaluate.py $$@ || exit 1; \
-	done
-	$(BIN)/python stages/real_casts_table.py studies=few
-
-better-model: $(INSTALLED)
-	$(BIN)/dvc repro benchmarks/better_model/dvc.yaml
-
-FEW := data/better_model_few
-better-model-few: $(INSTALLED)
-	$(BIN)/python stages/candidates.py
-	$(BIN)/python stages/collect.py rig=tilted paths.sessions=$(FEW)/sessions
-	$(BIN)/python stages/track.py paths.sessions=$(FEW)/sessions \
-		paths.measurements=$(FEW)/measurements
-	$(BIN)/python stages/diagnose.py measurements=$(FEW)/measurements output=$(FEW)/diagnosis
-	for model in base diagnosed; do \
-		set -- optimizer=gn paths.measurements=$(FEW)/measurements \
-			paths.tuned=$(FEW)/tuned/$$model paths.simulated=$(FEW)/simulated/$$model \
-			paths.targets=$(FEW)/simulated/base paths.policy=$(FEW)/policies/$$model-mixed \
-			paths.evaluation=$(FEW)/evaluation/$$model-mixed \
-			paths.evaluation_sessions=$(FEW)/evaluation_sessions/$$model-mixed; \
-		named=$$($(BIN)/python stages/verdict.py output=$(FEW)/diagnosis \
-			studies.better_model.model=$$model); \
-		$(BIN)/python stages/tune.py $$@ "effects=[$$named]" || exit 1; \
-		$(BIN)/python stages/generate.py $$@ || exit 1; \
-		$(BIN)/python stages/train.py $$@ || exit 1; \
-		$(BIN)/python stages/evaluate.py rig=tilted $$@ || exit 1; \
-	done
-	$(BIN)/python stages/better_model_table.py studies=few
+	dvc repro studies/sim2sim/dvc.yaml
 
 test: $(INSTALLED)
-	$(BIN)/ruff check
-	$(BIN)/ruff format --check
-	$(BIN)/pyright
-	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
+	ruff check
+	ruff format --check
+	pyright
+	pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 quick: $(INSTALLED)
-	$(BIN)/ruff check
-	$(BIN)/pyright
-	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not slow"
+	ruff check
+	pyright
+	pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not slow"
 
 format: $(INSTALLED)
-	$(BIN)/ruff format
-	$(BIN)/ruff check --fix
+	ruff format
+	ruff check --fix

@@ -10,7 +10,6 @@ which follows, is timed by itself. Exits with 1 when the median of a choice take
 """
 
 import argparse
-import importlib
 import statistics
 import sys
 import time
@@ -22,13 +21,12 @@ import numpy as np
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 
+from robotcast.build import action_space
 from robotcast.policies.choosing import Neighbourhood, choose_actions, refine_choices
 from robotcast.policies.datasets import Dataset, Examples
 from robotcast.rigs.envelope import are_feasible, feasible_actions
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "stages"))
-grids = importlib.import_module("grids")
 LONGEST_S, TARGETS, EXAMPLES, PASSES = 0.2, 16, 4000, 20
 
 
@@ -68,9 +66,7 @@ def main() -> None:
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
         configs = {name: compose("config", overrides=[f"policy={name}"]) for name in ("nn", "gp")}
     config = configs["nn"]
-    limits, grid = grids.build_limits(config), grids.build_grid(config, "candidates")
-    r0_m = config.casts.r0_m
-    envelope = grids.build_envelope(config)
+    grid, r0_m, limits, envelope = action_space(config, "candidates")
     candidates, report = feasible_actions(grid, r0_m, limits, envelope)
     feasible = partial(are_feasible, r0_m=r0_m, limits=limits, envelope=envelope)
     drawn = np.random.default_rng(1).permutation(len(candidates))[:TARGETS]

@@ -14,7 +14,6 @@ what they select is refitted, judged on casts held out, and named if it pays.
 """
 
 import argparse
-import sys
 import time
 from collections.abc import Callable, Sequence
 from copy import copy
@@ -32,10 +31,9 @@ from robotcast.diagnosis.library import Library
 from robotcast.diagnosis.rule import RULE
 from robotcast.diagnosis.selection import Effects, Selection
 from robotcast.measurements.reader import read_measurement_set
+from robotcast.workflow.diagnosing import case_of
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "stages"))
-from diagnose import case_of  # noqa: E402 # pyright: ignore[reportMissingImports]
 
 ROUNDS, PRUNED = 30, 0.01  # of the relevance determination; of a strength's prior width
 MOST, MATERIAL = RULE.most_effects, RULE.material

@@ -8,7 +8,6 @@ Exits with 1 when a stage fails or the policy's casts end too far from their tar
 """
 
 import argparse
-import importlib
 import subprocess
 import sys
 import tempfile
@@ -21,8 +20,9 @@ import polars as pl
 from hydra import compose, initialize_config_dir
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "stages")]
+sys.path.insert(0, str(ROOT))
 
+from robotcast.build import build_rig  # noqa: E402
 from tests.rigs.peer.controller import Settings  # noqa: E402
 from tests.rigs.peer.film import FilmSettings  # noqa: E402
 from tests.rigs.peer.lab import GRIPPER, HOME_RAD  # noqa: E402
@@ -49,7 +49,7 @@ def main() -> None:
     parser.add_argument("--folder", help="to keep what the stages write; they go on from there")
     asked = parser.parse_args()
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
-        filmed = importlib.import_module("rigs").build_virtual_rig(compose("config", list(SIZE)))
+        filmed = build_rig(compose("config", list(SIZE)))
     filmed = replace(filmed, gripper=GRIPPER)  # that the arm really has
     with (
         running_peer(CONTROLLER, FilmSettings(filmed)) as peer,

@@ -1,12 +1,11 @@
 """Test the baseline Cast and Pull on the same targets, and as often, as the policies."""
 
-from casting import cast_on_rig, chosen_targets, write_evaluation
-from hydra.utils import instantiate
 from omegaconf import DictConfig
-from rigs import build_rig
-from stage import stage
 
+from robotcast.build import build, build_rig
 from robotcast.casts.pull import plan_pull
+from robotcast.stage import stage
+from robotcast.workflow.evaluating import cast_on_rig, chosen_targets, write_evaluation
 
 
 def baseline(config: DictConfig) -> None:
@@ -15,7 +14,7 @@ def baseline(config: DictConfig) -> None:
             f"policy={config.policy.name} is no baseline; policy=cast_and_pull dataset=none is"
         )
     rig = build_rig(config)
-    choices = instantiate(config.policy.baseline).choose(rig.cable, chosen_targets(config))
+    choices = build(config.policy.baseline).choose(rig.cable, chosen_targets(config))
     write_evaluation(config, cast_on_rig(config, rig, choices, plan_pull))
 
 

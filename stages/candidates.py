@@ -2,22 +2,23 @@
 
 from pathlib import Path
 
-from grids import filtered_grid
 from omegaconf import DictConfig
-from stage import bar, console, stage
 
+from robotcast.build import action_space
 from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.action_file import write_actions
+from robotcast.rigs.envelope import feasible_actions
+from robotcast.stage import bar, stage, tell
 
 
 def candidates(config: DictConfig) -> None:
     with bar("candidates") as progress:
-        actions, report = filtered_grid(config, progress, grid="candidates")
+        actions, report = feasible_actions(*action_space(config, "candidates"), progress)
     write_actions(
         [dict(zip(ACTION_COLUMNS, row, strict=True)) for row in actions.tolist()],
         Path(config.paths.candidates),
     )
-    console.print(f"{report.feasible} of {report.candidates} actions are feasible")
+    tell(f"{report.feasible} of {report.candidates} actions are feasible")
 
 
 if __name__ == "__main__":

@@ -3,47 +3,37 @@
 Not part of the pipeline; its tables stand in reports/chaos.
 """
 
-import numpy as np
 import polars as pl
-from grids import build_limits, feasible_grid
 from omegaconf import DictConfig
-from stage import bar, console, output_folder, stage
-from virtual_rig import build_virtual_rig
 
+from robotcast.build import action_space, build_rig
 from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.plan import plan_action
-from robotcast.files import atomic_file
+from robotcast.files import write_text
 from robotcast.rigs.collect import choose_casts
+from robotcast.rigs.envelope import feasible_actions
 from robotcast.rigs.virtual.studies import sensitivities
-
-ACTIONS, REPEATS = 40, 4
+from robotcast.stage import bar, output_folder, stage, tell
 
 
 def measure_chaos(config: DictConfig) -> None:
-    rig, limits = build_virtual_rig(config), build_limits(config)
-    chosen = choose_casts(feasible_grid(config, grid="collected"), ACTIONS, 0, config.seed)
-    casts = [plan_action(action, r0_m=rig.r0_m, limits=limits) for _, action in chosen]
+    rig, space = build_rig(config), action_space(config, "collected")
+    chosen = choose_casts(feasible_actions(*space)[0], 40, 0, config.seed)
+    casts = [plan_action(action, r0_m=rig.r0_m, limits=space[2]) for _, action in chosen]
     with bar(f"sensitivities of {rig.cable.name}") as progress:
-        found = sensitivities(rig, casts, REPEATS, progress)
-    percent = 100 * np.array([one.scatter_m for one in found]) / rig.cable.length_m
-    table = pl.DataFrame(
-        {
-            "action": [number for number, _ in chosen],
-            **dict(zip(ACTION_COLUMNS, np.array([a.as_array() for _, a in chosen]).T, strict=True)),
-            "amplification": [one.amplification for one in found],
-            "scatter_percent": percent,
-            "chaotic": [one.chaotic for one in found],
-        }
-    )
+        found = sensitivities(rig, casts, 4, progress)
+    keys = ("action", *ACTION_COLUMNS, "amplification", "scatter_percent", "chaotic")
+    rows = [
+        (n, *a.as_array(), s.amplification, 100 * s.scatter_m / rig.cable.length_m, s.chaotic)
+        for (n, a), s in zip(chosen, found, strict=True)
+    ]
+    table = pl.DataFrame(rows, keys, orient="row").sort("amplification")
     path = output_folder(f"{config.paths.reports}/chaos") / f"{rig.cable.name}.csv"
-    with atomic_file(path) as temporary:
-        table.sort("amplification").write_csv(temporary, float_precision=4)
-    quarter, median, most = np.percentile(percent, [25, 50, 90])
-    console.print(
-        f"{path}: repeats scatter by {median:.2f} % of cable length in the median "
-        f"(quarter {quarter:.2f} %, 90 % of casts {most:.2f} %); "
-        f"{table['chaotic'].sum()} of {len(table)} casts are chaotic"
-    )
+    write_text(path, table.write_csv(float_precision=4))
+    scatter = [table["scatter_percent"].quantile(share, "linear") for share in (0.5, 0.25, 0.9)]
+    text = "repeats scatter by {:.2f} % of cable length in the median (quarter {:.2f} %, 90 % of "
+    said = (text + "casts {:.2f} %)").format(*scatter)
+    tell(f"{path}: {said}; {table['chaotic'].sum()} of {len(table)} casts are chaotic")
 
 
 if __name__ == "__main__":

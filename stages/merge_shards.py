@@ -7,9 +7,9 @@ python stages/merge_shards.py generate.shards=4
 from pathlib import Path
 
 from omegaconf import DictConfig
-from stage import console, output_folder, stage
 
 from robotcast.simulators.d_sim import Shard, merge_shards
+from robotcast.stage import output_folder, stage, tell
 
 
 def merge(config: DictConfig) -> None:
@@ -17,9 +17,7 @@ def merge(config: DictConfig) -> None:
     shards = [Path(config.paths.shards) / Shard(number, of).name for number in range(of)]
     folder = output_folder(config.paths.simulated)
     facts = merge_shards(shards, folder)
-    console.print(
-        f"{folder}: {facts['casts']} casts of {of} shards, {facts['diverged']} had diverged"
-    )
+    tell(f"{folder}: {facts['casts']} casts of {of} shards, {facts['diverged']} had diverged")
 
 
 if __name__ == "__main__":

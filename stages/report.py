@@ -4,39 +4,31 @@ from pathlib import Path
 
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
-from stage import console, output_folder, stage
 
 from robotcast.reporting.report import RunFacts, write_report
 from robotcast.reporting.results import read_results
+from robotcast.stage import output_folder, stage, tell
 
 
 def report(config: DictConfig) -> None:
-    scale = config.scale
-    grid = " × ".join(str(count) for count in scale.generate.grid.values())
-    facts = RunFacts(
-        scale=HydraConfig.get().runtime.choices["scale"],
-        seed=config.seed,
-        sizes=(
-            (
-                "Collected",
-                f"at most {scale.collect.casts} actions and {scale.collect.repeats} repeats, "
-                f"filmed at {scale.camera.width} × {scale.camera.height} pixels",
-            ),
-            (
-                "Tuned",
-                f"on at most {scale.tune.tune_casts} casts, tested on {scale.tune.test_casts}",
-            ),
-            ("Generated", f"grid of {grid} actions, less those that the arm cannot do"),
-            ("Trained", f"at most {scale.train.passes} passes"),
-            (
-                "Evaluated",
-                f"{scale.evaluate.targets} targets × {scale.evaluate.repeats} casts",
-            ),
-        ),
+    collect, camera, tune, generate, train, evaluate = (
+        config.scale[name]
+        for name in ("collect", "camera", "tune", "generate", "train", "evaluate")
     )
+    collected = f"at most {collect.casts} actions and {collect.repeats} repeats"
+    tuned = f"on at most {tune.tune_casts} casts, tested on {tune.test_casts}"
+    grid = " × ".join(str(count) for count in generate.grid.values())
+    sizes = (
+        ("Collected", f"{collected}, filmed at {camera.width} × {camera.height} pixels"),
+        ("Tuned", tuned),
+        ("Generated", f"grid of {grid} actions, less those that the arm cannot do"),
+        ("Trained", f"at most {train.passes} passes"),
+        ("Evaluated", f"{evaluate.targets} targets × {evaluate.repeats} casts"),
+    )
+    facts = RunFacts(HydraConfig.get().runtime.choices["scale"], config.seed, sizes)
     folder = output_folder(config.paths.reports)
     written = write_report(read_results(Path(config.paths.results)), facts, folder)
-    console.print(f"{folder}: {len(written)} files, open {written[-1]}")
+    tell(f"{folder}: {len(written)} files, open {written[-1]}")
 
 
 if __name__ == "__main__":

@@ -10,7 +10,8 @@ from hydra.errors import MissingConfigException
 from hydra.utils import get_object, instantiate
 from omegaconf import DictConfig, OmegaConf
 
-CONF = Path(__file__).resolve().parents[1] / "conf"
+ROOT = Path(__file__).resolve().parents[1]
+CONF = ROOT / "conf"
 LAUNCHERS = "hydra"  # of clusters: their libraries are extras
 GROUPS = sorted(p.name for p in CONF.iterdir() if p.is_dir() and p.name != LAUNCHERS)
 OPTIONS = sorted(
@@ -18,6 +19,7 @@ OPTIONS = sorted(
     for group in GROUPS
     for path in (CONF / group).glob("**/*.yaml")
 )
+STUDIES = sorted(path for path in ROOT.glob("studies/*/*.yaml") if path.stem != "dvc")
 LIBRARIES = OmegaConf.load(CONF / "effects.yaml")
 ENTRIES = {**LIBRARIES.effects, **LIBRARIES.fields}
 
@@ -42,6 +44,17 @@ def test_every_option_composes_and_its_targets_exist(option: str) -> None:
         assert callable(get_object(target))
 
 
+def study(path: Path) -> DictConfig:
+    with initialize_config_dir(str(path.parent), version_base=None):
+        return compose(path.stem, overrides=[f"hydra.searchpath=[{CONF}]"])
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: f"{path.parent.name}-{path.stem}")
+def test_every_study_composes_and_its_targets_exist(path: Path) -> None:
+    for target in targets(OmegaConf.to_container(study(path), resolve=True)):
+        assert callable(get_object(target))
+
+
 @pytest.mark.parametrize("name", ENTRIES)
 def test_every_effect_and_field_can_be_made(name: str) -> None:
     made = instantiate(ENTRIES[name], name=name, _convert_="all")
@@ -57,15 +70,17 @@ def test_an_unknown_option_lists_the_known_ones(group: str) -> None:
         assert path.stem in str(refusal.value)
 
 
-def sizes(scale: str) -> dict[str, Any]:
+def sizes(config: DictConfig) -> dict[str, Any]:
     return {
         f"{stage}.{name}": size
-        for stage, entries in composed(f"scale={scale}").scale.items()
+        for stage, entries in config.scale.items()
         for name, size in entries.items()
     }
 
 
 def test_scales_differ_in_sizes_only() -> None:
-    demo, study, paper = sizes("demo"), sizes("study"), sizes("paper")
-    assert demo.keys() == study.keys() == paper.keys()
+    demo, paper = (sizes(composed(f"scale={scale}")) for scale in ("demo", "paper"))
+    assert (
+        demo.keys() == paper.keys() == sizes(study(ROOT / "studies/better_model/full.yaml")).keys()
+    )
     assert demo != paper

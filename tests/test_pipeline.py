@@ -1,4 +1,4 @@
-"""dvc.yaml says what every stage depends on: enough, so that nothing stale stays, and no more."""
+"""Every dvc.yaml says what its stages depend on: enough that nothing stale stays, and no more."""
 
 import ast
 import re
@@ -17,24 +17,28 @@ ORDER = (
 
 # How a stage starts, shows its progress, works in processes and puts a file in place changes no
 # result, nor does what is drawn instead of cast.
-PLUMBING = (
-    *("stages/stage.py", "stages/dry_run.py"),
-    *(f"src/robotcast/{name}.py" for name in ("files", "processes", "progress", "source")),
-)
+PLUMBING = {
+    ROOT / "src/robotcast" / f"{name}.py"
+    for name in ("stage", "workflow/dry_run", "files", "processes", "progress", "source")
+}
 
 
-def stages() -> dict[str, dict[str, Any]]:
-    pipeline = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+def stages(folder: str) -> dict[str, dict[str, Any]]:
+    pipeline = yaml.safe_load((ROOT / folder / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
     return {name: entry.get("do", entry) for name, entry in pipeline.items()}
 
 
+STAGES = [
+    pytest.param(stage, id=f"{path.parent.name}-{name}" if path.parent != ROOT else name)
+    for path in (ROOT / "dvc.yaml", *sorted(ROOT.glob("studies/*/dvc.yaml")))
+    for name, stage in stages(str(path.parent)).items()
+]
+
+
 def module_file(module: str) -> Path | None:
-    """Return the file of a module of this repository; stage scripts import their neighbours."""
-    for root in (ROOT / "src", ROOT / "stages"):
-        file = root.joinpath(*module.split(".")).with_suffix(".py")
-        if file.is_file():
-            return file
-    return None
+    """Return the file of a module of this repository."""
+    files = (root.joinpath(*module.split(".")).with_suffix(".py") for root in (ROOT / "src", ROOT))
+    return next((file for file in files if file.is_file()), None)
 
 
 def imports(file: Path) -> Iterator[Path]:
@@ -44,29 +48,45 @@ def imports(file: Path) -> Iterator[Path]:
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        for name in names:
-            found = module_file(name)
-            if found is not None:
-                yield found
+        yield from filter(None, map(module_file, names))
+
+
+def files_of(pattern: str) -> Iterator[Path]:
+    """Yield the configurations that a name of a pipeline, with its variables, may mean."""
+    for path in ROOT.glob(re.sub(r"\$\{[^}]*\}", "*", pattern)):
+        yield from path.glob("*.yaml") if path.is_dir() else (path,)
+
+
+def configurations(stage: dict[str, Any]) -> list[str]:
+    params = [next(iter(entry)) for entry in stage.get("params", [])]
+    return [*params, *(dep for dep in stage["deps"] if dep.startswith("conf/"))]
 
 
 def configured(stage: dict[str, Any]) -> Iterator[Path]:
     """Yield the files of the classes that the stage's own config files name."""
-    for entry in stage.get("params", []):
-        pattern = re.sub(r"\$\{[^}]*\}", "*", next(iter(entry)))
-        for path in ROOT.glob(pattern):
-            for target in re.findall(r"_target_:\s*(robotcast\.[\w.]+)\.\w+", path.read_text()):
-                found = module_file(target)
+    for pattern in configurations(stage):
+        for path in files_of(pattern):
+            for target in re.findall(r"_target_:\s*(robotcast\.[\w.]+)", path.read_text("utf-8")):
+                module = target.rpartition(".")[0]
+                found = module_file(module) or module_file(module.rpartition(".")[0])
                 assert found is not None, f"{path}: {target} does not exist"
                 yield found
 
 
-def reached(stage: dict[str, Any], script: Path) -> set[str]:
-    waiting, seen = [script, *configured(stage)], set[Path]()
-    plumbing = {ROOT / name for name in PLUMBING}
+def started(stage: dict[str, Any]) -> Iterator[Path]:
+    """Yield the scripts that a stage runs; another stage that its own starts is a dependency."""
+    for module in re.findall(r"python -m ([\w.]+)", stage["cmd"]):
+        yield module_file(module) or ROOT / module
+    scripts = re.findall(r"python ([\w/]+\.py)", stage["cmd"])
+    for script in {*scripts, *(d for d in stage["deps"] if d.startswith("stages/"))}:
+        yield ROOT / script
+
+
+def reached(stage: dict[str, Any]) -> set[str]:
+    waiting, seen = [*started(stage), *configured(stage)], set[Path]()
     while waiting:
         file = waiting.pop()
-        if file not in seen | plumbing:
+        if file not in seen | PLUMBING:
             seen.add(file)
             waiting.extend(imports(file))
     return {file.relative_to(ROOT).as_posix() for file in seen}
@@ -77,42 +97,33 @@ def covers(deps: list[str], file: str) -> bool:
 
 
 def test_the_pipeline_is_the_papers() -> None:
-    assert tuple(stages()) == ORDER
+    assert tuple(stages(".")) == ORDER
 
 
-@pytest.mark.parametrize("name", ORDER)
-def test_a_stage_depends_on_all_the_code_it_runs(name: str) -> None:
-    stage = stages()[name]
-    files = reached(stage, ROOT / "stages" / f"{name}.py")
-    assert not sorted(file for file in files if not covers(stage["deps"], file))
-
-
-@pytest.mark.parametrize("name", ORDER)
-def test_a_stage_depends_on_no_code_that_it_does_not_run(name: str) -> None:
-    stage = stages()[name]
-    files = reached(stage, ROOT / "stages" / f"{name}.py")
-    code = [dep for dep in stage["deps"] if dep.startswith(("src/", "stages/"))]
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_stage_depends_on_all_the_code_it_runs_and_on_no_other(stage) -> None:
+    files, deps = reached(stage), stage["deps"]
+    assert not sorted(file for file in files if not covers(deps, file))
+    code = [dep for dep in deps if dep.startswith(("src/", "stages/")) or dep.endswith(".py")]
     assert not [dep for dep in code if not any(covers([dep], file) for file in files)]
 
 
+@pytest.mark.parametrize("stage", STAGES)
+def test_params_name_config_files_that_exist(stage) -> None:
+    for pattern in configurations(stage):
+        assert list(files_of(pattern)), pattern
+
+
 def test_recorded_casts_outlive_a_rerun() -> None:
-    (out,) = stages()["collect"]["outs"]
+    (out,) = stages(".")["collect"]["outs"]
     (options,) = out.values()
     assert options["persist"] is True
-
-
-def test_params_name_config_files_that_exist() -> None:
-    for stage in stages().values():
-        for entry in stage.get("params", []):
-            pattern = re.sub(r"\$\{[^}]*\}", "*", next(iter(entry)))
-            assert list(ROOT.glob(pattern)), pattern
 
 
 def test_a_simulator_parameter_reruns_tuning_and_generating_but_no_cast() -> None:
     readers = {
         name
-        for name, stage in stages().items()
-        for entry in stage.get("params", [])
-        if next(iter(entry)).startswith("conf/simulator/")
+        for name, stage in stages(".").items()
+        if any(pattern.startswith("conf/simulator/") for pattern in configurations(stage))
     }
     assert readers == {"tune", "generate"}

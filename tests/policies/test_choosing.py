@@ -1,4 +1,3 @@
-import importlib
 from pathlib import Path
 from typing import Any
 
@@ -6,6 +5,7 @@ import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
 
+from robotcast.build import build_rig
 from robotcast.casts.grid import ActionGrid, GridCounts
 from robotcast.casts.limits import PlanLimits
 from robotcast.casts.pull import plan_pull
@@ -228,9 +228,7 @@ def test_a_target_too_near_or_too_far_is_missed_along_its_ray(target_m, nearest_
 def test_the_free_end_of_the_virtual_rig_comes_to_rest_on_the_ray() -> None:
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
         config = compose("config", overrides=["rig.workers=1"])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "stages"))
-        rig = importlib.import_module("virtual_rig").build_virtual_rig(config)
+    rig = build_rig(config)
     (choice,) = BASELINE.choose(rig.cable, on_ray(1.25, -0.8)[None])
     planned = plan_pull(choice.action, r0_m=rig.r0_m, limits=PlanLimits())
     end = rig.simulate_truth(planned, 9_000).cable.end_m[-1, :2]

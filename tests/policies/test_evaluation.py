@@ -1,6 +1,5 @@
 """Tables of evaluated casts, and a policy's choices cast on the virtual rig."""
 
-import importlib
 import re
 import shutil
 from pathlib import Path
@@ -10,6 +9,7 @@ import polars as pl
 import pytest
 from hydra import compose, initialize_config_dir
 
+from robotcast.build import build_rig
 from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.plan import PlanLimits, plan_cast
 from robotcast.measurements.measurement_set import Cable
@@ -82,9 +82,7 @@ def rig() -> Rig:
     sizes = ["scale.camera.width=640", "scale.camera.height=360", "rig.workers=1"]
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
         config = compose("config", overrides=sizes)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "stages"))
-        return importlib.import_module("rigs").build_rig(config)
+    return build_rig(config)
 
 
 @pytest.fixture(scope="module")

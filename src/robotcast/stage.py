@@ -1,0 +1,169 @@
+"""What every stage shares: its entry point, its bar, where its output goes."""
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from pathlib import Path
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.types import RunMode
+from omegaconf import DictConfig
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+from threadpoolctl import threadpool_limits
+
+from robotcast.build import CONFIGURATION
+
+
+class _StageConsole(Console):
+    def __reduce__(self) -> str:
+        return "console"  # a parallel sweep hands stages to processes that have their own
+
+
+console = _StageConsole(stderr=True)
+
+INTERRUPTED = 130  # as a shell has it: 128 and the number of SIGINT
+
+
+def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
+    """Turn `body(config)` into a command: composed by Hydra, refusing bad input in one line.
+
+    An interrupt ends it with one line too. A step of a study takes the configurations of its own
+    folder, which rest on conf/config.yaml: `full`, or the one that `--config-name` names.
+    """
+    name, folder = "config", Path(body.__code__.co_filename).resolve().parent
+    if folder.parent.name == "studies":
+        name = "full"
+        sys.argv[1:1] = ["--config-dir", str(folder)]
+
+    @wraps(body)  # Hydra names the job after the file that `body` stands in
+    def run(config: DictConfig) -> None:
+        try:
+            with _one_order_of_sums():
+                return body(config)
+        except (ValueError, FileNotFoundError) as error:
+            said, status = str(error), 2
+        except KeyboardInterrupt:
+            said = "interrupted; the same command goes on from what was finished"
+            status = INTERRUPTED
+        console.print(f"{Path(sys.argv[0]).stem}: {said}", style="bold red", markup=False)
+        sys.exit(status)
+
+    return hydra.main(version_base=None, config_path=str(CONFIGURATION), config_name=name)(run)
+
+
+@contextmanager
+def _one_order_of_sums() -> Iterator[None]:
+    """Keep linear algebra on one thread, here and in processes begun here.
+
+    On several threads its sums end in other bits, which a search on a chaotic model turns into
+    another answer. The matrices are too small to gain from more.
+    """
+    for library in ("OPENBLAS", "MKL"):
+        os.environ[f"{library}_NUM_THREADS"] = "1"
+    with threadpool_limits(limits=1, user_api="blas"):
+        yield
+
+
+def require(config: DictConfig, *names: str) -> None:
+    """Refuse a call that names no folder for one of these settings."""
+    for name in names:
+        if config[name] is None:
+            raise ValueError(f"{name}=DIR is needed")
+
+
+def typed(group: str) -> list[str]:
+    """Return what was overridden of a config group, for commands that must do the same."""
+    overrides = HydraConfig.get().overrides.task
+    return [o for o in overrides if o.startswith((f"{group}=", f"{group}."))]
+
+
+def named_session(config: DictConfig) -> Path:
+    """Return the folder of the configured session: `session=NAME` is one below paths.sessions."""
+    folder = Path(config.paths.sessions)
+    return folder if config.session is None else folder / str(config.session)
+
+
+def output_folder(default: str) -> Path:
+    """Return where to write: `default`, or the job's own folder in a Hydra multirun."""
+    if HydraConfig.get().mode == RunMode.MULTIRUN:
+        return Path(HydraConfig.get().runtime.output_dir)
+    return Path(default)
+
+
+def unfinished_file(config: DictConfig, output: Path, suffix: str) -> Path:
+    """Return where work whose result goes to `output` keeps its state until it is done.
+
+    It lies beside DVC's outputs, which a rerun would delete.
+    """
+    names = [part for part in output.parts if part != output.anchor]
+    return Path(config.paths.unfinished) / f"{'-'.join(names)}{suffix}"
+
+
+def tell(text: str) -> None:
+    """Show a sentence as it stands."""
+    console.print(text, markup=False)
+
+
+def warn(text: str) -> None:
+    """Show a sentence that should not be missed."""
+    console.print(text, style="yellow", markup=False)
+
+
+def confirm_ask(text: str) -> bool:
+    """Ask the operator of a robot, who answers at a terminal."""
+    if not sys.stdin.isatty():
+        raise ValueError(
+            "rig=ur5 asks an operator who stands beside the robot: run it in a terminal, or say "
+            "rig.confirm=yes when somebody watches the arm"
+        )
+    tell(text)
+    return console.input("Hand on the emergency stop? Type yes: ").strip().lower() == "yes"
+
+
+def confirm_yes(text: str) -> bool:
+    """Go on at once: somebody else watches the robot."""
+    tell(text)
+    return True
+
+
+class _Rate(ProgressColumn):
+    def render(self, task: Task) -> Text:
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:.1f}/s")
+
+
+@contextmanager
+def bar(title: str) -> Iterator[Callable[..., None]]:
+    """Show a progress bar with a rate and what is left; yield its `progress(done, total, note)`."""
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=20),
+        MofNCompleteColumn(),
+        _Rate(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[note]}"),
+        console=console,
+    ) as shown:
+        task = shown.add_task(title, total=None, note="")
+
+        def progress(done: int, total: int, note: str = "") -> None:
+            # set past `update`, which forgets the rate whenever the total changes
+            shown.tasks[0].total = total
+            shown.update(task, completed=done, note=note)
+
+        yield progress

@@ -1,0 +1,1 @@
+"""What the commands in stages/ do between their configuration and their files."""

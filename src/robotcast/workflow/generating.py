@@ -1,0 +1,94 @@
+"""From a tuned simulator and the casts it was tuned to, to D_sim or one shard of it."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from robotcast.build import action_space, build_effects, build_simulator, fingerprint
+from robotcast.casts.following import Following, exact_following, fit_following
+from robotcast.casts.plan import PlanLimits, plan_action, plan_actions
+from robotcast.measurements.measurement_set import Trial
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.split import split_by_action
+from robotcast.rigs.envelope import feasible_actions
+from robotcast.simulators.d_sim import Generated, Shard, generate_casts, mean_reach, write_d_sim
+from robotcast.stage import bar, output_folder, tell, warn
+from robotcast.tuning.tuned import read_effects, read_values, vector_of
+
+
+def generate_d_sim(config: DictConfig) -> tuple[Path, Generated]:
+    """Simulate what the configured grid asks for, write it and return it with its folder."""
+    number, of = config.generate.shard, config.generate.shards
+    if number is None and of > 1:
+        raise ValueError(f"generate.shards={of} needs generate.shard, from 0 to {of - 1}")
+    shard = None if number is None else Shard(number, of)
+    tuned, sizes = Path(config.paths.tuned), config.scale.tune
+    cable, values = read_values(tuned)
+    effects = build_effects(read_effects(tuned))
+    simulator = build_simulator(config, cable, effects)
+    vector = vector_of(simulator.parameters, values)
+    grid, r0_m, limits, envelope = action_space(config, "generated")
+    with bar("grid of actions") as progress:
+        actions, _ = feasible_actions(grid, r0_m, limits, envelope, progress)
+    measured = read_measurement_set(Path(config.paths.measurements))
+    tuning, _ = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
+    following, reach_m = _following(tuning.trials, r0_m, limits), mean_reach(tuning.trials)
+    facts = {
+        "cable": cable.name,
+        "simulator": config.simulator.name,
+        "optimizer": config.optimizer.name,
+        "effects": [effect.name for effect in effects],
+        "arm": {
+            "lag_s": round(following.lag_s, 5),
+            "told_rms_m": round(following.told_rms_m, 6),
+            "followed_rms_m": round(following.followed_rms_m, 6),
+            "period_s": following.period_s,
+            "weights": following.weights.tolist(),
+        },
+        "reach_m": None if reach_m is None else [round(v, 6) for v in reach_m.tolist()],
+    }
+    folder, title = output_folder(config.paths.simulated), config.cable.name
+    if shard is not None:
+        parts = {name: config[name] for name in ("simulator", "casts")}
+        parts["grid"] = config.scale.generate
+        facts["subject"] = fingerprint(config, parts, cable, facts, vector, actions)
+        actions = shard.part(actions)
+        folder, title = Path(config.paths.shards) / shard.name, f"{title} {shard.name}"
+    with bar(f"generate {title}") as progress:
+        generated = generate_casts(
+            simulator,
+            vector,
+            actions,
+            partial(plan_actions, r0_m=r0_m, limits=limits),
+            settle_s=config.simulator.settle_s,
+            follow=following.motion,
+            reach_m=reach_m,
+            progress=progress,
+        )
+    write_d_sim(folder, generated, facts)
+    return folder, generated
+
+
+def _following(trials: Sequence[Trial], r0_m: float, limits: PlanLimits) -> Following:
+    """Return how the arm followed its plans in measured casts."""
+    pairs = []
+    for trial in trials:
+        with suppress(ValueError):  # an action that is none of this rig's
+            planned = plan_action(trial.action, r0_m=r0_m, limits=limits)
+            pairs.append((planned.tool, trial.tool))
+    following = fit_following(pairs, limits.period_s) if pairs else None
+    if following is None or not following.believed:
+        warn(
+            "the logged motions are none that an arm makes of these plans: the casts were planned "
+            "by something else, and D_sim moves the tool as planned here"
+        )
+        return exact_following(limits.period_s)
+    tell(
+        f"the arm follows its plans {1e3 * following.lag_s:.0f} ms late; logged tools lie "
+        f"{1e3 * following.followed_rms_m:.1f} mm from what it is taken to do with them "
+        f"({1e3 * following.told_rms_m:.1f} mm from the plans)"
+    )
+    return following

@@ -1,0 +1,136 @@
+"""Tuning a simulator to measured casts: search, errors, certainty, revision and its live page."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+
+from robotcast.build import build_effects, build_simulator
+from robotcast.files import write_text
+from robotcast.measurements.errors import prediction_errors
+from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.noise_floor import noise_floor
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.split import split_by_action
+from robotcast.reporting.revisions_page import Tuning, revisions_page
+from robotcast.simulators.simulator import Simulator
+from robotcast.stage import output_folder
+from robotcast.tuning.asking import Problem
+from robotcast.tuning.certainty import Certainty, certainty, certainty_casts
+from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError, full_vectors
+from robotcast.tuning.revisions import (
+    LEDGER,
+    keep_revision,
+    predicted_error,
+    read_revisions,
+    revision_of,
+    split_identity,
+)
+from robotcast.tuning.search import Batch, Found
+from robotcast.tuning.tuned import Tuned, write_predictions, write_trace, write_tuned
+from robotcast.workflow.searching import open_journal, search_with_bar
+
+
+def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:
+    """Tune the configured simulator, write the tuned folder and return it."""
+    measured = read_measurement_set(Path(config.paths.measurements))
+    cable, floor_percent = measured.cable, noise_floor(measured).waypoint_percent
+    sizes = config.scale.tune
+    tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
+    tuning = tuning.spread(sizes[config.simulator.name].casts)
+    simulator = build_simulator(config, cable, build_effects(config.effects))
+    folder = output_folder(config.paths.tuned)
+    shown = Tuning(
+        cable=cable.name,
+        rig=measured.rig,
+        split=split_identity(tuning, test),
+        simulator=config.simulator.name,
+        optimizer=config.optimizer.name,
+        effects=tuple(config.effects),
+        noise_floor_percent=floor_percent,
+    )
+
+    def look(trace: Sequence[Batch], finished: bool = False) -> None:
+        """Write the page beside the tuned folders, live while one is tuned."""
+        revisions = read_revisions(folder.parent / LEDGER)
+        page = revisions_page(revisions, replace(shown, trace=trace, finished=finished))
+        write_text(folder.parent / "revisions.html", page)
+
+    look(())
+    objective = WaypointError(simulator, tuning.trials, cable.length_m)
+    problem = Problem(
+        parameters=objective.free,
+        start=np.array([p.to_unit(np.asarray(p.nominal)) for p in objective.free]),
+        casts=len(tuning.trials),
+        noise_percent=max(floor_percent or 0.0, LEAST_NOISE_PERCENT),
+    )
+    journal = open_journal(config, folder, simulator.parameters, cable, tuning.trials, objective)
+    optimizer, budget = instantiate(config.optimizer.search), config.optimizer.budget_casts
+    title = f"tune {config.simulator.name} with {config.optimizer.name}"
+    found = search_with_bar(title, optimizer, problem, journal, budget, look)
+    known = None  # where the budget is for a look, less than what certainty costs
+    if certainty_casts(problem) <= budget:
+        groups = np.unique([t.action_id for t in tuning.trials], return_inverse=True)[1]
+        known = certainty(objective, problem, found.vector, groups)
+    parts = {"tune": tuning, "test": test}
+    tuned, predicted_m = _judged(config, measured, parts, simulator, found, known)
+    write_trace(folder, found.trace)
+    predicted = {name: (part.trials, predicted_m[name]) for name, part in parts.items()}
+    write_predictions(folder, predicted)
+    write_tuned(folder, tuned)
+    revision = revision_of(tuned, tuning, test, predicted_m["test"], floor_percent)
+    keep_revision(folder, replace(revision, predicted_waypoint_error_percent=_promised(config)))
+    look(found.trace, finished=True)
+    journal.close()
+    return folder, tuned
+
+
+def _judged(
+    config: DictConfig,
+    measured: MeasurementSet,
+    parts: Mapping[str, MeasurementSet],
+    simulator: Simulator,
+    found: Found,
+    known: Certainty | None,
+) -> tuple[Tuned, dict[str, np.ndarray]]:
+    """Return the tuned simulator with its errors, and the waypoints [m] it predicts, by part."""
+    vector = full_vectors(simulator.parameters, found.vector)
+    predicted_m = {
+        name: simulator.simulate(part.trials, vector).waypoints_m[0] for name, part in parts.items()
+    }
+    tuned = Tuned(
+        simulator=config.simulator.name,
+        optimizer=config.optimizer.name,
+        effects=tuple(config.effects),
+        seed=config.optimizer.seed,
+        rig=measured.rig,
+        cable=measured.cable,
+        r0_m=measured.r0_m,
+        period_s=measured.period_s,
+        parameters=simulator.parameters,
+        values=dict(zip((p.name for p in simulator.parameters), vector[0], strict=True)),
+        errors={
+            name: prediction_errors(predicted_m[name], part.trials, measured.cable.length_m)
+            for name, part in parts.items()
+        },
+        certainty=known,
+        improved=found.improved,
+        simulated_casts=found.casts,
+        diverged_casts=sum(batch.diverged for batch in found.trace),
+    )
+    return tuned, predicted_m
+
+
+def _promised(config: DictConfig) -> float | None:
+    """Return the error that a diagnosis of this very set promised for these effects."""
+    path = Path(config.paths.diagnosis) / "diagnosis.json"
+    if not path.exists():
+        return None
+    diagnosis = json.loads(path.read_text(encoding="utf-8"))
+    diagnosed = Path(diagnosis["measurements"]).resolve()
+    same = diagnosed == Path(config.paths.measurements).resolve()
+    return predicted_error(diagnosis, config.effects) if same else None

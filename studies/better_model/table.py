@@ -1,0 +1,73 @@
+"""Put the error ladders of the model and of its policies side by side."""
+
+import json
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from robotcast.files import write_text
+from robotcast.reporting.names import effect_name, policy_name
+from robotcast.reporting.results import read_evaluation
+from robotcast.reporting.studies import (
+    CHANGE_HEAD,
+    HEAD,
+    Point,
+    change_rows,
+    ladder_figure,
+    markdown,
+)
+from robotcast.reporting.style import style, svg
+from robotcast.stage import output_folder, stage, tell
+from robotcast.tuning.revisions import REVISION
+
+TEXT = """# What a better model is worth to a policy
+
+The virtual rig hides an effect here: its board is not level. The base model was tuned to its
+casts without knowing; the diagnosed one with the effects that the diagnosis named: {effects}.
+Each generated its D_sim, and the policies learned from them were tested on the same targets, as
+often. Model: average waypoint error on the same held-out casts. Policies: median distance to the
+target with the 95 % interval of a bootstrap over targets, quartiles, and scatter: the median
+distance of the repeats of a cast from their mean. In % of cable length. Made by
+`make better-model`.
+
+![Both error ladders](ladders.svg)
+
+"""
+CHANGES = """
+From the base model to the diagnosed one, over the targets at which casts of both were tracked, with
+the 95 % interval of a bootstrap that draws the same targets for both:
+
+"""
+MODELS = ("base", "diagnosed")
+
+
+def table(config: DictConfig) -> None:
+    settings = config.study
+    folder = Path(settings.folder)
+    revisions = {m: json.loads((folder / "tuned" / m / REVISION).read_text()) for m in MODELS}
+    models = {m: float(r["heldout_waypoint_error_percent"]) for m, r in revisions.items()}
+    points = [
+        Point(dataset, place, read_evaluation(path))
+        for place, model in enumerate(MODELS)
+        for dataset in ("simulated", "mixed")
+        if (path := folder / "evaluation" / f"{model}-{dataset}" / "evaluation.csv").exists()
+    ]
+    if not points:
+        raise ValueError(f"{folder} holds no evaluation: run the study's other stages")
+    rows = [
+        (MODELS[int(p.place)], models[MODELS[int(p.place)]], policy_name("nn", p.group), *p.numbers)
+        for p in points
+    ]
+    effects = ", ".join(map(effect_name, revisions["diagnosed"]["effects"])) or "none"
+    reports = output_folder(settings.reports)
+    written = markdown(("Model", "its error", "Policy", *HEAD), rows)
+    changes = markdown(CHANGE_HEAD, change_rows(points))
+    text = TEXT.format(effects=effects) + written + CHANGES + changes
+    write_text(reports / "README.md", text)
+    with style():
+        write_text(reports / "ladders.svg", svg(ladder_figure(models, points)).decode("utf-8"))
+    tell(f"{reports}: {len(rows)} policies")
+
+
+if __name__ == "__main__":
+    stage(table)()

@@ -1,0 +1,44 @@
+"""Diagnose every set of the hidden-effect benchmark; a finished diagnosis is not done again."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from robotcast.build import CONFIGURATION
+from robotcast.files import write_text
+from robotcast.stage import bar, stage
+from studies.hidden_effects.layout import measured_sets, result
+
+
+def diagnose(config: DictConfig) -> None:
+    settings = config.hidden_effects
+    sets = measured_sets(Path(settings.folder), settings.cases)
+    with bar("diagnose sets") as progress:
+        for done, measurements in enumerate(sets):
+            progress(done, len(sets), measurements.name)
+            path = result("diagnoses", measurements.name, Path(settings.reports))
+            if not path.exists():
+                output = Path(settings.folder) / "diagnoses" / measurements.name
+                write_text(path, _diagnosed(measurements, output, ",".join(config.exclude)))
+        progress(len(sets), len(sets))
+
+
+def _diagnosed(measurements: Path, output: Path, exclude: str) -> str:
+    """Run the stage that a user runs, in a process that never opens an answer.
+
+    Returns its JSON without every cast's path, which only its page needs.
+    """
+    command = [sys.executable, "stages/diagnose.py", f"measurements={measurements}"]
+    command += [f"output={output}", f"exclude=[{exclude}]"]
+    done = subprocess.run(command, cwd=CONFIGURATION.parent, capture_output=True, text=True)
+    if done.returncode:
+        raise ValueError(f"{measurements} could not be diagnosed: {done.stderr[-400:]}")
+    said = json.loads((output / "diagnosis.json").read_text(encoding="utf-8"))
+    return json.dumps({**said, "comparison": None}, ensure_ascii=False, indent=1)
+
+
+if __name__ == "__main__":
+    stage(diagnose)()

@@ -1,0 +1,224 @@
+"""Measuring the drawn cases: how far what is hidden moves the paths, a set and a sealed answer."""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from itertools import repeat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robotcast.casts.action import Action
+from robotcast.casts.limits import PlanLimits
+from robotcast.casts.plan import PlannedCast, plan_action
+from robotcast.files import discard_unfinished
+from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.writer import write_measurement_set
+from robotcast.processes import process_pool
+from robotcast.progress import Progress, silent
+from robotcast.rigs.virtual.rig import SLOWEST_S, Eye, VirtualRig, measure_cast, seen_places
+from studies.hidden_effects.cases import (
+    MECHANISMS,
+    Case,
+    Parameters,
+    answer_path,
+    choose_actions,
+    seal,
+    unseal,
+)
+
+RIG = "virtual (hidden effect benchmark)"
+ASTRAY_M = 0.5
+NEAR = 0.1  # a shift within 10 % of the wanted one will do
+TRIALS = 4
+LEAST_STEP, MOST_STEP = 0.2, 4.0
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What all cases share.
+
+    Attributes
+    ----------
+    rigs : cable → its rig with nothing hidden.
+    feasible : ndarray of shape (m, 6), the actions that cases are drawn from.
+    counts : how many casts, as `choose_actions` takes them.
+    eye, limits : how casts are tracked and planned.
+    shift_casts : casts over which a mechanism's shift is measured.
+    """
+
+    rigs: Mapping[str, VirtualRig]
+    feasible: np.ndarray
+    counts: Mapping[str, Any]
+    eye: Eye
+    limits: PlanLimits
+    shift_casts: int
+
+
+def measure_cases(
+    cases: Sequence[Case],
+    bench: Bench,
+    folder: Path,
+    reports: Path,
+    workers: int,
+    progress: Progress = silent,
+) -> int:
+    """Measure the cases that `folder` does not hold yet; return how many those were.
+
+    A finished case is never measured again. One whose answer, in `reports`, was drawn or came
+    out otherwise is refused: what was said of it was said of other casts.
+    """
+    sets = folder / "sets"
+    discard_unfinished(sets)
+    missing = [case for case in cases if not _stands(case, sets / case.name, reports)]
+    stood = len(cases) - len(missing)
+    progress(stood, len(cases))
+    with process_pool(workers) as pool:
+        for done, case in enumerate(missing, stood + 1):
+            measured, answer = measure_case(case, bench, pool)
+            path = answer_path(case.name, reports)
+            if not path.exists():
+                seal(answer, path)
+            elif unseal(path) != answer:
+                raise _other(path, "was sealed for casts of another rig")
+            write_measurement_set(measured, sets / case.name)
+            progress(done, len(cases), case.name)
+    return len(missing)
+
+
+def measure_case(case: Case, bench: Bench, pool: Executor) -> tuple[MeasurementSet, dict[str, Any]]:
+    """Measure one case; return its set and its answer."""
+    nominal = bench.rigs[case.cable]
+    random = np.random.default_rng([case.seed, 1])
+    chosen = choose_actions(bench.feasible, random, **bench.counts)
+    planned = [plan_action(a, r0_m=nominal.r0_m, limits=bench.limits) for _, a in chosen]
+    parameters, shifts = _fitted(case, bench, planned[: bench.shift_casts], pool)
+    rig, eye = case.rig(nominal, parameters), replace(bench.eye, noise_s=case.noise_s)
+    track = partial(measure_cast, rig, eye)
+    trials = list(pool.map(track, planned, range(len(chosen)), [action for action, _ in chosen]))
+    once = np.arange(bench.counts["repeated"], bench.counts["actions"])
+    for row in random.permutation(once)[: case.outliers]:
+        heading = random.uniform(-np.pi, np.pi)  # where the tracker follows something else
+        away = ASTRAY_M * np.array([np.cos(heading), np.sin(heading)])
+        trials[row] = replace(trials[row], waypoints_m=trials[row].waypoints_m + away)
+    measured = MeasurementSet(rig.cable, rig.r0_m, eye.period_s, eye.noise_m, tuple(trials), RIG)
+    answer = {
+        "drawn": asdict(case),
+        "effects": [
+            {"effect": name, "parameters": given, "shift_percent": shifts[name]}
+            for name, given in parameters.items()
+        ],
+        "shift_percent": shifts[""],
+        "casts": len(trials),
+    }
+    return measured, answer
+
+
+def further_casts(
+    measured: MeasurementSet,
+    answer: Mapping[str, Any],
+    nominal: VirtualRig,
+    actions: Sequence[Action],
+    eye: Eye,
+    limits: PlanLimits,
+    pool: Executor,
+) -> MeasurementSet:
+    """Return the set of a case with one cast of each of `actions` added, what it hides at work.
+
+    Parameters
+    ----------
+    answer : the case's answer.
+    nominal : the rig of the case's cable with nothing hidden.
+    """
+    case = Case(**answer["drawn"])
+    rig = case.rig(nominal, {one["effect"]: one["parameters"] for one in answer["effects"]})
+    track = partial(measure_cast, rig, replace(eye, noise_s=case.noise_s))
+    first = 1 + max(trial.trial for trial in measured.trials)
+    named = 1 + max(trial.action_id for trial in measured.trials)
+    ids = {action: named + n for n, action in enumerate(dict.fromkeys(actions))}
+    planned = [plan_action(action, r0_m=rig.r0_m, limits=limits) for action in actions]
+    numbers = range(first, first + len(actions))
+    added = pool.map(track, planned, numbers, [ids[action] for action in actions])
+    return replace(measured, trials=(*measured.trials, *added))
+
+
+def _fitted(
+    case: Case, bench: Bench, casts: Sequence[PlannedCast], pool: Executor
+) -> tuple[dict[str, Parameters], dict[str, float]]:
+    """Find the size of everything hidden in a case, one mechanism at a time.
+
+    Returns
+    -------
+    parameters : mechanism → its parameters.
+    shifts : mechanism → how far it alone moves the paths [% of cable length], below
+        `case.wanted_percent` where its largest size moves them no farther; all together under "".
+    """
+    nominal = bench.rigs[case.cable]
+    length_m, period_s = nominal.cable.length_m, bench.eye.period_s
+
+    longest_s = max(planned.end_s for planned in casts) + SLOWEST_S
+    stamps = np.arange(round(longest_s / period_s) + 1) * period_s
+
+    def seen(hidden: Mapping[str, Parameters]) -> tuple[np.ndarray, np.ndarray]:
+        """Return ends (n_casts, k, 2) without the camera's noise, and when they move."""
+        rig = case.rig(nominal, hidden)
+        found = list(pool.map(_see, repeat(rig), casts, range(len(casts)), repeat(stamps)))
+        rests_s = np.array([rest_s for _, rest_s in found])
+        return np.stack([places for places, _ in found]), stamps <= rests_s[:, None]
+
+    still_m, moves = seen({})
+
+    def moved_percent(hidden: Mapping[str, Parameters]) -> float:
+        """Return how far apart the ends are, averaged over a cast, the median over casts.
+
+        A cast that amplifies everything does not count for more.
+        """
+        places_m, moving = seen(hidden)
+        moving = moving | moves
+        apart = np.linalg.norm(places_m - still_m, axis=2)
+        averages = (apart * moving).sum(axis=1) / moving.sum(axis=1)
+        return float(100 * np.median(averages) / length_m)
+
+    parameters: dict[str, Parameters] = {}
+    shifts: dict[str, float] = {}
+    for name, place in case.hidden.items():
+        mechanism = MECHANISMS[name]
+        size, tried = mechanism.start, []
+        for _ in range(TRIALS):
+            given = mechanism.parameters(place, size)
+            shift = max(moved_percent({name: given}), 1e-9)
+            miss = abs(np.log(shift / case.wanted_percent))
+            tried.append((miss, given, shift))
+            step = float(np.clip(case.wanted_percent / shift, LEAST_STEP, MOST_STEP))
+            following = min(size * step, mechanism.most)
+            if miss < np.log1p(NEAR) or following == size:
+                break
+            size = following
+        _, parameters[name], shifts[name] = min(tried, key=lambda one: one[0])
+    together = moved_percent(parameters) if len(shifts) > 1 else sum(shifts.values())
+    return parameters, {**shifts, "": together}
+
+
+def _see(
+    rig: VirtualRig, planned: PlannedCast, number: int, stamps: np.ndarray
+) -> tuple[np.ndarray, float]:
+    cable = rig.simulate_truth(planned, number).cable
+    return seen_places(rig, cable, stamps), float(cable.t_s[-1])
+
+
+def _stands(case: Case, measured: Path, reports: Path) -> bool:
+    answer = answer_path(case.name, reports)
+    if answer.exists() and unseal(answer)["drawn"] != asdict(case):
+        raise _other(answer, "was drawn otherwise than this case is now")
+    if measured.exists() and not answer.exists():
+        raise _other(measured, "has no answer")
+    return measured.exists()
+
+
+def _other(path: Path, what: str) -> ValueError:
+    return ValueError(
+        f"{path}: {what}; a case is never changed in place: remove the benchmark's folders, or "
+        "draw into others (hidden_effects.folder, hidden_effects.reports)"
+    )

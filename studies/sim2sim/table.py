@@ -1,0 +1,110 @@
+"""Put what every optimizer came to on invented models into one table, beside the paper's ranges."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+from omegaconf import DictConfig
+
+from robotcast.files import write_text
+from robotcast.reporting.names import optimizer_name, simulator_name, thousands
+from robotcast.reporting.paper import SIM2SIM, SIM2SIM_CASTS
+from robotcast.reporting.studies import markdown
+from robotcast.stage import output_folder, stage, tell
+
+MISSING = "–"
+NEAR_PERCENT = 1.0  # the paper's bar: a tuning is near when its parameters are within this
+HEAD = (
+    "Simulator", "Casts", "Optimizer", "Tunings", "Parameters told", "Parameter error [%]",
+    "Worst [%]", "Within 1 %", "Waypoint error [%]", "Simulated casts, at most", "Paper [%]",
+)  # fmt: skip
+TEXT = """# Sim2Sim: known parameters, tuned from random starts
+
+A model with arbitrary parameters simulates casts; the same simulator is then tuned to them. The
+parameter error of a tuning is the largest over the parameters that these casts tell: those that
+misses of {shown:g} % of cable length would leave within {told:g} % of their value. The median and
+the worst of the tunings stand side by side, then how many came within 1 %. The waypoint error is on
+casts that were not tuned to, in % of cable length, the median again. A search that is done ends
+below its budget (`studies/sim2sim/full.yaml`). The paper's values are of its own
+implementations in another engine; its range of Bayesian optimization is over three acquisitions.
+
+"""
+
+
+def read_outcomes(folder: Path) -> pl.DataFrame:
+    """Read the rows of all simulators, optimizers and numbers of casts in a folder."""
+    paths = sorted(folder.glob("[!.]*.csv"))
+    if not paths:
+        raise FileNotFoundError(f"{folder} holds no outcomes: run studies.sim2sim.tune first")
+    units = {"unit": pl.String}  # "1" is one
+    return pl.concat(pl.read_csv(path, schema_overrides=units) for path in paths).with_columns(
+        error_percent=100 * ((pl.col("found") - pl.col("true")) / pl.col("true")).abs()
+    )
+
+
+def rows(outcomes: pl.DataFrame, told_percent: float) -> list[tuple[str, ...]]:
+    """Return `HEAD` for every simulator, number of casts and optimizer.
+
+    Parameters
+    ----------
+    told_percent : a parameter counts where the casts tell it within this share of its value.
+    """
+    found = []
+    told_within = pl.col("told_within_percent") <= told_percent
+    for (simulator, casts, optimizer), of in sorted(
+        outcomes.group_by("simulator", "casts", "optimizer")
+    ):
+        tunings = of.unique(["model", "start"])
+        told = of.filter(told_within)
+        worst = told.group_by("model", "start").max()["error_percent"].to_numpy()
+        found.append(
+            (
+                simulator_name(simulator),
+                str(casts),
+                optimizer_name(optimizer),
+                str(len(tunings)),
+                f"{len(told)} of {len(of)}",
+                _number(np.median(worst) if len(worst) else np.nan),
+                _number(worst.max(initial=-np.inf) if len(worst) else np.nan),
+                f"{(worst <= NEAR_PERCENT).sum()} of {len(worst)}",
+                _number(np.median(tunings["test_percent"])),
+                thousands(tunings["simulated_casts"].to_numpy().max()),
+                _paper(simulator, optimizer, casts),
+            )
+        )
+    return found
+
+
+def _number(value: float) -> str:
+    return MISSING if np.isnan(value) else f"{value:.3g}"
+
+
+def _paper(simulator: str, optimizer: str, casts: int) -> str:
+    """Return the paper's range; of Bayesian optimization it has one over all acquisitions."""
+    family = optimizer.split("_")[0]
+    low, high = SIM2SIM.get(simulator, {}).get(family, (None, None))
+    if high is None or (family == "bo" and casts != SIM2SIM_CASTS):
+        return MISSING
+    return f"< {high:g}" if low is None else f"{low:g} to {high:g}"
+
+
+def csv_text(table: list[tuple[str, ...]]) -> str:
+    """Write the table as CSV, empty where nothing is known."""
+    plain = [
+        [cell.replace("\u202f", "").replace(MISSING, "") or None for cell in row] for row in table
+    ]
+    return pl.DataFrame(plain, dict.fromkeys(HEAD, pl.String), orient="row").write_csv()
+
+
+def table(config: DictConfig) -> None:
+    settings = config.sim2sim
+    found = rows(read_outcomes(Path(settings.folder)), settings.told_percent)
+    folder = output_folder(settings.reports)
+    text = TEXT.format(shown=settings.shown_percent, told=settings.told_percent)
+    write_text(folder / "README.md", text + markdown(HEAD, found))
+    write_text(folder / "sim2sim.csv", csv_text(found))
+    tell(f"{folder}: {len(found)} rows")
+
+
+if __name__ == "__main__":
+    stage(table)()
