@@ -2,17 +2,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
+from hydra import compose, initialize_config_dir
 
+from robotcast.build import build
 from robotcast.casts.grid import ActionGrid, GridCounts
 from robotcast.casts.plan import PlanLimits
 
-CONFIG = yaml.safe_load((Path(__file__).parents[2] / "conf/casts/arcs.yaml").read_text())
-LIMITS = PlanLimits(**CONFIG["limits"])
+with initialize_config_dir(str(Path(__file__).parents[2] / "conf"), version_base=None):
+    CONFIG = compose("config").casts
+LIMITS: PlanLimits = build(CONFIG["limits"])
+
+
+def ranges() -> dict:
+    collected = CONFIG.grids.collected
+    return {k: tuple(v) for k, v in collected.items() if k not in ("counts", "_target_")}
 
 
 def test_candidates_are_the_whole_grid_with_r1_between_r0_and_r2():
-    numbers = {k: v for k, v in CONFIG["grids"]["collected"].items() if k != "counts"}
+    numbers = ranges()
     small = ActionGrid(**numbers, counts=GridCounts(3, 2, 4, 2, 2))
     actions = small.candidates(0.6, LIMITS)
     assert actions.shape == (96, 6)
@@ -31,7 +38,7 @@ def test_candidates_are_the_whole_grid_with_r1_between_r0_and_r2():
     ],
 )
 def test_only_the_left_half_is_a_grid(change, message):
-    numbers = {k: v for k, v in CONFIG["grids"]["collected"].items() if k != "counts"}
+    numbers = ranges()
     with pytest.raises(ValueError, match=message):
         ActionGrid(**numbers | change, counts=GridCounts(2, 2, 2, 2, 2))
 
@@ -39,7 +46,7 @@ def test_only_the_left_half_is_a_grid(change, message):
 def test_a_grid_that_cannot_be_planned_is_refused():
     with pytest.raises(ValueError, match="count of alpha must be at least 1, got 0"):
         GridCounts(2, 2, 2, 0, 2)
-    numbers = {k: v for k, v in CONFIG["grids"]["collected"].items() if k != "counts"}
+    numbers = ranges()
     fast = ActionGrid(**numbers | {"vmax_m_s": (1.0, 3.0)}, counts=GridCounts(2, 2, 2, 2, 2))
     with pytest.raises(ValueError, match=r"vmax must be in \(0, 2.5\]"):
         fast.candidates(0.6, LIMITS)

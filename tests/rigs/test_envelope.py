@@ -3,8 +3,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
+from hydra import compose, initialize_config_dir
 
+from robotcast.build import build
 from robotcast.casts.action import Action
 from robotcast.casts.curves import plan_curves
 from robotcast.casts.grid import ActionGrid, GridCounts
@@ -21,14 +22,14 @@ from robotcast.rigs.envelope import (
 )
 from robotcast.rigs.kinematics import (
     GRIPPER,
-    Gripper,
     joint_path,
     joints_pointing_down,
     tilted_joint_path,
 )
 
-CONFIG = yaml.safe_load((Path(__file__).parents[2] / "conf/casts/arcs.yaml").read_text())
-LIMITS = PlanLimits(**CONFIG["limits"])
+with initialize_config_dir(str(Path(__file__).parents[2] / "conf"), version_base=None):
+    CONFIG = compose("config").casts
+LIMITS: PlanLimits = build(CONFIG["limits"])
 PAPER_COUNTS = GridCounts(theta1=15, theta2=15, r2=15, alpha=10, vmax=2)
 TURN = 2 * np.pi
 ENVELOPE = Envelope(
@@ -197,17 +198,13 @@ def test_out_of_reach_is_a_rule_of_its_own():
     assert not broken["joint speed"].any()
 
 
-def envelope(box: str = "box") -> Envelope:
-    numbers = dict(CONFIG["envelope"])
-    boxes = {name: ToolBox(**numbers.pop(name)) for name in ("box", "reset_box")}
-    gripper = Gripper(**numbers.pop("gripper"))
-    return Envelope(**numbers, box=boxes[box], gripper=gripper)
+def envelope(name: str = "envelope") -> Envelope:
+    return build(CONFIG[name])
 
 
 def grid(name: str, counts: GridCounts | None = None) -> ActionGrid:
-    numbers = dict(CONFIG["grids"][name])
-    given = numbers.pop("counts")
-    return ActionGrid(**numbers, counts=counts or GridCounts(**given))
+    configured: ActionGrid = build(CONFIG.grids[name])
+    return replace(configured, counts=counts) if counts else configured
 
 
 def feasible(actions: ActionGrid) -> tuple[np.ndarray, FilterReport]:
@@ -229,9 +226,8 @@ def test_the_generated_grid_leaves_as_many_casts_as_its_config_says():
 
 
 def test_a_policy_chooses_among_actions_like_those_that_are_collected():
-    grids = [dict(CONFIG["grids"][name]) for name in ("collected", "generated", "candidates")]
-    for one in grids:
-        one.pop("counts")
+    names = ("collected", "generated", "candidates")
+    grids = [grid(name, PAPER_COUNTS) for name in names]
     assert grids[0] == grids[1] == grids[2]
 
 
@@ -273,8 +269,8 @@ def test_progress_is_reported_to_the_end():
 
 @pytest.mark.parametrize("start", [(0.6, 0, 0), (0.435, -0.548, 0.3)])
 def test_the_configured_reset_keeps_to_the_configured_envelope(start):
-    settings = ResetSettings(**CONFIG["reset"])
+    settings: ResetSettings = build(CONFIG.reset)
     for length_m in (0.63, 0.65):
         motion = plan_reset(np.array(start), length_m, r0_m=0.6, settings=settings)
         joints = tilted_joint_path(motion.position_m, motion.pitch_rad, motion.yaw_rad)
-        assert broken_rules(motion.t_s, joints, envelope("reset_box")) == []
+        assert broken_rules(motion.t_s, joints, envelope("reset_envelope")) == []

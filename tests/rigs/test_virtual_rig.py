@@ -5,10 +5,10 @@ import cv2
 import numpy as np
 import polars as pl
 import pytest
-import yaml
+from omegaconf import OmegaConf
 
+from robotcast.build import build
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_cast
-from robotcast.casts.reset import ResetSettings
 from robotcast.rigs.virtual.arm import ArmDynamics, packaged_scatter
 from robotcast.rigs.virtual.studies import (
     CHAOTIC,
@@ -126,7 +126,7 @@ CASTS = Path(__file__).parents[2] / "conf/casts/arcs.yaml"
 
 @pytest.mark.slow
 def test_the_full_reset_lays_the_cable_straight_again(rig, short_cast):
-    settings = ResetSettings(**yaml.safe_load(CASTS.read_text())["reset"])
+    settings = build(OmegaConf.load(CASTS).reset)
     motion = simulate_reset(rig, short_cast, 0, settings)
     assert motion.nodes_m[..., 2].max() > 0.5
     held, end = motion.nodes_m[-1, 0], motion.nodes_m[-1, -1]
