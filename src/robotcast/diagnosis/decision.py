@@ -190,7 +190,7 @@ def _name_for(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> tupl
     likely = []
     for rung in found.judged.values():
         gain = scales.gain(base, rung.errors.waypoint)
-        if gain.matters(rule, 0.5) and gain.p_value < rule.equal:
+        if gain.matters(rule, rule.mostly) and gain.p_value < rule.equal:
             likely.append((len(rung.effects), scales.typical(rung.errors.waypoint), rung.effects))
     if not likely:
         return ()

@@ -173,10 +173,8 @@ class Selection:
         library, fit = self.found.library, self.found.early[effects]
         assert library is not None
         base = self.expected_error(self._fixed, self.found.early[self._fixed])
-        own, whole = (
-            self.expected_error(effects, fit),
-            self.expected_error(library.effects, library.fit),
-        )
+        own = self.expected_error(effects, fit)
+        whole = self.expected_error(library.effects, library.fit)
         reached = self._rule.at_floor * self._floor.reach
         least = base if own <= reached or self._floor.percent is None else own
         return own - whole > self._rule.material * least
@@ -251,6 +249,7 @@ class Selection:
         if self._above(self.found.base):
             assert self.found.library is not None
             self._rematch(self.found.library.fit)
+            self._choose()
         rematched = False
         for smaller in range(size, 0, -1):
             for effects in self._finalists(smaller):
@@ -262,10 +261,8 @@ class Selection:
                 rematched = True
                 self._polish(smaller)
                 self._choose()
-            if len(self.found.named) < smaller:
-                continue  # one of them was needless, or none helps
-            if not self._needless(smaller):
-                break
+            if len(self.found.named) >= smaller and not self._needless(smaller):
+                break  # else one of them was needless, or none helps
 
     def _finalists(self, size: int) -> list[Effects]:
         """Return the best set of effects of one size on the beginnings, and those level with it."""
@@ -331,7 +328,7 @@ class Selection:
             for effects, rung in found.judged.items()
             if len(effects) == fixed + size
         ]
-        return any(g.p_value < rule.equal and g.matters(rule, 0.5) for g in gains)
+        return any(g.p_value < rule.equal and g.matters(rule, rule.mostly) for g in gains)
 
     def _undecided(self, best: Rung, other: Rung) -> bool:
         extra = trial_losses(other.revision.fit.residual) - trial_losses(best.revision.fit.residual)
