@@ -1,0 +1,74 @@
+"""The table of docs/decision.md: what is found, and the verdict on it."""
+
+import numpy as np
+import pytest
+
+from robotcast.diagnosis.decision import Code, Unexplained, decide
+from robotcast.diagnosis.errors import Floor, Scales
+from robotcast.diagnosis.inquiry import HeldOut, Revision
+from robotcast.diagnosis.rule import RULE
+from robotcast.diagnosis.selection import Found, Rung
+from robotcast.fitting.least_squares import Fit
+
+TRIALS = np.arange(40)
+FLOOR, UNKNOWN_FLOOR = Floor.known(1.0, 0.1), Floor(None, 0.1, 0.0)
+NO_FIT = Fit(np.zeros(1), 0.0, np.zeros((40, 1)), np.zeros((40, 1, 1)))
+
+
+def rung(level: float, *effects: str) -> Rung:
+    """Return a model that misses 40 held-out trials by about so much, in % of the scale."""
+    noise = np.random.default_rng(len(effects)).normal(size=len(TRIALS))
+    errors = level * np.exp(0.1 * noise)
+    return Rung(Revision(effects, NO_FIT), HeldOut(errors, errors, errors, np.zeros((1, 1))))
+
+
+def found(base: float, chosen: Rung | None, floor: Floor, *others: Rung) -> Found:
+    models = [rung(base), *([chosen] if chosen else []), *others]
+    usual = np.ones(len(TRIALS), bool)
+    scales = Scales(floor, base, TRIALS, usual, RULE)
+    effects = chosen.effects if chosen else ()
+    return Found({m.effects: m for m in models}, effects, scales=scales)
+
+
+def field(level: float, enough: bool) -> Unexplained:
+    return Unexplained("a field", rung(level, "a field"), enough, 8)
+
+
+NOTHING = Unexplained()
+
+
+@pytest.mark.parametrize(
+    ("base", "named", "left", "code", "open_page"),
+    [
+        (1.1, None, NOTHING, Code.NONE, False),  # at the floor
+        (2.0, None, NOTHING, Code.NONE, True),  # above it, and nothing explains it
+        (3.5, None, NOTHING, Code.UNKNOWN, True),  # too far above it
+        (2.0, None, field(1.1, True), Code.UNKNOWN, True),  # a field explains it
+        (3.0, 1.1, NOTHING, Code.NAMED, False),
+        (5.0, 1.9, NOTHING, Code.NAMED, True),  # more is missing
+        (3.0, 2.4, NOTHING, Code.UNKNOWN, True),  # too little of it is explained
+        (5.0, 1.9, field(1.2, True), Code.UNKNOWN, True),  # imitates what the field is like
+        (5.0, 1.9, field(1.7, True), Code.NAMED, True),  # the field is only more flexible
+    ],
+)
+def test_the_verdict_follows_from_the_errors(
+    base: float, named: float | None, left: Unexplained, code: Code, open_page: bool
+) -> None:
+    chosen = rung(named, "tilt") if named else None
+    verdict = decide(found(base, chosen, FLOOR), FLOOR, RULE, lambda: left)
+    assert verdict.code is code and (verdict.left is not None) is open_page
+    assert verdict.named == (("tilt",) if code is Code.NAMED else ())
+
+
+def test_without_repeats_nothing_is_called_fit() -> None:
+    known = found(1.0, None, UNKNOWN_FLOOR)
+    assert decide(known, UNKNOWN_FLOOR, RULE, lambda: NOTHING).code is Code.CANNOT_TELL
+
+
+@pytest.mark.parametrize(("level", "named"), [(1.15, ("drag",)), (1.45, ()), (1.6, ())])
+def test_a_name_is_said_where_it_does_as_well_as_a_field_that_pays(level, named) -> None:
+    """Not where it leaves most of what the field explains, or stays above the floor."""
+    known = found(1.7, None, FLOOR, rung(level, "drag"))
+    verdict = decide(known, FLOOR, RULE, lambda: field(1.1, True))
+    assert verdict.named == named
+    assert verdict.code is (Code.NAMED if named else Code.UNKNOWN)
