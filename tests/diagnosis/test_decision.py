@@ -55,20 +55,22 @@ def test_the_verdict_follows_from_the_errors(
     base: float, named: float | None, left: Unexplained, code: Code, open_page: bool
 ) -> None:
     chosen = rung(named, "tilt") if named else None
-    verdict = decide(found(base, chosen, FLOOR), FLOOR, RULE, lambda: left)
+    known = found(base, chosen, FLOOR)
+    verdict = decide(known, FLOOR, RULE, lambda: left, lambda: known)
     assert verdict.code is code and (verdict.left is not None) is open_page
     assert verdict.named == (("tilt",) if code is Code.NAMED else ())
 
 
 def test_without_repeats_nothing_is_called_fit() -> None:
     known = found(1.0, None, UNKNOWN_FLOOR)
-    assert decide(known, UNKNOWN_FLOOR, RULE, lambda: NOTHING).code is Code.CANNOT_TELL
+    verdict = decide(known, UNKNOWN_FLOOR, RULE, lambda: NOTHING, lambda: known)
+    assert verdict.code is Code.CANNOT_TELL
 
 
 @pytest.mark.parametrize(("level", "named"), [(1.15, ("drag",)), (1.45, ()), (1.6, ())])
 def test_a_name_is_said_where_it_does_as_well_as_a_field_that_pays(level, named) -> None:
     """Not where it leaves most of what the field explains, or stays above the floor."""
-    known = found(1.7, None, FLOOR, rung(level, "drag"))
-    verdict = decide(known, FLOOR, RULE, lambda: field(1.1, True))
+    before, known = (found(1.7, None, FLOOR, *more) for more in ((), (rung(level, "drag"),)))
+    verdict = decide(before, FLOOR, RULE, lambda: field(1.1, True), lambda: known)
     assert verdict.named == named
     assert verdict.code is (Code.NAMED if named else Code.UNKNOWN)

@@ -147,12 +147,19 @@ class Verdict:
         return ["unknown" if self.code is Code.UNKNOWN else "none"]
 
 
-def decide(found: Found, floor: Floor, rule: Rule, look: Callable[[], Unexplained]) -> Verdict:
+def decide(
+    found: Found,
+    floor: Floor,
+    rule: Rule,
+    look: Callable[[], Unexplained],
+    refit: Callable[[], Found],
+) -> Verdict:
     """Decide what a search found.
 
     Parameters
     ----------
     look : looks for the force of no name that the base model lacks.
+    refit : judges single effects too, where a field has shown that something is missing.
     """
     top, scales = found.top, found.scales
     assert scales is not None
@@ -167,8 +174,12 @@ def decide(found: Found, floor: Floor, rule: Rule, look: Callable[[], Unexplaine
     unfinished = floor.above(top.errors.waypoint[scales.usual], rule.at_floor)
     if not named:
         far = floor.above(top.errors.waypoint[scales.usual], rule.beyond)
-        if left.enough and (known := _name_for(found, floor, left, rule)):
-            return Verdict(Code.NAMED, known)
+        if left.enough:
+            more = refit()
+            known = _name_for(more, floor, left, rule)
+            if known:
+                return Verdict(Code.NAMED, known)
+            near = _near(more, rule)
         if left.enough or far:
             return Verdict(Code.UNKNOWN, (), near, left)
         return Verdict(Code.NONE, (), near, Unexplained() if unfinished else None)

@@ -154,9 +154,10 @@ class _Run:
         )
         self._found = selection.run()
         self._base = self._found.base.revision
-        self._verdict = decide(self._found, self._floor, case.rule, self._look)
-        if self._verdict.named:
-            self._found = selection.choose((*case.fixed, *self._verdict.named))
+        self._verdict = decide(
+            self._found, self._floor, case.rule, self._look, selection.refit_singles
+        )
+        self._found = selection.choose((*case.fixed, *(self._verdict.named or self._found.named)))
         self._screen(self._found.chosen)
 
     def look_only(self) -> None:

@@ -150,17 +150,12 @@ class Selection:
     def shortlist(self) -> int:
         """Refit sets of effects to beginnings, larger ones until the library has little to add.
 
-        Single effects are tried wherever the model as it is stands above the floor: the library's
-        fit may have ended in a valley.
-
         Returns
         -------
         How many effects the smallest set has beside which it has.
         """
-        size, wanted = 0, self._above(self.found.base)
-        while size < self._rule.most_effects and (
-            (wanted and not size) or self._library_adds(self._best_early(size))
-        ):
+        size = 0
+        while size < self._rule.most_effects and self._library_adds(self._best_early(size)):
             size += 1
             self._refit_size(size)
         return size
@@ -263,6 +258,18 @@ class Selection:
                 self._choose()
             if len(self.found.named) >= smaller and not self._needless(smaller):
                 break  # else one of them was needless, or none helps
+
+    def refit_singles(self) -> Found:
+        """Judge single effects, and choose none: a field has shown that something is missing.
+
+        The library's fit may have ended in a valley, so that none was tried.
+        """
+        if all(len(effects) == len(self._fixed) for effects in self.found.early):
+            self._refit_size(1)
+        for effects in self._finalists(1):
+            self._refit(effects)
+        self._choose()
+        return self.choose(self._fixed)
 
     def _finalists(self, size: int) -> list[Effects]:
         """Return the best set of effects of one size on the beginnings, and those level with it."""
