@@ -131,7 +131,7 @@ def verdicts(
         assert common.library is not None
         size = len(METHODS[name](own, common.library)) if name in METHODS else own.shortlist()
         own.judge(size)
-        said = decide(own.found, floor, case.rule, Unexplained).words
+        said = decide(own.found, floor, case.rule, Unexplained, own.refit_singles).words
         more = inquiry.simulated - before, time.monotonic() - begun
         found[name] = set(said), casts + more[0], seconds + more[1]
     return found
