@@ -9,6 +9,7 @@ from omegaconf import DictConfig
 
 from robotcast.build import build, build_rig
 from robotcast.rigs.collect import collect_casts
+from robotcast.rigs.virtual.hiding import set_aside
 from robotcast.sessions import adopt_recorded_set
 from robotcast.stage import bar, named_session, output_folder, stage, tell, warn
 from robotcast.workflow.collecting import chosen_casts
@@ -26,6 +27,8 @@ def collect(config: DictConfig) -> None:
     chosen = chosen_casts(config, folder)
     if config.rig.get("dry_run"):
         return show_dry_run(rig, limits, [action for _, action in chosen], folder)
+    if config.hidden is not None and (aside := set_aside(folder, rig)):
+        warn(f"{folder}: something else was hidden there; those casts lie in {aside} now")
     with bar(f"collect {rig.cable.name}") as progress:
         collected = collect_casts(rig, chosen, folder, limits, progress)
     for number, reason in collected.failed.items():

@@ -5,8 +5,10 @@ from pathlib import Path
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
+from robotcast.reporting.loop import read_loop
 from robotcast.reporting.report import RunFacts, write_report
 from robotcast.reporting.results import read_results
+from robotcast.rigs.virtual.hiding import unseal
 from robotcast.stage import output_folder, stage, tell
 
 
@@ -27,7 +29,10 @@ def report(config: DictConfig) -> None:
     )
     facts = RunFacts(HydraConfig.get().runtime.choices["scale"], config.seed, sizes)
     folder = output_folder(config.paths.reports)
-    written = write_report(read_results(Path(config.paths.results)), facts, folder)
+    data = Path(config.paths.results)
+    results, sealed = read_results(data), config.hidden
+    loop = read_loop(data / "loop", results, unseal(Path(sealed)) if sealed else None)
+    written = write_report(results, facts, folder, loop)
     tell(f"{folder}: {len(written)} files, open {written[-1]}")
 
 

@@ -5,11 +5,7 @@ meaning, so that an answer can be compared with a diagnosis number by number. Th
 virtual rig's hidden effects and nothing of robotcast.effects and robotcast.diagnosis.
 """
 
-import base64
-import binascii
-import json
-import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -17,166 +13,8 @@ from typing import Any, Literal
 import numpy as np
 
 from robotcast.casts.action import Action
-from robotcast.files import write_text
-from robotcast.rigs.virtual.hidden import HiddenEffect
-from robotcast.rigs.virtual.mechanisms import (
-    Air,
-    CurvedCable,
-    DistortingCamera,
-    Draught,
-    FastClock,
-    Grain,
-    LooseClamp,
-    LooseGrip,
-    MisscaledCamera,
-    Oil,
-    RoughEnd,
-    RoughPatch,
-    RubberBand,
-    ShiftedCamera,
-    ShiftedGrip,
-    SlowCamera,
-    SlowGrip,
-    SoftCore,
-    StickyZone,
-    SwingingEnd,
-    TiltedBoard,
-    TurnedCamera,
-    TurnedGrip,
-    UnevenMass,
-    WarmingBoard,
-    WearingBoard,
-)
+from robotcast.rigs.virtual.hiding import LIBRARY, MECHANISMS, OUTSIDE, make_effect
 from robotcast.rigs.virtual.rig import VirtualRig
-
-Parameters = dict[str, float]
-Draw = Callable[[np.random.Generator], float | tuple[float, float]]
-
-SESSION = 52  # casts over which friction drifts, as many as the benchmark's sets hold
-
-
-def _size(random: np.random.Generator) -> float:
-    return 1.0
-
-
-def _signed(random: np.random.Generator) -> float:
-    return float(random.choice([-1.0, 1.0]))
-
-
-def _direction(random: np.random.Generator) -> tuple[float, float]:
-    heading = random.uniform(-np.pi, np.pi)
-    return float(np.cos(heading)), float(np.sin(heading))
-
-
-def _between(low: float, high: float) -> Draw:
-    return lambda random: float(random.uniform(low, high))
-
-
-@dataclass(frozen=True)
-class Mechanism:
-    """One thing that can be hidden.
-
-    Attributes
-    ----------
-    make : parameters in the order of `draws` → the effect on the virtual rig.
-    draws : parameter, or two with a space between → how it is drawn for size 1. Those drawn by
-        `_size`, `_signed` or `_direction` grow with the size.
-    start, most : the size with which its fitting to a wanted shift starts, and the largest.
-    same_law : whether an effect of this name in the library follows the same law, so that the
-        two sizes can be compared.
-    """
-
-    make: Callable[..., HiddenEffect]
-    draws: Mapping[str, Draw]
-    start: float
-    most: float
-    same_law: bool = True
-
-    @property
-    def strengths(self) -> list[str]:
-        """Parameters that grow with the size."""
-        grow = (_size, _signed, _direction)
-        return [
-            name for names, draw in self.draws.items() if draw in grow for name in names.split()
-        ]
-
-    def place(self, random: np.random.Generator) -> Parameters:
-        """Draw what the size leaves open (a direction, a sign, a place), at size 1."""
-        return {
-            name: value
-            for names, draw in self.draws.items()
-            for name, value in zip(names.split(), np.atleast_1d(draw(random)).tolist(), strict=True)
-        }
-
-    def parameters(self, place: Mapping[str, float], size: float) -> Parameters:
-        """Return the parameters of the mechanism at `place` with this size."""
-        return {k: v * size if k in self.strengths else v for k, v in place.items()}
-
-
-_SPOT = {"x0": _between(0.75, 1.15), "y0": _between(-0.5, 0.5)}  # the ends of many casts cross it
-
-LIBRARY: Mapping[str, Mechanism] = {
-    "board_tilt": Mechanism(TiltedBoard, {"sx sy": _direction}, 0.01, 0.08),
-    "air_drag": Mechanism(Air, {"C": _size}, 4.0, 30.0),
-    "viscous_friction": Mechanism(Oil, {"c": _size}, 0.4, 4.0),
-    # MuJoCo's cone opposes sliding askew in another direction than the library's law
-    "anisotropic_friction": Mechanism(Grain, {"a": _size}, 0.4, 2.0, same_law=False),
-    "friction_patch": Mechanism(
-        RoughPatch, {"k": _size, **_SPOT, "w": _between(0.15, 0.3)}, 0.5, 3.0
-    ),
-    "stribeck_friction": Mechanism(SlowGrip, {"k": _size, "vs": _between(0.2, 0.6)}, 0.4, 2.0),
-    # what bends between the heavy end and the light cable carries some of the end's weight
-    "endpoint_friction": Mechanism(RoughEnd, {"k": _size}, 0.3, 2.0, same_law=False),
-    "mass_gradient": Mechanism(UnevenMass, {"k": _signed}, 0.4, 0.85),
-    "resting_curvature": Mechanism(CurvedCable, {"kappa": _signed}, 1.0, 8.0),
-    "plastic_bending": Mechanism(lambda soft: SoftCore(1 / soft), {"softness": _size}, 0.05, 0.4),
-    "tool_lag": Mechanism(LooseGrip, {"tau": _size}, 0.02, 0.15),
-    "wrist_offset": Mechanism(TurnedGrip, {"beta": _signed}, 0.1, 0.6),
-    "camera_latency": Mechanism(SlowCamera, {"tau": _size}, 0.02, 0.2),
-    "camera_scale": Mechanism(MisscaledCamera, {"k": _signed}, 0.01, 0.1),
-    "camera_rotation": Mechanism(TurnedCamera, {"phi": _signed}, 0.01, 0.2),
-    "camera_offset": Mechanism(ShiftedCamera, {"dx dy": _direction}, 0.01, 0.1),
-    "lens_distortion": Mechanism(
-        lambda x0, y0, k: DistortingCamera(k, x0, y0),
-        {"x0": _between(0.7, 0.85), "y0": _between(-0.05, 0.05), "k": _signed},
-        0.05,
-        0.3,
-    ),
-    "camera_clock": Mechanism(FastClock, {"k": _signed}, 0.01, 0.1),
-    "cable_slip": Mechanism(LooseClamp, {"s": _size, "v": _between(0.7, 1.1)}, 0.01, 0.04),
-    "friction_drift": Mechanism(lambda k: WearingBoard(k, SESSION), {"k": _size}, 0.4, 0.8),
-    "tool_offset": Mechanism(ShiftedGrip, {"dx dy": _direction}, 0.01, 0.05),
-}
-"""Effects that a diagnosis can name."""
-
-OUTSIDE: Mapping[str, Mechanism] = {
-    "rubber_band": Mechanism(RubberBand, {"stiffness": _size, **_SPOT}, 0.02, 0.3),
-    "sticky_zone": Mechanism(
-        StickyZone, {"c": _size, **_SPOT, "radius": _between(0.15, 0.25)}, 2.0, 30.0
-    ),
-    "draught": Mechanism(
-        Draught,
-        {
-            "a": _size,
-            "heading": _between(-np.pi, np.pi),
-            "from_y": _between(-0.15, 0.15),
-            "side": lambda random: _signed(random),  # does not grow
-        },
-        0.2,
-        2.0,
-    ),
-    "swinging_end": Mechanism(SwingingEnd, {"share": lambda _: 0.5, "arm": _size}, 0.04, 0.12),
-    "warming_board": Mechanism(WarmingBoard, {"k": _size, "time": _between(0.5, 1.0)}, 0.4, 3.0),
-}
-"""Mechanisms that a diagnosis has no name for."""
-
-MECHANISMS: Mapping[str, Mechanism] = {**LIBRARY, **OUTSIDE}
-
-
-def make_effect(name: str, given: Mapping[str, float]) -> HiddenEffect:
-    """Return the hidden effect `name` with these parameters."""
-    names = " ".join(MECHANISMS[name].draws).split()
-    return MECHANISMS[name].make(*(given[parameter] for parameter in names))
 
 
 @dataclass(frozen=True)
@@ -317,17 +155,3 @@ def choose_actions(
 def answer_path(case: str, reports: Path) -> Path:
     """Return where the sealed answer of a case lies."""
     return reports / "answers" / f"{case}.sealed"
-
-
-def seal(answer: dict[str, Any], path: Path) -> None:
-    """Write an answer so that nobody reads it by accident; the same one gives the same bytes."""
-    packed = zlib.compress(json.dumps(answer, sort_keys=True).encode(), level=9)
-    write_text(path, base64.encodebytes(packed).decode())
-
-
-def unseal(path: Path) -> dict[str, Any]:
-    """Read an answer that `seal` wrote."""
-    try:
-        return json.loads(zlib.decompress(base64.decodebytes(path.read_bytes())))
-    except (binascii.Error, zlib.error, ValueError):
-        raise ValueError(f"{path}: is not a sealed answer") from None

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -18,22 +17,12 @@ from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.processes import process_pool
 from robotcast.progress import Progress, silent
-from robotcast.rigs.virtual.rig import SLOWEST_S, Eye, VirtualRig, measure_cast, seen_places
-from studies.hidden_effects.cases import (
-    MECHANISMS,
-    Case,
-    Parameters,
-    answer_path,
-    choose_actions,
-    seal,
-    unseal,
-)
+from robotcast.rigs.virtual.hiding import Parameters, Shift, seal, unseal
+from robotcast.rigs.virtual.rig import Eye, VirtualRig, measure_cast
+from studies.hidden_effects.cases import Case, answer_path, choose_actions
 
 RIG = "virtual (hidden effect benchmark)"
 ASTRAY_M = 0.5
-NEAR = 0.1  # a shift within 10 % of the wanted one will do
-TRIALS = 4
-LEAST_STEP, MOST_STEP = 0.2, 4.0
 
 
 @dataclass(frozen=True)
@@ -155,57 +144,13 @@ def _fitted(
     shifts : mechanism → how far it alone moves the paths [% of cable length], below
         `case.wanted_percent` where its largest size moves them no farther; all together under "".
     """
-    nominal = bench.rigs[case.cable]
-    length_m, period_s = nominal.cable.length_m, bench.eye.period_s
-
-    longest_s = max(planned.end_s for planned in casts) + SLOWEST_S
-    stamps = np.arange(round(longest_s / period_s) + 1) * period_s
-
-    def seen(hidden: Mapping[str, Parameters]) -> tuple[np.ndarray, np.ndarray]:
-        """Return ends (n_casts, k, 2) without the camera's noise, and when they move."""
-        rig = case.rig(nominal, hidden)
-        found = list(pool.map(_see, repeat(rig), casts, range(len(casts)), repeat(stamps)))
-        rests_s = np.array([rest_s for _, rest_s in found])
-        return np.stack([places for places, _ in found]), stamps <= rests_s[:, None]
-
-    still_m, moves = seen({})
-
-    def moved_percent(hidden: Mapping[str, Parameters]) -> float:
-        """Return how far apart the ends are, averaged over a cast, the median over casts.
-
-        A cast that amplifies everything does not count for more.
-        """
-        places_m, moving = seen(hidden)
-        moving = moving | moves
-        apart = np.linalg.norm(places_m - still_m, axis=2)
-        averages = (apart * moving).sum(axis=1) / moving.sum(axis=1)
-        return float(100 * np.median(averages) / length_m)
-
+    shift = Shift(case.rig(bench.rigs[case.cable], {}), casts, bench.eye.period_s, pool)
     parameters: dict[str, Parameters] = {}
     shifts: dict[str, float] = {}
     for name, place in case.hidden.items():
-        mechanism = MECHANISMS[name]
-        size, tried = mechanism.start, []
-        for _ in range(TRIALS):
-            given = mechanism.parameters(place, size)
-            shift = max(moved_percent({name: given}), 1e-9)
-            miss = abs(np.log(shift / case.wanted_percent))
-            tried.append((miss, given, shift))
-            step = float(np.clip(case.wanted_percent / shift, LEAST_STEP, MOST_STEP))
-            following = min(size * step, mechanism.most)
-            if miss < np.log1p(NEAR) or following == size:
-                break
-            size = following
-        _, parameters[name], shifts[name] = min(tried, key=lambda one: one[0])
-    together = moved_percent(parameters) if len(shifts) > 1 else sum(shifts.values())
+        parameters[name], shifts[name] = shift.sized(name, place, case.wanted_percent)
+    together = shift.percent(parameters) if len(shifts) > 1 else sum(shifts.values())
     return parameters, {**shifts, "": together}
-
-
-def _see(
-    rig: VirtualRig, planned: PlannedCast, number: int, stamps: np.ndarray
-) -> tuple[np.ndarray, float]:
-    cable = rig.simulate_truth(planned, number).cable
-    return seen_places(rig, cable, stamps), float(cable.t_s[-1])
 
 
 def _stands(case: Case, measured: Path, reports: Path) -> bool:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from studies.hidden_effects.cases import MECHANISMS, answer_path, unseal
+from robotcast.rigs.virtual.hiding import MECHANISMS, unseal
+from studies.hidden_effects.cases import answer_path
 from studies.hidden_effects.layout import result
 
 SIGNIFICANT = 0.001

@@ -30,9 +30,10 @@ from robotcast.files import write_text
 from robotcast.fitting.least_squares import Fit, trial_losses
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.progress import Progress
+from robotcast.rigs.virtual.hiding import unseal
 from robotcast.stage import bar, stage, tell
 from robotcast.workflow.diagnosing import case_of
-from studies.hidden_effects.cases import answer_path, unseal
+from studies.hidden_effects.cases import answer_path
 from studies.hidden_effects.layout import measured_sets, result
 
 INSIDE = 1e-3  # a fit that starts on a bound stalls: starts keep this share of the range from it

@@ -3,9 +3,11 @@
 What the page says in sentences stands in report.html.
 """
 
+import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from robotcast.files import write_text
 from robotcast.reporting.figures import (
@@ -15,6 +17,7 @@ from robotcast.reporting.figures import (
     targets_figure,
     trace_figure,
 )
+from robotcast.reporting.loop import Loop, loop_block
 from robotcast.reporting.names import (
     cable_name,
     policy_label,
@@ -69,6 +72,7 @@ class Report:
 
     results: Results
     facts: RunFacts
+    loop: Loop | None
     tables: dict[str, Table]
     figures: dict[str, list[PageFigure]]
     run: list[tuple[str, str]]
@@ -83,6 +87,7 @@ class Report:
             scale=self.facts.scale,
             policies={e.policy for e in self.results.evaluations if len(e.casts)},
             predicted=any(e.kind == "predicted" for e in self.results.evaluations),
+            loop=loop_block(self.loop) if self.loop else "",
             glance=glance(self.results),
             tables=self.tables,
             figures=self.figures,
@@ -90,9 +95,11 @@ class Report:
         )
 
 
-def write_report(results: Results, facts: RunFacts, folder: Path) -> list[Path]:
-    """Write tables/, figures/ and index.html into `folder`; return what was written."""
-    report = make_report(results, facts)
+def write_report(
+    results: Results, facts: RunFacts, folder: Path, loop: Loop | None = None
+) -> list[Path]:
+    """Write tables/, figures/, metrics and index.html into `folder`; return what was written."""
+    report = make_report(results, facts, loop)
     texts: dict[str, str] = {}
     for name, table in report.tables.items():
         texts[f"tables/{name}.md"] = table.markdown()
@@ -100,13 +107,14 @@ def write_report(results: Results, facts: RunFacts, folder: Path) -> list[Path]:
         texts[f"tables/{name}.csv"] = table.csv()
     for figures in report.figures.values():
         texts |= {f"figures/{f.name}.svg": f.svg.decode("utf-8") for f in figures}
+    texts["metrics.json"] = json.dumps(metrics(results, loop), indent=1)
     texts["index.html"] = report.html()
     for name, text in texts.items():
         write_text(folder / name, text)
     return [folder / name for name in texts]
 
 
-def make_report(results: Results, facts: RunFacts) -> Report:
+def make_report(results: Results, facts: RunFacts, loop: Loop | None = None) -> Report:
     """Make tables, figures and page of `results`."""
     tables = [make(results) for make in (tuning_table, policies_table, cables_table, parts_table)]
     with style():
@@ -117,7 +125,19 @@ def make_report(results: Results, facts: RunFacts) -> Report:
             "cables": _cable_figures(results),
             "parts": _part_figures(results),
         }
-    return Report(results, facts, {t.name: t for t in tables}, figures, _run(results, facts))
+    return Report(results, facts, loop, {t.name: t for t in tables}, figures, _run(results, facts))
+
+
+def metrics(results: Results, loop: Loop | None) -> dict[str, Any]:
+    """Return the errors that `dvc metrics` compares, in % of cable length."""
+    tuned: dict[str, Any] = {}
+    for t in results.tunings:
+        tuned.setdefault(t.cable, {})[t.slug] = t.error("test", "waypoint_percent")
+    policies: dict[str, Any] = {}
+    for e in results.evaluations:
+        policies.setdefault(e.cable, {})[f"{e.policy}-{e.dataset}"] = e.median_percent
+    fall = dict(zip(("tuned", "revised"), loop.falls, strict=True)) if loop else {}
+    return {"heldout_waypoint_error": tuned, "policy_median_error": policies, "loop": fall}
 
 
 def _tuning_figures(results: Results) -> list[PageFigure]:
