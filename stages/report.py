@@ -8,7 +8,7 @@ from omegaconf import DictConfig
 from robotcast.reporting.loop import read_loop
 from robotcast.reporting.report import RunFacts, write_report
 from robotcast.reporting.results import read_results
-from robotcast.rigs.virtual.hiding import unseal
+from robotcast.rigs.sealed import unseal
 from robotcast.stage import output_folder, stage, tell
 
 

@@ -10,16 +10,23 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
-ORDER = (
-    *("collect", "track", "tune", "generate", "candidates"),
-    *("train", "evaluate", "baseline", "report"),
+PAPER = (
+    *("hide", "collect", "track", "tune", "generate", "candidates"),
+    *("train", "evaluate", "baseline"),
+)
+LOOP = (
+    *("compare", "diagnose", "revise"),
+    *("generate_revised", "train_revised", "evaluate_revised"),
 )
 
 # How a stage starts, shows its progress, works in processes and puts a file in place changes no
-# result, nor does what is drawn instead of cast.
+# result, nor does what is drawn instead of cast, or beside the results while they are made.
 PLUMBING = {
     ROOT / "src/robotcast" / f"{name}.py"
-    for name in ("stage", "workflow/dry_run", "files", "processes", "progress", "source")
+    for name in (
+        *("stage", "workflow/dry_run", "files", "processes", "progress", "source"),
+        "reporting/revisions_page",
+    )
 }
 
 
@@ -58,7 +65,7 @@ def files_of(pattern: str) -> Iterator[Path]:
 
 
 def configurations(stage: dict[str, Any]) -> list[str]:
-    params = [next(iter(entry)) for entry in stage.get("params", [])]
+    params = [next(iter(entry)) for entry in stage.get("params", []) if isinstance(entry, dict)]
     return [*params, *(dep for dep in stage["deps"] if dep.startswith("conf/"))]
 
 
@@ -96,8 +103,8 @@ def covers(deps: list[str], file: str) -> bool:
     return any(file == dep or file.startswith(f"{dep}/") for dep in deps)
 
 
-def test_the_pipeline_is_the_papers() -> None:
-    assert tuple(stages(".")) == ORDER
+def test_the_pipeline_is_the_papers_and_the_loop() -> None:
+    assert tuple(stages(".")) == (*PAPER, *LOOP, "report")
 
 
 @pytest.mark.parametrize("stage", STAGES)
@@ -120,10 +127,21 @@ def test_recorded_casts_outlive_a_rerun() -> None:
     assert options["persist"] is True
 
 
+def test_only_what_hides_and_what_reports_reads_what_is_hidden() -> None:
+    sealed = {
+        name
+        for name, stage in stages(".").items()
+        if any(dep.startswith("data/hidden") for dep in stage["deps"])
+    }
+    on_the_rig = {"collect", "evaluate", "baseline", "evaluate_revised"}
+    assert sealed == {*on_the_rig, "report"}
+
+
 def test_a_simulator_parameter_reruns_tuning_and_generating_but_no_cast() -> None:
     readers = {
         name
         for name, stage in stages(".").items()
         if any(pattern.startswith("conf/simulator/") for pattern in configurations(stage))
     }
-    assert readers == {"tune", "generate"}
+    loop = {"compare", "diagnose", "revise", "generate_revised"}
+    assert readers == {"tune", "generate", *loop}

@@ -23,7 +23,7 @@ import polars as pl
 
 from robotcast.build import known_effects
 from robotcast.files import write_text
-from robotcast.rigs.virtual.hiding import unseal
+from robotcast.rigs.sealed import unseal
 from studies.hidden_effects.cases import answer_path
 
 ROOT = Path(__file__).resolve().parents[2]

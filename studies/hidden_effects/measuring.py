@@ -17,7 +17,8 @@ from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.processes import process_pool
 from robotcast.progress import Progress, silent
-from robotcast.rigs.virtual.hiding import Parameters, Shift, seal, unseal
+from robotcast.rigs.sealed import seal, unseal
+from robotcast.rigs.virtual.hiding import Parameters, Shift
 from robotcast.rigs.virtual.rig import Eye, VirtualRig, measure_cast
 from studies.hidden_effects.cases import Case, answer_path, choose_actions
 

@@ -30,7 +30,7 @@ from robotcast.files import write_text
 from robotcast.fitting.least_squares import Fit, trial_losses
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.progress import Progress
-from robotcast.rigs.virtual.hiding import unseal
+from robotcast.rigs.sealed import unseal
 from robotcast.stage import bar, stage, tell
 from robotcast.workflow.diagnosing import case_of
 from studies.hidden_effects.cases import answer_path

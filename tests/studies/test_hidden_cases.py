@@ -9,18 +9,14 @@ import pytest
 
 from robotcast.casts.limits import PlanLimits
 from robotcast.measurements.reader import read_measurement_set
+from robotcast.rigs.sealed import seal, unseal
 from robotcast.rigs.virtual.hidden import HiddenEffect
+from robotcast.rigs.virtual.hiding import LIBRARY, MECHANISMS, OUTSIDE, make_effect
 from robotcast.rigs.virtual.rig import Eye
 from studies.hidden_effects.cases import (
-    LIBRARY,
-    MECHANISMS,
-    OUTSIDE,
     Case,
     choose_actions,
     draw_cases,
-    make_effect,
-    seal,
-    unseal,
 )
 from studies.hidden_effects.measuring import (
     RIG,

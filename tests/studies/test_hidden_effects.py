@@ -97,7 +97,7 @@ def test_the_results_are_written_for_people(folder: Path) -> None:
 def test_the_diagnosis_reads_no_answer() -> None:
     diagnosis = stages("studies/hidden_effects")["diagnose"]
     assert not [dep for dep in diagnosis["deps"] if "answers" in dep]
-    assert "studies/hidden_effects/cases.py" not in reached(diagnosis)
+    assert "src/robotcast/rigs/virtual/hiding.py" not in reached(diagnosis)
 
 
 def test_what_stands_outlives_a_rerun() -> None:

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from studies.hidden_effects.cases import answer_path, seal
+from robotcast.rigs.sealed import seal
+from studies.hidden_effects.cases import answer_path
 from studies.hidden_effects.figures import confusion_counts, power_bins
 from studies.hidden_effects.layout import result
 from studies.hidden_effects.outcomes import read_outcomes

@@ -19,7 +19,7 @@ from robotcast.casts.plan import PlannedCast, plan_action
 from robotcast.effects.effect import CableMotion, Effect
 from robotcast.rigs.virtual.cable import CableTruth, build_cable
 from robotcast.rigs.virtual.hidden import Bending, HiddenEffect, Pieces, Pushing, Rubbing
-from studies.hidden_effects.cases import LIBRARY, make_effect
+from robotcast.rigs.virtual.hiding import LIBRARY, make_effect
 from tests.rigs.small_rig import CABLE, TRUTH
 from tests.rigs.test_virtual_mechanisms import laid
 

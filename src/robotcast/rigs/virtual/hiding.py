@@ -1,14 +1,10 @@
-"""What the virtual rig can hide, how it is drawn from a seed and sized, and sealed answers.
+"""What the virtual rig can hide, how it is drawn from a seed, and sized.
 
 An effect with a name in the library is drawn with the library's parameters, in their units and
 meaning, so that an answer can be compared with a diagnosis number by number. This side knows the
 virtual rig's hidden effects and nothing of robotcast.effects and robotcast.diagnosis.
 """
 
-import base64
-import binascii
-import json
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -19,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from robotcast.casts.plan import PlannedCast
-from robotcast.files import write_text
+from robotcast.rigs.sealed import unseal
 from robotcast.rigs.virtual.hidden import HiddenEffect
 from robotcast.rigs.virtual.mechanisms import (
     Air,
@@ -254,11 +250,12 @@ def _see(
 
 def draw_hidden(
     rig: VirtualRig,
-    names: Sequence[str],
     casts: Sequence[PlannedCast],
-    moves_percent: float,
-    seed: int,
     pool: Executor,
+    seed: int,
+    *,
+    names: Sequence[str],
+    moves_percent: float,
 ) -> dict[str, Any]:
     """Draw one of the named mechanisms, sized on these casts; return it as `seal` takes it."""
     random = np.random.default_rng(seed)
@@ -283,17 +280,3 @@ def set_aside(session: Path, rig: VirtualRig) -> Path | None:
     place = next(place for place in places if not place.exists())
     session.rename(place)
     return place
-
-
-def seal(answer: dict[str, Any], path: Path) -> None:
-    """Write an answer so that nobody reads it by accident; the same one gives the same bytes."""
-    packed = zlib.compress(json.dumps(answer, sort_keys=True).encode(), level=9)
-    write_text(path, base64.encodebytes(packed).decode())
-
-
-def unseal(path: Path) -> dict[str, Any]:
-    """Read an answer that `seal` wrote."""
-    try:
-        return json.loads(zlib.decompress(base64.decodebytes(path.read_bytes())))
-    except (binascii.Error, zlib.error, ValueError):
-        raise ValueError(f"{path}: is not a sealed answer") from None
