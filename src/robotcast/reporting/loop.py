@@ -97,7 +97,7 @@ def loop_block(loop: Loop) -> Markup:
         before=loop.falls[0],
         after=loop.falls[1],
         floor=floor,
-        findings=[f["sentence"] for f in loop.comparison["findings"]][:2],
+        findings=[s["sentence"] for s in loop.comparison["slices"]][:2],
         diagnosis=loop.diagnosis,
         verdict=verdict,
         sizes=[row for name in verdict for row in _sizes(loop, name)],
@@ -147,7 +147,7 @@ def _paths(loop: Loop) -> Figure:
     order = both.group_by("trial").agg(error=away.sqrt().mean()).sort("error", descending=True)
     figure = Figure(figsize=(9.2, 4.2), dpi=72, layout="constrained")
     panels = figure.subplots(1, SHOWN, sharex=True, sharey=True, squeeze=False)[0]
-    for axes, trial in zip(panels, order["trial"].head(SHOWN), strict=False):
+    trials = dict.fromkeys(loop.actions[trial] for trial in order["trial"])
         path = both.filter(pl.col("trial") == trial)
         lines = (
             (("x", "y"), "o-", BLACK),

@@ -41,7 +41,8 @@ def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:
     cable, floor_percent = measured.cable, noise_floor(measured).waypoint_percent
     sizes = config.scale.tune
     tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
-    tuning = tuning.spread(sizes[config.simulator.name].casts)
+    casts = sizes[config.simulator.name].casts  # of every optimizer, or by optimizer
+    tuning = tuning.spread(casts if isinstance(casts, int) else casts[config.optimizer.name])
     simulator = build_simulator(config, cable, build_effects(config.effects))
     folder = output_folder(config.paths.tuned)
     shown = Tuning(
