@@ -27,9 +27,9 @@ from robotcast.casts.action import Action  # noqa: E402
 from robotcast.casts.plan import PlanLimits, plan_action  # noqa: E402
 from robotcast.measurements.reader import read_measurement_set  # noqa: E402
 from robotcast.measurements.writer import write_measurement_set  # noqa: E402
+from robotcast.rigs import RigStopped  # noqa: E402
 from robotcast.rigs.collect import Collected, collect_casts  # noqa: E402
 from robotcast.rigs.envelope import are_feasible, broken_rules  # noqa: E402
-from robotcast.rigs.rig import RigStopped  # noqa: E402
 from robotcast.rigs.ur5.arm import Arm, RobotLog, WatchSettings  # noqa: E402
 from robotcast.rigs.ur5.controller import Robot, ServoSettings  # noqa: E402
 from robotcast.rigs.ur5.motion import JointMotion, WholeMotion, refuse_unsafe, sway  # noqa: E402

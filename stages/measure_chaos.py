@@ -12,7 +12,7 @@ from robotcast.casts.plan import plan_action
 from robotcast.files import write_text
 from robotcast.rigs.collect import choose_casts
 from robotcast.rigs.envelope import feasible_actions
-from robotcast.rigs.virtual.studies import sensitivities
+from robotcast.rigs.virtual.rig import sensitivities
 from robotcast.stage import bar, output_folder, stage, tell
 
 

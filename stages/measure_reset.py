@@ -10,12 +10,12 @@ from robotcast.casts.plan import plan_action
 from robotcast.files import atomic_file
 from robotcast.rigs.collect import choose_casts
 from robotcast.rigs.envelope import feasible_actions
-from robotcast.rigs.virtual.arm import packaged_path, scatter_table
-from robotcast.rigs.virtual.studies import measure_resets
+from robotcast.rigs.virtual.arm import packaged_path
+from robotcast.rigs.virtual.rig import measure_resets
 from robotcast.stage import bar, stage, tell
 
 RESETS = 20
-STRAIGHT = {"_target_": "robotcast.rigs.virtual.scatter.straight_start"}
+STRAIGHT = {"_target_": "robotcast.rigs.virtual.arm.straight_start"}
 
 
 def measure_reset(config: DictConfig) -> None:
@@ -27,7 +27,7 @@ def measure_reset(config: DictConfig) -> None:
         scatter = measure_resets(rig, casts, build(config.casts.reset), progress)
     path = packaged_path(rig.cable.name)
     with atomic_file(path) as temporary:
-        scatter_table(scatter).write_csv(temporary, float_precision=6)
+        scatter.table().write_csv(temporary, float_precision=6)
     spread = scatter.headings_rad.std(axis=0, ddof=1) * 1e3
     shown = ", ".join(f"{value:.1f}" for value in spread)
     tell(f"{path.name}: headings scatter by {shown} mrad from the hand to the free end")

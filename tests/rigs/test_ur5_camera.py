@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from robotcast.rigs.rig import RigStopped
+from robotcast.rigs import RigStopped
 from robotcast.rigs.ur5.camera import Webcam, WebcamSettings, camera_offset, require_rate
 from robotcast.rigs.ur5.controller import require_ur_rtde
 from robotcast.rigs.ur5.motion import sway

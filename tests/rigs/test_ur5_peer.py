@@ -15,9 +15,9 @@ from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
+from robotcast.rigs import RigStopped
 from robotcast.rigs.collect import collect_casts
 from robotcast.rigs.kinematics import joints_pointing_down
-from robotcast.rigs.rig import RigStopped
 from robotcast.rigs.ur5.arm import Arm, RobotLog, WatchSettings
 from robotcast.rigs.ur5.controller import Robot, ServoSettings
 from robotcast.rigs.ur5.motion import JointMotion, sway

@@ -16,7 +16,7 @@ from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
 from robotcast.files import atomic_folder, write_text
 from robotcast.processes import process_pool
 from robotcast.progress import Progress, silent
-from robotcast.rigs.rig import CastNotUsed, Rig, RigStopped
+from robotcast.rigs import CastNotUsed, Rig, RigStopped
 from robotcast.sessions import (
     REQUEST_FILE,
     CastRequest,
@@ -24,7 +24,7 @@ from robotcast.sessions import (
     missing_requests,
     number_requests,
     open_session,
-    write_request,
+    write_record,
 )
 
 Plan = Callable[..., PlannedCast]
@@ -133,7 +133,7 @@ def _execute(
     try:
         planned = planner(request.action)
         with atomic_folder(folder / request.folder_name) as unfinished:
-            write_request(request, unfinished)
+            write_record(request, unfinished)
             try:
                 rig.cast(planned, request.number, unfinished)
             except CastNotUsed as error:

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from robotcast.casts.tool_motion import ToolMotion
+from robotcast.rigs import RigStopped
 from robotcast.rigs.kinematics import Gripper, link_points
-from robotcast.rigs.rig import RigStopped
 from robotcast.rigs.ur5.controller import Drive, Robot, RobotState
 from robotcast.rigs.ur5.motion import JointMotion, held_pose
 from robotcast.sessions import write_columns

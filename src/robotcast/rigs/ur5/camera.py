@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from robotcast.rigs.rig import RigStopped
+from robotcast.rigs import RigStopped
 from robotcast.vision.camera import Camera
 
 CODEC = "mp4v"

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from robotcast.rigs.rig import RigStopped
+from robotcast.rigs import RigStopped
 
 FIRST_S, ARRIVAL_S = 20.0, 5.0  # for a state: of a new connection, and while nothing moves
 BEGIN_S, END_S = 30.0, 15.0  # for the program on the controller to start and to stop

@@ -19,8 +19,8 @@ from robotcast.casts.plan import PlannedCast
 from robotcast.casts.reset import ResetSettings
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import Cable
+from robotcast.rigs import CastNotUsed, RigStopped
 from robotcast.rigs.kinematics import Gripper, joints_pointing_down, link_points
-from robotcast.rigs.rig import CastNotUsed, RigStopped
 from robotcast.rigs.ur5.arm import Arm, RobotLog, WatchSettings
 from robotcast.rigs.ur5.camera import (
     Webcam,
