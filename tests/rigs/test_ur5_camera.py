@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from robotcast.rigs import RigStopped
+from robotcast.rigs.ur5.arm import require_ur_rtde
 from robotcast.rigs.ur5.camera import Webcam, WebcamSettings, camera_offset, require_rate
-from robotcast.rigs.ur5.controller import require_ur_rtde
 from robotcast.rigs.ur5.motion import sway
 from tests.rigs.peer.lab import HOME_RAD
 

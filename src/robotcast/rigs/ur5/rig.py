@@ -21,7 +21,7 @@ from robotcast.files import write_text
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs import CastNotUsed, RigStopped
 from robotcast.rigs.kinematics import Gripper, joints_pointing_down, link_points
-from robotcast.rigs.ur5.arm import Arm, RobotLog, WatchSettings
+from robotcast.rigs.ur5.arm import Arm, RobotLog, ServoSettings, WatchSettings
 from robotcast.rigs.ur5.camera import (
     Webcam,
     WebcamSettings,
@@ -29,7 +29,6 @@ from robotcast.rigs.ur5.camera import (
     camera_offset,
     require_rate,
 )
-from robotcast.rigs.ur5.controller import Robot, ServoSettings
 from robotcast.rigs.ur5.motion import (
     JointMotion,
     SafetyLimits,
@@ -118,46 +117,78 @@ class Ur5Rig:
     ) -> None:
         log = RobotLog()
         try:
-            running = self.open_session()
-            self._rehearse(running, planned)
-            resets = self._reset(running, planned)
-            frames_s = self._film(running, planned, folder, log, rest_only)
-            record = CastRecord(
-                number=number,
-                action=planned.action,
-                rig=self.name,
-                cable=self.cable.name,
-                video_t0_s=float(frames_s[0] - self.tracker.exposure_s / 2),
-                fps=self.webcam.fps,
-                turn_s=planned.turn_s,
-                end_s=planned.end_s,
-                rest_s=planned.end_s + self.run.rest_s,
-                rest_only=rest_only,
-            )
-            write_record(record, folder)
-            self._write_notes(running, folder, log, resets)
+            self._cast(planned, number, folder, log, rest_only=rest_only)
         except RigStopped as stop:
             if log.states:
                 log.write(folder / ROBOT_FILE)
-            raise RigStopped(self._way_on(stop, number)) from None
-        self._refuse_poor(log)
+            home = ", ".join(f"{angle:.1f}" for angle in np.degrees(self.home_rad()))
+            raise RigStopped(
+                f"ur5: {stop}. The motion was stopped at cast {number}; finished casts stay, what "
+                "was recorded of this one is kept aside. Mend the cause, release the robot on its "
+                f"pendant, let the tool hold the cable over the board (home: {home}°) and run the "
+                "same command again: it goes on with this cast"
+            ) from None
+        if log.missed > self.run.most_missed * log.cycles:
+            raise CastNotUsed(
+                f"ur5: {log.missed} of {log.cycles} servo deadlines were missed, more than "
+                f"{self.run.most_missed:.1%}; the cast is kept aside and will be cast again by the "
+                "next call (use a computer with less to do, or a real-time kernel)"
+            )
+        if self.run.speed < 1:
+            raise CastNotUsed(f"ur5: cast at {self.run.speed:.0%} of its speed, kept aside")
+
+    def _cast(
+        self, planned: PlannedCast, number: int, folder: Path, log: RobotLog, *, rest_only: bool
+    ) -> None:
+        """Reset, run and film a cast, and write all that is known of it into `folder`."""
+        running = self.open_session()
+        if not running.rehearsed:
+            self._rehearse(running, planned)
+        resets = self._reset(running, planned)
+        seen_s = self._film(running, planned, folder, log, rest_only=rest_only)
+        period_s, states = running.arm.period_s, log.states
+        start_s = float(states[round(BEFORE_S / period_s)].t_s)
+        frames_s = log.controller_time(seen_s) - running.camera_offset_s - start_s
+        heard = (seen_s >= states[0].heard_s) & (seen_s <= states[-1].heard_s)
+        write_frame_times(np.where(heard, frames_s, np.nan), folder)
+        write_tool(log.tool_motion(start_s), folder / TOOL_FILE)
+        log.write(folder / ROBOT_FILE)
+        record = CastRecord(
+            number=number,
+            action=planned.action,
+            rig=self.name,
+            cable=self.cable.name,
+            video_t0_s=float(frames_s[0] - self.tracker.exposure_s / 2),
+            fps=self.webcam.fps,
+            turn_s=planned.turn_s,
+            end_s=planned.end_s,
+            rest_s=planned.end_s + self.run.rest_s,
+            rest_only=rest_only,
+        )
+        write_record(record, folder)
+        notes = {  # what a person wants to know who doubts a cast
+            "host": self.host,
+            "controller_period_s": period_s,
+            "cycles": log.cycles,
+            "missed_deadlines": log.missed,
+            "camera_offset_s": round(running.camera_offset_s, 5),
+            "kinematic_difference_m": round(running.kinematic_difference_m, 6),
+            "speed": self.run.speed,
+            "resets": resets,
+            "not_fixed": running.camera.unfixed,
+        }
+        write_text(folder / ROBOT_NOTES_FILE, yaml.safe_dump(notes, sort_keys=False))
 
     def close(self) -> None:
         while self._open:
             running = self._open.pop()
             running.camera.close()
-            running.arm.robot.close()
+            running.arm.close()
 
     def planned_motion(self, planned: PlannedCast, joints_rad: np.ndarray) -> WholeMotion:
         """Return the whole motion from joints (6,), checked; raise ValueError when refused."""
-        whole = plan_whole(
-            planned,
-            joints_rad,
-            self._reach_m(),
-            r0_m=self.r0_m,
-            settings=self.reset,
-            gripper=self.gripper,
-        )
+        given = {"r0_m": self.r0_m, "settings": self.reset, "gripper": self.gripper}
+        whole = plan_whole(planned, joints_rad, self._reach_m(), **given)
         refuse_unsafe(whole, joints_rad, self.limits)
         return whole
 
@@ -173,11 +204,10 @@ class Ur5Rig:
             try:
                 camera = Webcam(self.webcam)
                 opened.callback(camera.close)
-                robot = Robot(self.host, self.gripper.length_m, self.servo)
-                opened.callback(robot.close)
+                arm = Arm(self.host, self.gripper, self.servo, self.watch, camera.require_alive)
+                opened.callback(arm.close)
                 if camera.unfixed:
                     self.tell(f"the camera does not let {' and '.join(camera.unfixed)} be fixed")
-                arm = Arm(robot, self.gripper, self.watch, camera.require_alive)
                 self._open.append(self._compare_clocks(arm, camera))
             except ValueError as error:
                 raise RigStopped(str(error)) from None
@@ -187,7 +217,7 @@ class Ur5Rig:
 
     def _compare_clocks(self, arm: Arm, camera: Webcam) -> Running:
         """Sway the arm before the camera, if that is safe, and see when the picture follows."""
-        swaying = sway(arm.start(), arm.robot.period_s)
+        swaying = sway(arm.start(), arm.period_s)
         refuse_motion(swaying, self.limits.cast, self.limits, "swaying before the camera")
         self._ask("The arm will sway by a few centimetres to compare the clocks.")
         pixels = arm_pixels(self._calibrated(camera.picture()), self.r0_m)
@@ -199,7 +229,7 @@ class Ur5Rig:
                 pictures.append(pixels(newest))
                 seen_s.append(at_s)
 
-        arm.follow([swaying.held(STILL_S, STILL_S, arm.robot.period_s)], log, look)
+        arm.follow([swaying.held(STILL_S, STILL_S, arm.period_s)], log, look)
         times_s = log.controller_time(np.array(seen_s))
         rate = require_rate(times_s, self.webcam)
         joints_rad = log.column("joints_rad")
@@ -219,13 +249,11 @@ class Ur5Rig:
 
     def _rehearse(self, running: Running, planned: PlannedCast) -> None:
         """Run the first motion of a session slowly, once, under the operator's eyes."""
-        if running.rehearsed:
-            return
         arm, slow = running.arm, self.run.first_speed
         whole = self.planned_motion(planned, arm.start())
         self._ask(f"The first reset and cast run at {slow:.0%} of their speed.")
-        for motion in (whole.reset, whole.cast):
-            arm.run(motion.at_speed(slow, arm.robot.period_s))
+        for motion in whole:
+            arm.run(motion.at_speed(slow, arm.period_s))
         self._ask("Was that as expected? From now on the arm moves at full speed.")
         running.rehearsed = True
 
@@ -235,7 +263,7 @@ class Ur5Rig:
         wanted_m = np.array([self.r0_m + self._reach_m(), 0.0])
         for attempt in range(1, RESETS + 1):
             whole = self.planned_motion(planned, arm.start())
-            arm.run(whole.reset.at_speed(self.run.speed, arm.robot.period_s))
+            arm.run(whole.reset.at_speed(self.run.speed, arm.period_s))
             picture = running.camera.picture()
             camera = self._calibrated(picture)
             found = EndpointDetector(camera, self.tracker, picture).detect(picture)
@@ -247,18 +275,29 @@ class Ur5Rig:
         )
 
     def _film(
-        self, running: Running, planned: PlannedCast, folder: Path, log: RobotLog, rest_only: bool
+        self,
+        running: Running,
+        planned: PlannedCast,
+        folder: Path,
+        log: RobotLog,
+        *,
+        rest_only: bool,
     ) -> np.ndarray:
-        """Run a cast and film it into `folder` until the cable rests; write what was logged.
+        """Run a cast and film it into `folder` until the cable rests.
 
-        `log` receives every cycle, also of a cast that fails. Returns when each frame was taken,
-        (k,) [s] from the cast's start on.
+        The motion is checked again from where the arm really stands. `log` receives every cycle,
+        also of a cast that fails. Returns when each frame was seen by this computer, (k,) [s].
         """
         arm, camera = running.arm, running.camera
-        period_s = arm.robot.period_s
-        cast = self._cast_from(planned, arm.start()).at_speed(self.run.speed, period_s)
-        moved = cast.held(BEFORE_S, self.run.rest_s, period_s)
-        resting = len(moved.t_s) - round(REST_FILM_S / period_s)
+        start = arm.start()
+        away = np.abs((start - self.home_rad() + np.pi) % (2 * np.pi) - np.pi)
+        if not (away <= self.limits.start_rad).all():
+            raise RigStopped("the arm does not stand where the reset should have left it")
+        t_s, joints_rad = self.planned_motion(planned, start).cast
+        cast = JointMotion(t_s, joints_rad + turns_towards(start, joints_rad[0]))
+        moved = cast.at_speed(self.run.speed, arm.period_s)
+        moved = moved.held(BEFORE_S, self.run.rest_s, arm.period_s)
+        resting = len(moved.t_s) - round(REST_FILM_S / arm.period_s)
 
         def before(part: int) -> None:
             if rest_only and part:
@@ -271,36 +310,7 @@ class Ur5Rig:
             arm.follow(parts, log, before=before)
         finally:
             seen_s = camera.stop_recording()
-        start_s = float(log.states[round(BEFORE_S / period_s)].t_s)
-        frames_s = log.controller_time(seen_s) - running.camera_offset_s - start_s
-        heard = (seen_s >= log.states[0].heard_s) & (seen_s <= log.states[-1].heard_s)
-        write_frame_times(np.where(heard, frames_s, np.nan), folder)
-        write_tool(log.tool_motion(start_s), folder / TOOL_FILE)
-        log.write(folder / ROBOT_FILE)
-        return frames_s
-
-    def _cast_from(self, planned: PlannedCast, start: np.ndarray) -> JointMotion:
-        """Return the cast's motion, checked again from where the arm really stands."""
-        away = np.abs((start - self.home_rad() + np.pi) % (2 * np.pi) - np.pi)
-        if not (away <= self.limits.start_rad).all():
-            raise RigStopped("the arm does not stand where the reset should have left it")
-        cast = self.planned_motion(planned, start).cast
-        return JointMotion(cast.t_s, cast.joints_rad + turns_towards(start, cast.joints_rad[0]))
-
-    def _write_notes(self, running: Running, folder: Path, log: RobotLog, resets: int) -> None:
-        """Write robot.yaml, what a person wants to know who doubts a cast."""
-        notes = {
-            "host": self.host,
-            "controller_period_s": running.arm.robot.period_s,
-            "cycles": log.cycles,
-            "missed_deadlines": log.missed,
-            "camera_offset_s": round(running.camera_offset_s, 5),
-            "kinematic_difference_m": round(running.kinematic_difference_m, 6),
-            "speed": self.run.speed,
-            "resets": resets,
-            "not_fixed": running.camera.unfixed,
-        }
-        write_text(folder / ROBOT_NOTES_FILE, yaml.safe_dump(notes, sort_keys=False))
+        return seen_s
 
     def _calibrated(self, picture: np.ndarray) -> Camera:
         """Return the camera as the markers in its picture show it."""
@@ -316,22 +326,3 @@ class Ur5Rig:
     def _ask(self, text: str) -> None:
         if self.confirm(text) is not True:
             raise RigStopped("the operator did not confirm")
-
-    def _refuse_poor(self, log: RobotLog) -> None:
-        if log.missed > self.run.most_missed * log.cycles:
-            raise CastNotUsed(
-                f"ur5: {log.missed} of {log.cycles} servo deadlines were missed, more than "
-                f"{self.run.most_missed:.1%}; the cast is kept aside and will be cast again by the "
-                "next call (use a computer with less to do, or a real-time kernel)"
-            )
-        if self.run.speed < 1:
-            raise CastNotUsed(f"ur5: cast at {self.run.speed:.0%} of its speed, kept aside")
-
-    def _way_on(self, stop: RigStopped, number: int) -> str:
-        home = ", ".join(f"{angle:.1f}" for angle in np.degrees(self.home_rad()))
-        return (
-            f"ur5: {stop}. The motion was stopped at cast {number}; finished casts stay, what was "
-            "recorded of this one is kept aside. Mend the cause, release the robot on its pendant, "
-            f"let the tool hold the cable over the board (home: {home}°) and run the same "
-            "command again: it goes on with this cast"
-        )
