@@ -3,6 +3,7 @@
 Not part of the pipeline; rerun it for a cable whose `truth` or reset has changed.
 """
 
+import numpy as np
 from omegaconf import DictConfig
 
 from robotcast.build import action_space, build, build_rig
@@ -10,12 +11,12 @@ from robotcast.casts.plan import plan_action
 from robotcast.files import atomic_file
 from robotcast.rigs.collect import choose_casts
 from robotcast.rigs.envelope import feasible_actions
-from robotcast.rigs.virtual.arm import packaged_path
+from robotcast.rigs.virtual.arm import StartScatter, packaged_path
 from robotcast.rigs.virtual.rig import measure_resets
 from robotcast.stage import bar, stage, tell
 
 RESETS = 20
-STRAIGHT = {"_target_": "robotcast.rigs.virtual.arm.straight_start"}
+STRAIGHT = StartScatter(np.array([0.0, 1.0]), np.zeros((3, 2)))  # along +x, before any reset
 
 
 def measure_reset(config: DictConfig) -> None:

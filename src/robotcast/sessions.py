@@ -184,7 +184,7 @@ def video_writer(path: Path, fps: float, width: int, height: int) -> cv2.VideoWr
 
 
 def write_columns(columns: Mapping[str, np.ndarray], path: Path) -> None:
-    """Write a table of a cast as CSV, seven digits after the point."""
+    """Write a CSV table, seven digits after the point."""
     with atomic_file(path) as temporary:
         pl.DataFrame(columns).write_csv(temporary, float_precision=7)
 

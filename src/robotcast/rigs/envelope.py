@@ -117,8 +117,7 @@ class _Measured(NamedTuple):
     low: float
     high: float = np.inf
 
-    def excess(self) -> np.ndarray:
-        """Return how far outside the limits, (n, m), positive where broken."""
+    def excess(self) -> np.ndarray:  # positive where broken
         return np.maximum(self.value - self.high, self.low - self.value)
 
 
@@ -156,8 +155,8 @@ def rules_broken_by_many(
 
     "joints" concerns single joints, "tool" the held end's place and speed, whatever the angle of
     wrist 3, and "clearances" board, base and arm itself, whatever the angles of base and wrist 3.
-    `joints` (n, m, 6) [rad] at the times `t_s` (m,) that all motions share are NaN where the arm
-    does not reach, which breaks "reach", one of the joints' rules, and no other.
+    `joints` (n, m, 6) [rad], at times `t_s` (m,) that all share, are NaN where the arm does not
+    reach, which breaks "reach", one of the joints' rules, and no other.
     """
     lost = np.asarray(~np.isfinite(joints).all(axis=(1, 2)))
     broken = {"reach": lost} if group == "joints" else {}
@@ -185,8 +184,8 @@ def _measure_joints(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> 
 
 def _measure_tool(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> Iterator[_Measured]:
     tool, box = link_points(joints, envelope.gripper)[..., -1, :], envelope.box
-    for index, (part, limits) in enumerate((("x", box.x_m), ("y", box.y_m), ("z", box.z_m))):
-        yield _Measured("tool box", part, t_s, tool[..., index], *limits)
+    for index, limits in enumerate((box.x_m, box.y_m, box.z_m)):
+        yield _Measured("tool box", "xyz"[index], t_s, tool[..., index], *limits)
     radius = np.hypot(tool[..., 0], tool[..., 1])
     yield _Measured("tool keep-out", "radius", t_s, radius, box.r_min_m)
     speed = np.linalg.norm(np.diff(tool, axis=1), axis=2) / np.diff(t_s)
@@ -232,8 +231,7 @@ def feasible_actions(
 ) -> tuple[np.ndarray, FilterReport]:
     """Return the actions of the grid that the arm can do, (m, 6), and why others fell.
 
-    An action stays when the arm can do it and its mirror image: the arm itself is not
-    symmetric, and a policy uses both.
+    It must do the mirror image too: the arm is not symmetric, and a policy uses both.
     """
     curves = grid.curves(r0_m, limits)
     broken = _rules_broken_by_casts(curves, envelope, progress)

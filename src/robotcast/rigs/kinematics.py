@@ -1,8 +1,8 @@
 """Kinematics of a UR5 (CB3) that holds the cable's end over the board, and the room it takes up.
 
-The base stands at the origin of the board's frame and is not turned. Angles are those of
-the controller: base, shoulder, elbow, wrist 1, wrist 2, wrist 3. Of the eight solutions of
-the inverse kinematics the elbow-up one with the wrist reaching outwards is used throughout.
+The base stands at the origin of the board's frame and is not turned. Angles are the controller's.
+Of the eight solutions of the inverse kinematics the elbow-up one with the wrist reaching outwards
+is used throughout.
 """
 
 from dataclasses import dataclass

@@ -9,7 +9,6 @@ import socket
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +58,7 @@ class RobotLog:
     cycles: int = 0  # of the controller while the arm had to move
 
     def column(self, name: str) -> np.ndarray:
-        """Return one attribute of the states, (n,) or (n, 6)."""
+        """Return one field of the states, (n,) or (n, 6)."""
         return np.array([getattr(state, name) for state in self.states])
 
     def controller_time(self, heard_s: np.ndarray) -> np.ndarray:
@@ -80,8 +79,7 @@ class RobotLog:
     def tool_motion(self, start_s: float) -> ToolMotion:
         """Return the held end's motion from the controller's time `start_s` on, as it reported it.
 
-        The place is the controller's own, whose kinematics is calibrated; the yaw is the
-        difference of base and wrist 3, which is exact while the tool points down.
+        The yaw is the difference of base and wrist 3, exact while the tool points down.
         """
         joints, tool = self.column("joints_rad"), self.column("tool_pose")
         yaw = np.unwrap(joints[:, 0] - np.pi / 2 - joints[:, 5])
@@ -148,21 +146,16 @@ class Arm:
         self._listener = _Client(listen, "hears the controller")
         try:
             self._listener.obey(host, FIRST_S)
+            seen_s = [self.next_state(None, ARRIVAL_S).t_s]
+            for _ in range(PERIODS):
+                seen_s.append(self.next_state(seen_s[-1], ARRIVAL_S).t_s)
         except RigStopped as stop:
             self._listener.kill()
             raise ValueError(
                 f"no UR controller answers at rig.host={host} ({stop}); "
                 "check the cable, the address and that the robot is switched on"
             ) from None
-        try:
-            seen_s = [self.next_state(None, ARRIVAL_S).t_s]
-            for _ in range(PERIODS):
-                seen_s.append(self.next_state(seen_s[-1], ARRIVAL_S).t_s)
-        except RigStopped:
-            self.close()
-            raise
-        shortest_s = min(after - before for before, after in pairwise(seen_s))
-        self.period_s = 0.008 if shortest_s > 0.006 else 0.002
+        self.period_s = 0.008 if np.diff(seen_s).min() > 0.006 else 0.002
 
     def next_state(self, last_s: float | None, patience_s: float) -> RobotState:
         """Wait for a cycle later than `last_s`; raise `RigStopped` when none comes in time."""
@@ -212,8 +205,8 @@ class Arm:
     ) -> None:
         """Run motions that were checked, one right after the other, and log every cycle.
 
-        `every_cycle` is called beside `require_alive`, `before` with the index of a motion before
-        it starts. After any trouble nobody is left to send a target.
+        `every_cycle` is called beside `require_alive`, `before` with a motion's index before it
+        starts. After any trouble nobody is left to send a target.
         """
         with self._driving() as driver:
             for index, motion in enumerate(motions):

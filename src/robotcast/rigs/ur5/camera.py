@@ -16,8 +16,7 @@ from robotcast.rigs import RigStopped
 from robotcast.sessions import video_writer
 from robotcast.vision.camera import Camera
 
-FIRST_FRAME_S = 10.0
-OPENING_MS = 10_000
+FIRST_FRAME_S, OPENING_MS = 10.0, 10_000
 RATE_TOLERANCE = 0.1
 MANUAL_EXPOSURE = 1.0  # V4L2's menu: 1 manual, 3 automatic
 WIDEST_OFFSET_S, OFFSETS_TRIED = 0.3, 601
@@ -79,6 +78,17 @@ class Webcam:
             source = self.settings.source
             raise RigStopped(f"the camera {source} gave no frame for {silent_s:.1f} s")
 
+    def require_rate(self, times_s: np.ndarray) -> float:
+        """Return the rate of frames at `times_s` (k,); refuse another than the asked one."""
+        asked = self.settings
+        rate = float(1 / np.diff(times_s).mean()) if len(times_s) > 1 else 0.0
+        if not abs(rate - asked.fps) <= RATE_TOLERANCE * asked.fps:
+            raise ValueError(
+                f"rig.camera={asked.source}: asked for {asked.fps:g} frames/s, gives {rate:.1f}; "
+                "ask for a rate that it has at this size and light (rig.fps)"
+            )
+        return rate
+
     def start_recording(self, path: Path) -> None:
         """Write every frame from now on into the video file `path`."""
         asked = self.settings
@@ -89,11 +99,10 @@ class Webcam:
     def stop_recording(self) -> np.ndarray:
         """Close the file; return the capture times of its frames by the monotonic clock, (k,)."""
         with self._lock:
-            writer, self._writer = self._writer, None
-            times = np.array(self._times)
-        if writer is not None:
-            writer.release()
-        return times
+            if self._writer is not None:
+                self._writer.release()
+            self._writer = None
+            return np.array(self._times)
 
     def close(self) -> None:
         self._running = False
@@ -103,11 +112,10 @@ class Webcam:
     def _take_frames(self) -> None:
         # The thread lets go of the camera itself: nobody may while it waits for a frame.
         is_file = not self.settings.device and "://" not in self.settings.source
-        played, begun_s = 0, time.monotonic()
+        due_s = time.monotonic()
         try:
             while self._running:
                 if is_file:
-                    due_s = begun_s + played / self.settings.fps
                     time.sleep(max(0.0, due_s - time.monotonic()))
                 if not self._capture.grab():
                     return
@@ -115,7 +123,7 @@ class Webcam:
                 read, frame = self._capture.retrieve()
                 if not read:
                     continue
-                played += 1
+                due_s += 1 / self.settings.fps
                 with self._lock:
                     self._latest, self._seen_s = frame, now_s
                     if self._writer is not None:
@@ -138,17 +146,6 @@ class Webcam:
             if width
             else f"rig.camera={asked.source}: opens, but gives no frame"
         )
-
-
-def require_rate(times_s: np.ndarray, settings: WebcamSettings) -> float:
-    """Return the rate of frames at `times_s` (k,); refuse another than the asked one."""
-    rate = float(1 / np.diff(times_s).mean()) if len(times_s) > 1 else 0.0
-    if not abs(rate - settings.fps) <= RATE_TOLERANCE * settings.fps:
-        raise ValueError(
-            f"rig.camera={settings.source}: asked for {settings.fps:g} frames/s, gives {rate:.1f}; "
-            "ask for a rate that it has at this size and light (rig.fps)"
-        )
-    return rate
 
 
 def _opened(asked: WebcamSettings) -> tuple[cv2.VideoCapture, list[str]]:
@@ -184,10 +181,9 @@ def _opened(asked: WebcamSettings) -> tuple[cv2.VideoCapture, list[str]]:
 
 
 def arm_pixels(camera: Camera, held_m: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Return what picks the grey pixels (m,) that the arm may cover, few, out of a picture.
+    """Return what picks the few grey pixels (m,) that the arm may cover out of a picture.
 
-    The cable lies beyond `held_m`, at which distance from the base the arm holds it: it follows
-    the arm late, and would be taken for a late camera.
+    The cable, beyond `held_m` from the base, follows late and would be taken for a late camera.
     """
     scale = ARM_PICTURE_WIDTH_PX / camera.width
     size = ARM_PICTURE_WIDTH_PX, round(camera.height * scale)
@@ -208,13 +204,8 @@ def camera_offset(
     """Return by how much frames are stamped late [s].
 
     Whatever moves with the arm moves the picture along one direction: the first principal
-    component of the frames follows the angle. The offset is where it fits the angle best.
-
-    Parameters
-    ----------
-    pictures : ndarray of shape (k, m), each frame's `arm_pixels`.
-    seen_s : ndarray of shape (k,), when each was captured, in the controller's time.
-    t_s, angle_rad : ndarrays of shape (n,), the arm's actual motion.
+    component of the frames, `arm_pixels` (k, m) captured at `seen_s` (k,) of the controller's time,
+    follows the arm's actual angle (n,) at `t_s` (n,). The offset is where it fits that best.
     """
     inside = (seen_s - WIDEST_OFFSET_S >= t_s[0]) & (seen_s <= t_s[-1])
     if inside.sum() < FEWEST_FRAMES:

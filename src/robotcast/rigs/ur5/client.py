@@ -13,10 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-VARIABLES = (
-    *("timestamp", "actual_q", "target_q", "actual_TCP_pose", "target_speed_fraction"),
-    *("runtime_state", "robot_status_bits", "safety_status_bits"),
-)
+VARIABLES = "timestamp actual_q target_q actual_TCP_pose target_speed_fraction runtime_state "
+VARIABLES += "robot_status_bits safety_status_bits"
 SAFETY_BITS = (
     *("protective stop", "recovery mode", "safeguard stop", "system emergency stop"),
     *("robot emergency stop", "emergency stop", "safety violation", "safety fault"),
@@ -50,15 +48,14 @@ def listen(orders: Connection) -> None:
 
     The first order is the controller's host; its answer is "" once states arrive, or what went
     wrong. Every further order is a time of the controller's clock: the answer is the newest
-    `RobotState` after it, as soon as there is one, and "" when the connection was lost. Packets
-    that come in a burst, after a hiccup of the network, count as one: the last of them is
-    answered, so that no burst of targets answers them.
+    `RobotState` after it, as soon as there is one, and "" when the connection was lost. Of packets
+    that come in a burst the last is answered, so that no burst of targets answers them.
     """
     _silence()
     from rtde_receive import RTDEReceiveInterface  # an optional extra
 
     try:
-        receive = RTDEReceiveInterface(orders.recv(), variables=list(VARIABLES))
+        receive = RTDEReceiveInterface(orders.recv(), variables=VARIABLES.split())
     except (RuntimeError, ValueError) as error:
         orders.send(str(error).strip() or "no reason given")
         return

@@ -30,10 +30,7 @@ class ArmDynamics:
 
 
 def lagged(numerator: np.ndarray, denominator: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """Return what follows `asked` (n, k) in time, (n, k), at rest on its first row before.
-
-    The coefficients are of z⁰, z⁻¹ …; they may hold no integrator.
-    """
+    """Return what follows `asked` (n, k) in time, at rest before; coefficients of z⁰, z⁻¹ …"""
     from scipy.signal import lfilter, lfilter_zi  # half a second, for those who cast alone
 
     state = lfilter_zi(numerator, denominator)[:, None] * asked[0]
@@ -70,7 +67,6 @@ class StartScatter:
     headings_rad: np.ndarray  # (resets, p), direction of the cable there; 0 is along +x
 
     def mean(self, segments: int) -> np.ndarray:
-        """Return the mean headings of a chain's segments, (segments,) [rad]."""
         return self._along(self.headings_rad.mean(axis=0), segments)
 
     def draw(self, segments: int, random: np.random.Generator) -> np.ndarray:
@@ -90,11 +86,6 @@ class StartScatter:
 
     def _along(self, headings: np.ndarray, segments: int) -> np.ndarray:
         return np.interp((np.arange(segments) + 0.5) / segments, self.places, headings)
-
-
-def straight_start() -> StartScatter:
-    """Return a start without scatter, straight along +x."""
-    return StartScatter(np.array([0.0, 1.0]), np.zeros((3, 2)))
 
 
 def packaged_path(cable_name: str) -> Path:

@@ -37,7 +37,6 @@ class CableTruth:
     contact_s: float = 0.003  # time constant of a contact
 
     def with_friction(self, factor: float) -> "CableTruth":
-        """Return the cable on a board whose friction is `factor` times as strong."""
         return replace(self, friction=self.friction * factor)
 
 
@@ -86,12 +85,9 @@ def build_cable(cable: Cable, truth: CableTruth) -> mujoco.MjSpec:
 
 
 def compile_cable(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile, keeping the solver's tolerance free of the tool's huge armature.
-
-    MuJoCo scales its stopping rule by the mean inertia; with the tool's in it the solver would
-    stop early and the end would miss by centimetres.
-    """
     model = spec.compile()
+    # MuJoCo scales its stopping rule by the mean inertia; with the tool's huge armature in it the
+    # solver would stop early and the end would miss by centimetres.
     model.stat.meaninertia = 1e-3
     return model
 
@@ -142,8 +138,7 @@ class Motion:
 
     @property
     def end_m(self) -> np.ndarray:
-        """Path of the free end, (n, 3)."""
-        return self.nodes_m[:, -1]
+        return self.nodes_m[:, -1]  # (n, 3), of the free end
 
 
 class CableRun:
@@ -201,12 +196,10 @@ class CableRun:
             resting_s = resting_s + self._stride * dt if speed < REST_SPEED_M_S else 0.0
             if resting_s >= REST_S and step * dt >= moving_s + REST_S:
                 break
-        kinds = mujoco.mjtWarning
-        bad = (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
-        if any(data.warning[int(kind)].number for kind in bad):
+        bad = (f"mjWARN_BAD{of}" for of in ("QPOS", "QVEL", "QACC"))
+        if any(data.warning[int(getattr(mujoco.mjtWarning, name))].number for name in bad):
             raise ValueError("virtual rig: the simulated cable diverged")
-        times = np.arange(len(recorded)) * self._stride * dt
-        return Motion(times, np.stack(recorded))
+        return Motion(np.arange(len(recorded)) * self._stride * dt, np.stack(recorded))
 
 
 def nodes(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:

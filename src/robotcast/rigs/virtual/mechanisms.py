@@ -1,7 +1,9 @@
 """Hidden effects of the virtual rig: the truth that a diagnosis is asked to find.
 
-A mechanism is a function of what it acts on and of its numbers, in SI units; the words in
-brackets name it and where it acts:
+They act through MuJoCo itself or through forces written here, on the three-dimensional cable, and
+share no code with robotcast.effects, whose classes act on the simulators that diagnose. Effects
+that both know have the same names and numbers, in SI units. A mechanism is a function of what it
+acts on and of its numbers; where it acts, one word says:
 
 "cable" (cable, planned cast): the cable as it hangs out of the gripper.
 "model" (specification, cable, truth): edits the specification before it is compiled.
@@ -11,15 +13,11 @@ brackets name it and where it acts:
 "friction" (pieces): the factor, one or (n,), by which the board's friction is stronger.
 "force" (pieces): a force along the board on every piece, (n, 2).
 "rest" (bends, resting angles (segments,), segment length): the hinges' new resting angles about z.
-
-They act through MuJoCo itself or through forces written here, on the three-dimensional cable, and
-share no code with robotcast.effects, whose classes act on the simulators that diagnose. Effects
-that both know have the same names and numbers.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from inspect import signature
+from inspect import getfullargspec
 from math import prod
 from typing import Any
 
@@ -34,8 +32,27 @@ from robotcast.rigs.virtual.cable import TOOL_JOINTS, CableTruth, add_piece
 AIR_KG_M3 = 1.2
 SMOOTH_BALL = 0.5  # drag coefficient
 
-MECHANISMS: dict[str, tuple[str, Callable[..., Any]]] = {}
-"""Name → where it acts, its function."""
+MECHANISMS: dict[str, tuple[str, Callable[..., Any]]] = {
+    # a waypoint is stamped tau after it was seen
+    "camera_latency": ("stamps", lambda stamp_s, *, tau: stamp_s - tau),
+    # the camera's second is 1 / (1 + k) of a second
+    "camera_clock": ("stamps", lambda stamp_s, *, k: stamp_s / (1 + k)),
+    # the camera shows every place 1 + k times as far from the robot's base, or shifted
+    "camera_scale": ("places", lambda place_m, *, k: (1 + k) * place_m),
+    "camera_offset": ("places", lambda place_m, *, dx, dy: place_m + np.array([dx, dy])),
+    # the cable leaves the gripper at an angle to its logged yaw
+    "wrist_offset": ("hold", lambda path, step_s, *, beta: path + beta * np.eye(5)[3]),
+    # a film of oil on the board holds every piece back by c m v
+    "viscous_friction": ("force", lambda p, *, c: -c * p.mass_kg[:, None] * p.velocity_m_s),
+    # the board wears: friction grows by k over a session of so many casts
+    "friction_drift": ("friction", lambda p, *, k, casts: 1 + k * (p.cast / max(casts - 1, 1))),
+    # rubbing warms the board: in the course of a cast friction nears 1 + k times its first
+    "warming_board": (
+        "friction",
+        lambda p, *, k, time: 1 + k * (1 - np.exp(-max(p.t_s, 0.0) / time)),
+    ),
+}
+"""Name → where it acts, its function; `_acts` enters the longer ones."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +69,7 @@ class HiddenEffect:
         if self.name not in MECHANISMS:
             known = ", ".join(sorted(MECHANISMS))
             raise ValueError(f"hidden effect: {self.name} is none of {known}")
-        takes = signature(MECHANISMS[self.name][1]).parameters.values()
-        takes = [number.name for number in takes if number.kind is number.KEYWORD_ONLY]
+        takes = getfullargspec(MECHANISMS[self.name][1]).kwonlyargs
         if sorted(self.numbers) != sorted(takes):
             given = ", ".join(self.numbers)
             raise ValueError(f"hidden effect: {self.name} takes {', '.join(takes)}, got {given}")
@@ -130,10 +146,6 @@ class Disturbance:
         return Pieces(place[:, :2], velocity[:, :2], *self._made, float(data.time), self._cast)
 
 
-def _away_m(pieces: Pieces, x0: float, y0: float) -> np.ndarray:
-    return pieces.place_m - np.array([x0, y0])
-
-
 @_acts("model")
 def board_tilt(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, sx: float, sy: float):
     """The board is not level: gravity leans by `sx`, `sy` times g along x and y."""
@@ -144,7 +156,8 @@ def board_tilt(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, sx: floa
 @_acts("friction")
 def friction_patch(pieces: Pieces, *, k: float, x0: float, y0: float, w: float) -> np.ndarray:
     """A stain: the friction is 1 + k exp(−d²/w²) times as strong at the distance d from it."""
-    return 1 + k * np.exp(-np.sum(_away_m(pieces, x0, y0) ** 2, axis=1) / w**2)
+    away = pieces.place_m - np.array([x0, y0])
+    return 1 + k * np.exp(-np.sum(away**2, axis=1) / w**2)
 
 
 @_acts("friction")
@@ -157,24 +170,9 @@ def endpoint_friction(pieces: Pieces, *, k: float) -> np.ndarray:
 
 @_acts("friction")
 def stribeck_friction(pieces: Pieces, *, k: float, vs: float) -> np.ndarray:
-    """What creeps grips more: friction is 1 + k exp(−(v/vs)²) times as strong.
-
-    A factor above one that falls with speed; MuJoCo's contacts take it one step late, which
-    keeps a cable at rest at rest.
-    """
+    """What creeps grips more: friction is 1 + k exp(−(v/vs)²) times as strong."""
+    # Above one and falling with speed, one step late: so a cable at rest stays at rest.
     return 1 + k * np.exp(-np.sum(pieces.velocity_m_s**2, axis=1) / vs**2)
-
-
-@_acts("friction")
-def friction_drift(pieces: Pieces, *, k: float, casts: float) -> float:
-    """The board wears: friction grows by k over a session of `casts`."""
-    return 1 + k * (pieces.cast / max(casts - 1, 1))
-
-
-@_acts("friction")
-def warming_board(pieces: Pieces, *, k: float, time: float) -> float:
-    """Rubbing warms the board: in the course of a cast friction nears 1 + k times its first."""
-    return 1 + k * (1 - np.exp(-max(pieces.t_s, 0.0) / time))
 
 
 @_acts("model")
@@ -198,35 +196,11 @@ def anisotropic_friction(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *
         spec.add_pair(**touching, friction=friction, solref=solref)
 
 
-@_acts("stamps")
-def camera_latency(stamp_s: np.ndarray, *, tau: float) -> np.ndarray:
-    """A waypoint is stamped `tau` after it was seen."""
-    return stamp_s - tau
-
-
-@_acts("stamps")
-def camera_clock(stamp_s: np.ndarray, *, k: float) -> np.ndarray:
-    """The camera's second is 1 / (1 + k) of a second."""
-    return stamp_s / (1 + k)
-
-
-@_acts("places")
-def camera_scale(place_m: np.ndarray, *, k: float) -> np.ndarray:
-    """The camera shows every place 1 + k times as far from the robot's base."""
-    return (1 + k) * place_m
-
-
 @_acts("places")
 def camera_rotation(place_m: np.ndarray, *, phi: float) -> np.ndarray:
     """The camera shows every place turned about the robot's base."""
     c, s = np.cos(phi), np.sin(phi)
     return place_m @ np.array([[c, s], [-s, c]])
-
-
-@_acts("places")
-def camera_offset(place_m: np.ndarray, *, dx: float, dy: float) -> np.ndarray:
-    """The camera shows every place shifted."""
-    return place_m + np.array([dx, dy])
 
 
 @_acts("places")
@@ -243,12 +217,6 @@ def tool_lag(path: np.ndarray, step_s: float, *, tau: float) -> np.ndarray:
     slope = tau * (1 - decay) / step_s  # exact for a path that is straight between its samples
     weights, past = np.array([1 - slope, slope - decay, 0.0]), np.array([1.0, -decay, 0.0])
     return path[0] + lagged(weights, past, path - path[0])
-
-
-@_acts("hold")
-def wrist_offset(path: np.ndarray, step_s: float, *, beta: float) -> np.ndarray:
-    """The cable leaves the gripper at an angle to its logged yaw."""
-    return path + np.array([0.0, 0.0, 0.0, beta, 0.0])
 
 
 @_acts("hold")
@@ -314,24 +282,15 @@ def air_drag(pieces: Pieces, *, C: float) -> np.ndarray:
 
 
 @_acts("force")
-def viscous_friction(pieces: Pieces, *, c: float) -> np.ndarray:
-    """A film of oil on the board holds every piece back by c m v."""
-    return -c * pieces.mass_kg[:, None] * pieces.velocity_m_s
-
-
-@_acts("force")
 def sticky_zone(pieces: Pieces, *, c: float, x0: float, y0: float, radius: float) -> np.ndarray:
     """Spilt syrup: within a disc every piece is held back by c m v."""
-    inside = np.linalg.norm(_away_m(pieces, x0, y0), axis=1) < radius
+    inside = np.linalg.norm(pieces.place_m - np.array([x0, y0]), axis=1) < radius
     return -(c * pieces.mass_kg * inside)[:, None] * pieces.velocity_m_s
 
 
 @_acts("force")
 def draught(pieces: Pieces, *, a: float, heading: float, from_y: float, side: float) -> np.ndarray:
-    """A fan blows beyond the line y = `from_y` (below it, if `side` is −1).
-
-    It pushes all that is light and heavy there alike, by the acceleration `a` towards `heading`.
-    """
+    """A fan beyond y = `from_y` (below it, if `side` is −1) accelerates all by `a` to `heading`."""
     blown = pieces.mass_kg * (side * (pieces.place_m[:, 1] - from_y) > 0)
     return a * blown[:, None] * np.array([np.cos(heading), np.sin(heading)])
 
@@ -350,10 +309,7 @@ def rubber_band(
 
 @_acts("model")
 def swinging_end(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, share: float, arm: float):
-    """A share of the end's mass hangs from it on an arm that swings freely: a pendulum more.
-
-    The bob slides on the board as the end does.
-    """
+    """A share of the end's mass hangs from it on an arm that swings freely over the board."""
     end = spec.body("endpoint")
     mass = share * end.mass
     end.mass -= mass

@@ -35,10 +35,10 @@ _BOARD_SEED = 20220411
 
 @dataclass(frozen=True)
 class SceneMotion:
-    """Everything that moves before the camera, at the increasing times `t_s` (n,).
+    """Everything that moves before the camera, at the increasing times `t_s` (n,) of the video.
 
-    The video begins at t_s[0] and ends by t_s[-1]. Let it begin two frames or more before t = 0,
-    so that a waypoint at t = 0 has frames on both sides; 240 Hz or denser, for motion blur.
+    Let them begin two frames or more before t = 0, so that a waypoint at t = 0 has frames on both
+    sides; 240 Hz or denser, for motion blur.
     """
 
     t_s: np.ndarray
@@ -220,8 +220,7 @@ def _link_outlines(points_px: np.ndarray, scale: np.ndarray) -> np.ndarray:
     return outlines.reshape(*outlines.shape[:3], 2 * _CAP_POINTS, 2)
 
 
-def _fixed(pixels: np.ndarray) -> np.ndarray:
-    """Return pixels as the fixed-point integers that OpenCV draws sub-pixel lines with."""
+def _fixed(pixels: np.ndarray) -> np.ndarray:  # as OpenCV takes sub-pixel places
     return np.rint(pixels * 2**_SHIFT).astype(np.int32)
 
 
@@ -237,10 +236,8 @@ def _at(times: np.ndarray, t_s: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _vignette(camera: Camera, depth: float) -> np.ndarray:
     """Return the share of light that reaches each pixel, float32 (height, width)."""
     v, u = np.mgrid[: camera.height, : camera.width].astype(np.float32)
-    centre = camera.centre_px
-    far = np.hypot(camera.width, camera.height) / 2
-    share = 1 - depth * ((u - centre[0]) ** 2 + (v - centre[1]) ** 2) / far**2
-    return share.astype(np.float32)
+    (u0, v0), far = camera.centre_px, np.hypot(camera.width, camera.height) / 2
+    return (1 - depth * ((u - u0) ** 2 + (v - v0) ** 2) / far**2).astype(np.float32)
 
 
 @lru_cache(maxsize=4)

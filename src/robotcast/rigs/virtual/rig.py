@@ -1,22 +1,23 @@
 """The virtual rig: it stands in for the robot, the cable, the board and the camera.
 
-Last come studies of it: which casts are chaotic, and how resets scatter the start.
+Last come studies of it: how well casts can be repeated, and how resets scatter the start.
 """
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import repeat
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from robotcast import sessions
 from robotcast.casts.plan import PlannedCast
 from robotcast.casts.reset import ResetSettings, plan_reset
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.measurements.measurement_set import Cable, Trial
-from robotcast.processes import process_pool
+from robotcast.processes import parallel_map
 from robotcast.progress import Progress, silent
 from robotcast.rigs.kinematics import Gripper, joint_path
 from robotcast.rigs.virtual.arm import ArmDynamics, CastNoise, StartScatter, generator
@@ -30,15 +31,6 @@ from robotcast.rigs.virtual.cable import (
 )
 from robotcast.rigs.virtual.mechanisms import Disturbance, HiddenEffect, acting
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, frame_starts, render_cast
-from robotcast.sessions import (
-    TOOL_FILE,
-    TRUTH_FILE,
-    VIDEO_FILE,
-    CastRecord,
-    write_columns,
-    write_record,
-    write_tool,
-)
 from robotcast.vision.camera import Camera
 from robotcast.vision.facts import TrackerFacts
 
@@ -92,15 +84,15 @@ class VirtualRig:
     ) -> None:
         """Simulate, log and film one cast into the empty `folder`."""
         truth = self.simulate_truth(planned, number)
-        write_tool(self.log_tool(truth.tool, number), folder / TOOL_FILE)
+        sessions.write_tool(self.log_tool(truth.tool, number), folder / sessions.TOOL_FILE)
         scene = self._scene(truth, rest_only=rest_only)
         frames = frame_starts(scene, self.picture)
         film_seed = int(generator(self.seed, number, "film").integers(2**31))
-        render_cast(folder / VIDEO_FILE, scene, self.camera, self.picture, film_seed)
+        render_cast(folder / sessions.VIDEO_FILE, scene, self.camera, self.picture, film_seed)
         middle_s = frames + self.picture.exposure_s / 2
         x, y, _ = ToolMotion(truth.cable.t_s, truth.cable.end_m).at(middle_s).T
-        write_columns({"t": middle_s, "x": x, "y": y}, folder / TRUTH_FILE)
-        record = CastRecord(
+        sessions.write_columns({"t": middle_s, "x": x, "y": y}, folder / sessions.TRUTH_FILE)
+        record = sessions.CastRecord(
             number=number,
             action=planned.action,
             rig=self.name,
@@ -112,7 +104,7 @@ class VirtualRig:
             rest_s=float(truth.cable.t_s[-1]),
             rest_only=rest_only,
         )
-        write_record(record, folder)
+        sessions.write_record(record, folder)
 
     def simulate_truth(
         self, planned: PlannedCast, number: int, *, headings_rad: np.ndarray | None = None
@@ -220,39 +212,23 @@ NUDGE_M = 0.001
 CHAOTIC = 10.0  # amplification from which a cast is called chaotic
 
 
-@dataclass(frozen=True)
-class CastSensitivity:
-    """How well a cast can be repeated."""
-
-    amplification: float
-    scatter_m: float
-
-    @property
-    def chaotic(self) -> bool:
-        """Whether a millimetre at the start moves the end by a centimetre or more."""
-        return self.amplification >= CHAOTIC
-
-
 def amplification(rig: VirtualRig, planned: PlannedCast) -> float:
-    """Return by how much a cast amplifies a nudge of its free end at the start.
+    """Return how far the resting end moves for a nudge of the free end at the start.
 
-    That is how far the resting end moves when the free end starts `NUDGE_M` to the left or right,
-    the larger of both, in units of `NUDGE_M`; nothing else differs.
+    The nudge is `NUDGE_M` to the left or right, the shift the larger of both, in units of it.
     """
     quiet = replace(rig, noise=CastNoise(0.0, 0.0, 0.0, 0.0, 0.0))
-    start = rig.scatter.mean(rig.truth.segments)
-    turn = NUDGE_M / rig.cable.length_m
-    ends = [
-        quiet.simulate_truth(planned, 0, headings_rad=start + nudge).cable.end_m[-1]
-        for nudge in (0.0, turn, -turn)
-    ]
-    return float(max(np.linalg.norm(end - ends[0]) for end in ends[1:]) / NUDGE_M)
+    turns = np.array([0.0, 1.0, -1.0])[:, None] * NUDGE_M / rig.cable.length_m
+    starts = rig.scatter.mean(rig.truth.segments) + turns
+    truths = [quiet.simulate_truth(planned, 0, headings_rad=start) for start in starts]
+    end, *ends = (truth.cable.end_m[-1] for truth in truths)
+    return float(np.linalg.norm(np.array(ends) - end, axis=1).max() / NUDGE_M)
 
 
 def repeat_scatter_m(rig: VirtualRig, planned: PlannedCast, repeats: int) -> float:
     """Return the average deviation of the resting end over casts that repeat `planned`.
 
-    They have the rig's own chance; it is counted as in `measurements.noise_floor`.
+    It is counted as in `measurements.noise_floor`.
     """
     casts = [rig.simulate_truth(planned, number).cable for number in range(repeats)]
     ends = np.array([cable.end_m[-1, :2] for cable in casts])
@@ -262,18 +238,23 @@ def repeat_scatter_m(rig: VirtualRig, planned: PlannedCast, repeats: int) -> flo
 
 def sensitivities(
     rig: VirtualRig, casts: Sequence[PlannedCast], repeats: int, progress: Progress = silent
-) -> list[CastSensitivity]:
-    """Return the sensitivity of each cast, simulated side by side."""
+) -> list[tuple[float, float]]:
+    """Return the amplification of each cast and how far its repeats scatter [m]."""
+    return _side_by_side(partial(_sensitivity, rig, repeats), casts, rig.workers, progress)
+
+
+def _sensitivity(rig: VirtualRig, repeats: int, planned: PlannedCast) -> tuple[float, float]:
+    return amplification(rig, planned), repeat_scatter_m(rig, planned, repeats)
+
+
+def _side_by_side(
+    work: Callable[[Any], Any], parts: Sequence[Any], workers: int, progress: Progress
+) -> list[Any]:
     found = []
-    with process_pool(rig.workers) as pool:
-        for one in pool.map(_sensitivity, repeat(rig), casts, repeat(repeats)):
-            found.append(one)
-            progress(len(found), len(casts))
+    for one in parallel_map(work, parts, workers):
+        found.append(one)
+        progress(len(found), len(parts))
     return found
-
-
-def _sensitivity(rig: VirtualRig, planned: PlannedCast, repeats: int) -> CastSensitivity:
-    return CastSensitivity(amplification(rig, planned), repeat_scatter_m(rig, planned, repeats))
 
 
 def simulate_reset(
@@ -300,13 +281,16 @@ def measure_resets(
     progress: Progress = silent,
 ) -> StartScatter:
     """Simulate each cast and the reset that follows it; return how the cable then lies."""
-    headings = []
-    with process_pool(rig.workers) as pool:
-        numbers = range(len(casts))
-        for motion in pool.map(simulate_reset, repeat(rig), casts, numbers, repeat(settings)):
-            headings.append(resting_headings(motion))
-            progress(len(headings), len(casts))
+    numbered = list(enumerate(casts))
+    headings = _side_by_side(partial(_headings, rig, settings), numbered, rig.workers, progress)
     return StartScatter(PLACES, np.array(headings))
+
+
+def _headings(
+    rig: VirtualRig, settings: ResetSettings, cast: tuple[int, PlannedCast]
+) -> np.ndarray:
+    number, planned = cast
+    return resting_headings(simulate_reset(rig, planned, number, settings))
 
 
 def resting_headings(motion: Motion) -> np.ndarray:
