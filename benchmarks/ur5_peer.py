@@ -112,10 +112,13 @@ def faults(times: int, seed: int) -> None:
             with running_peer(PATIENT) as peer:
                 arm, after_s = arm_at(peer.host, 2.0, stale_s=4.0), float(random.uniform(0.1, 3.0))
                 motion, log = sway(HOME, arm.period_s), RobotLog()
+
+                def begin(peer=peer, fault=fault, after_s=after_s, log=log) -> None:
+                    if len(log.states) == 1:
+                        peer.break_in(fault, after_s)
+
                 try:
-                    arm.follow(
-                        [motion], log, before=lambda _, f=fault, s=after_s: peer.break_in(f, s)
-                    )
+                    arm.follow(motion, log, begin)
                 except RigStopped:
                     stopped += 1
                 seen = peer.log()
@@ -206,7 +209,7 @@ def actions(count: int, executed: int, seed: int) -> None:
             if seen["executed"] < executed:
                 seen["executed"] += 1
                 motion = _and_back(whole, arm.period_s)
-                arm.follow([motion], RobotLog())
+                arm.follow(motion, RobotLog())
         log = peer.log()
         arm.close()
     broken = broken_rules(log["t_s"], log["joints"], RESET_ENVELOPE) if executed else []
@@ -258,7 +261,7 @@ def _stream_to(host: str) -> None:
     motion = sway(start, arm.period_s)
     begun = time.monotonic()
     try:
-        arm.follow([motion], log)
+        arm.follow(motion, log)
         ended = "to its end"
     except RigStopped as stop:
         ended = f"until: {stop}"

@@ -6,7 +6,7 @@ that no two targets in a row lie further apart than planned.
 """
 
 import socket
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -193,25 +193,45 @@ class Arm:
 
     def run(self, motion: JointMotion) -> None:
         """Run a motion that was checked, and wait until the arm stands still."""
-        settled = motion.part(slice(-1, None)).held(0.0, SETTLE_S, self.period_s)
-        self.follow([motion, settled], RobotLog())
+        self.follow(motion.held(0.0, SETTLE_S, self.period_s), RobotLog())
 
     def follow(
-        self,
-        motions: Sequence[JointMotion],
-        log: RobotLog,
-        every_cycle: Callable[[], None] = lambda: None,
-        before: Callable[[int], None] = lambda index: None,
+        self, motion: JointMotion, log: RobotLog, every_cycle: Callable[[], None] = lambda: None
     ) -> None:
-        """Run motions that were checked, one right after the other, and log every cycle.
+        """Run a motion that was checked; log every cycle, and do `every_cycle` in it.
 
-        `every_cycle` is called beside `require_alive`, `before` with a motion's index before it
-        starts. After any trouble nobody is left to send a target.
+        After any trouble nobody is left to send a target.
         """
+        path_m = link_points(motion.joints_rad, self.gripper)[:, -1]
+        moving = (motion.joints_rad != motion.joints_rad[0]).any(axis=1)
+        window = int(np.ceil(self.watch.lag_s / self.period_s))
         with self._driving() as driver:
-            for index, motion in enumerate(motions):
-                before(index)
-                self._stream(driver, motion, log, every_cycle)
+            for index, target in enumerate(motion.joints_rad):
+                last_s = log.states[-1].t_s if log.states else None
+                state = self.next_state(last_s, self.watch.stale_s)
+                if last_s is not None and moving[index]:
+                    cycles = round((state.t_s - last_s) / self.period_s)
+                    log.cycles += cycles
+                    log.missed += cycles - 1
+                log.states.append(state)
+                self._require_sound(state, path_m[max(0, index - window) : index + 1])
+                every_cycle()
+                if target.shape != (6,) or not np.isfinite(target).all():
+                    raise RigStopped("a target that is no number was about to be sent")
+                if (refused := driver.answer(0.0)) is not None:
+                    raise RigStopped(refused)
+                driver.send(target.tolist())
+
+    def _require_sound(self, state: RobotState, recent_m: np.ndarray) -> None:
+        """Raise `RigStopped` unless arm and rig are well and the tool is near its recent path."""
+        if state.trouble:
+            raise RigStopped(f"{state.trouble} of the robot")
+        if state.runtime != PLAYING:
+            raise RigStopped("the program on the controller ended (stopped there, or its watchdog)")
+        away_m = np.linalg.norm(recent_m - state.tool_pose[:3], axis=1).min()
+        if not away_m <= self.watch.off_path_m:
+            raise RigStopped(f"the tool is {away_m * 1e3:.0f} mm off its path")
+        self.require_alive()
 
     def stop(self) -> None:
         """End whatever program runs, over the dashboard's own connection; the arm brakes."""
@@ -241,39 +261,6 @@ class Arm:
             self._driver = None
             self.stop()
             raise
-
-    def _stream(
-        self, driver: _Client, motion: JointMotion, log: RobotLog, every_cycle: Callable[[], None]
-    ) -> None:
-        """Send every target of `motion`, right after those in `log`; nothing after any trouble."""
-        path_m = link_points(motion.joints_rad, self.gripper)[:, -1]
-        moving = (motion.joints_rad != motion.joints_rad[0]).any(axis=1)
-        window = int(np.ceil(self.watch.lag_s / self.period_s))
-        for index, target in enumerate(motion.joints_rad):
-            last_s = log.states[-1].t_s if log.states else None
-            state = self.next_state(last_s, self.watch.stale_s)
-            if last_s is not None and moving[index]:
-                cycles = round((state.t_s - last_s) / self.period_s)
-                log.cycles += cycles
-                log.missed += cycles - 1
-            log.states.append(state)
-            if state.trouble:
-                raise RigStopped(f"{state.trouble} of the robot")
-            if state.runtime != PLAYING:
-                raise RigStopped(
-                    "the program on the controller ended (stopped there, or its watchdog)"
-                )
-            recent_m = path_m[max(0, index - window) : index + 1]
-            away_m = np.linalg.norm(recent_m - state.tool_pose[:3], axis=1).min()
-            if not away_m <= self.watch.off_path_m:
-                raise RigStopped(f"the tool is {away_m * 1e3:.0f} mm off its path")
-            self.require_alive()
-            every_cycle()
-            if target.shape != (6,) or not np.isfinite(target).all():
-                raise RigStopped("a target that is no number was about to be sent")
-            if (refused := driver.answer(0.0)) is not None:
-                raise RigStopped(refused)
-            driver.send(target.tolist())
 
 
 def require_ur_rtde() -> None:

@@ -39,9 +39,6 @@ class JointMotion(NamedTuple):
         joints = np.pad(self.joints_rad, (counts, (0, 0)), mode="edge")
         return JointMotion(np.arange(len(joints)) * period_s, joints)
 
-    def part(self, rows: slice) -> "JointMotion":
-        return JointMotion(self.t_s[rows], self.joints_rad[rows])
-
 
 class WholeMotion(NamedTuple):
     """All that one cast moves: the five-step reset from where the arm stands, then the cast."""

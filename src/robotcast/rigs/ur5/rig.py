@@ -206,7 +206,7 @@ class Ur5Rig:
             if at_s not in seen:
                 seen[at_s] = pixels(newest)
 
-        arm.follow([swaying.held(STILL_S, STILL_S, arm.period_s)], log, look)
+        arm.follow(swaying.held(STILL_S, STILL_S, arm.period_s), log, look)
         times_s, pictures = log.controller_time(np.array([*seen])), np.array([*seen.values()])
         rate = camera.require_rate(times_s)
         joints_rad = log.column("joints_rad")
@@ -270,15 +270,14 @@ class Ur5Rig:
         moved = moved.held(BEFORE_S, self.run.rest_s, arm.period_s)
         resting = len(moved.t_s) - round(REST_FILM_S / arm.period_s)
 
-        def before(part: int) -> None:
-            if rest_only and part:
+        def every_cycle() -> None:
+            if rest_only and len(log.states) == resting:
                 camera.start_recording(video)
 
         try:
             if not rest_only:
                 camera.start_recording(video)
-            parts = [moved.part(slice(0, resting)), moved.part(slice(resting, None))]
-            arm.follow(parts, log, before=before)
+            arm.follow(moved, log, every_cycle)
         finally:
             seen_s = camera.stop_recording()
         return seen_s
