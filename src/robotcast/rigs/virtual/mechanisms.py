@@ -24,13 +24,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotcast.casts.plan import PlannedCast
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.virtual.arm import lagged
 from robotcast.rigs.virtual.cable import TOOL_JOINTS, CableTruth, add_piece
 
 AIR_KG_M3 = 1.2
 SMOOTH_BALL = 0.5  # drag coefficient
+
 
 MECHANISMS: dict[str, tuple[str, Callable[..., Any]]] = {
     # a waypoint is stamped tau after it was seen
@@ -44,6 +44,18 @@ MECHANISMS: dict[str, tuple[str, Callable[..., Any]]] = {
     "wrist_offset": ("hold", lambda path, step_s, *, beta: path + beta * np.eye(5)[3]),
     # a film of oil on the board holds every piece back by c m v
     "viscous_friction": ("force", lambda p, *, c: -c * p.mass_kg[:, None] * p.velocity_m_s),
+    # the ball at the end is of another material: its friction is 1 + k times the cable's
+    "endpoint_friction": ("friction", lambda p, *, k: 1 + k * (p.length_m == 0)),
+    # what creeps grips more, one step late, which keeps a cable at rest at rest
+    "stribeck_friction": (
+        "friction",
+        lambda p, *, k, vs: 1 + k * np.exp(-np.sum(p.velocity_m_s**2, axis=1) / vs**2),
+    ),
+    # in casts faster than v the cable has slid out of the gripper by s
+    "cable_slip": (
+        "cable",
+        lambda c, cast, *, s, v: replace(c, length_m=c.length_m + s * (cast.action.vmax_m_s > v)),
+    ),
     # the board wears: friction grows by k over a session of so many casts
     "friction_drift": ("friction", lambda p, *, k, casts: 1 + k * (p.cast / max(casts - 1, 1))),
     # rubbing warms the board: in the course of a cast friction nears 1 + k times its first
@@ -160,21 +172,6 @@ def friction_patch(pieces: Pieces, *, k: float, x0: float, y0: float, w: float) 
     return 1 + k * np.exp(-np.sum(away**2, axis=1) / w**2)
 
 
-@_acts("friction")
-def endpoint_friction(pieces: Pieces, *, k: float) -> np.ndarray:
-    """The ball at the end is of another material: its friction is 1 + k times the cable's."""
-    factors = np.ones(len(pieces.place_m))
-    factors[-1] += k
-    return factors
-
-
-@_acts("friction")
-def stribeck_friction(pieces: Pieces, *, k: float, vs: float) -> np.ndarray:
-    """What creeps grips more: friction is 1 + k exp(−(v/vs)²) times as strong."""
-    # Above one and falling with speed, one step late: so a cable at rest stays at rest.
-    return 1 + k * np.exp(-np.sum(pieces.velocity_m_s**2, axis=1) / vs**2)
-
-
 @_acts("model")
 def anisotropic_friction(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, a: float):
     """The cable slides 1 + a times as hard across as along itself; the ball at its end does not.
@@ -227,13 +224,6 @@ def tool_offset(path: np.ndarray, step_s: float, *, dx: float, dy: float) -> np.
     shifted[:, 0] += c * dx - s * dy
     shifted[:, 1] += s * dx + c * dy
     return shifted
-
-
-@_acts("cable")
-def cable_slip(cable: Cable, planned: PlannedCast, *, s: float, v: float) -> Cable:
-    """In casts faster than `v` the cable has slid out of the gripper by `s`."""
-    slid_m = s if planned.action.vmax_m_s > v else 0.0
-    return replace(cable, length_m=cable.length_m + slid_m)
 
 
 @_acts("model")

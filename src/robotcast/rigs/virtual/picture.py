@@ -92,11 +92,11 @@ def frames(
 
     What moves is drawn at several instants of an exposure, more the faster its image moves.
     """
-    stage = _Stage(motion, camera, settings)
-    offset = np.full_like(stage.scene, _NOISE_GREY)
-    darker = cv2.subtract(stage.scene, offset)
+    shutter = _Shutter(motion, camera, settings)
+    offset = np.full_like(shutter.scene, _NOISE_GREY)
+    darker = cv2.subtract(shutter.scene, offset)
     bank = _noise_bank(camera.width, camera.height, settings.noise_grey)
-    rng, picture = np.random.default_rng(seed), np.empty_like(stage.scene)
+    rng, picture = np.random.default_rng(seed), np.empty_like(shutter.scene)
 
     moving_m = (motion.cable_m, link_points(motion.joints_rad, motion.gripper))
     begins = frame_starts(motion, settings)
@@ -112,13 +112,13 @@ def frames(
         cv2.add(darker, noise, picture)
         times = begin + (np.arange(count) + 0.5) / count * settings.exposure_s
         cable_m, arm_m = (_at(times, motion.t_s, points) for points in moving_m)
-        box, moving = stage.expose(cable_m, arm_m, arm_moves=bool(arm_travel > _STILL_PX))
+        box, moving = shutter.expose(cable_m, arm_m, arm_moves=bool(arm_travel > _STILL_PX))
         picture[box] = cv2.add(cv2.subtract(moving, offset[box]), noise[box])
         yield picture
 
 
-class _Stage:
-    """The scene behind all that moves, lit as the camera's corners are."""
+class _Shutter:
+    """Exposes what moves before the still scene, darker towards the picture's corners."""
 
     def __init__(self, motion: SceneMotion, camera: Camera, settings: PictureSettings) -> None:
         self.camera = camera
