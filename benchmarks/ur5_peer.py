@@ -27,11 +27,15 @@ from robotcast.casts.action import Action  # noqa: E402
 from robotcast.casts.plan import PlanLimits, plan_action  # noqa: E402
 from robotcast.measurements.reader import read_measurement_set  # noqa: E402
 from robotcast.measurements.writer import write_measurement_set  # noqa: E402
+from robotcast.rigs import RigStopped  # noqa: E402
 from robotcast.rigs.collect import Collected, collect_casts  # noqa: E402
 from robotcast.rigs.envelope import are_feasible, broken_rules  # noqa: E402
-from robotcast.rigs.rig import RigStopped  # noqa: E402
-from robotcast.rigs.ur5.arm import Arm, RobotLog, WatchSettings  # noqa: E402
-from robotcast.rigs.ur5.controller import Robot, ServoSettings  # noqa: E402
+from robotcast.rigs.ur5.arm import (  # noqa: E402
+    Arm,
+    RobotLog,
+    ServoSettings,
+    WatchSettings,
+)
 from robotcast.rigs.ur5.motion import JointMotion, WholeMotion, refuse_unsafe, sway  # noqa: E402
 from robotcast.sessions import read_session  # noqa: E402
 from robotcast.vision.track_session import track_session  # noqa: E402
@@ -56,8 +60,8 @@ LIMITS = PlanLimits()
 CYCLE_S = 0.008
 
 
-def held_by(robot: Robot, **watch: float) -> Arm:
-    return Arm(robot, GRIPPER, WatchSettings(**watch), require_alive=lambda: None)
+def arm_at(host: str, watchdog_hz: float, **watch: float) -> Arm:
+    return Arm(host, GRIPPER, ServoSettings(watchdog_hz=watchdog_hz), WatchSettings(**watch))
 
 
 def draw_action(random: np.random.Generator) -> Action:
@@ -106,13 +110,15 @@ def faults(times: int, seed: int) -> None:
         stopped = late = 0
         for _ in range(times):
             with running_peer(PATIENT) as peer:
-                robot = Robot(peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=2.0))
-                motion, log = sway(HOME, robot.period_s), RobotLog()
-                arm, after_s = held_by(robot, stale_s=4.0), float(random.uniform(0.1, 3.0))
+                arm, after_s = arm_at(peer.host, 2.0, stale_s=4.0), float(random.uniform(0.1, 3.0))
+                motion, log = sway(HOME, arm.period_s), RobotLog()
+
+                def begin(peer=peer, fault=fault, after_s=after_s, log=log) -> None:
+                    if len(log.states) == 1:
+                        peer.break_in(fault, after_s)
+
                 try:
-                    arm.follow(
-                        [motion], log, before=lambda _, f=fault, s=after_s: peer.break_in(f, s)
-                    )
+                    arm.follow(motion, log, begin)
                 except RigStopped:
                     stopped += 1
                 seen = peer.log()
@@ -120,7 +126,7 @@ def faults(times: int, seed: int) -> None:
                 grace_s = (40 if fault == "off its path" else 2) * CYCLE_S
                 after_s = seen["faults"][-1][0] + grace_s + 1e-6
                 late += sum(t_s > after_s for t_s, _ in seen["commands"])
-                robot.close()
+                arm.close()
         print(
             f"faults: {fault}: {stopped} of {times} stopped, {late} motion commands after it",
             flush=True,
@@ -183,9 +189,8 @@ def actions(count: int, executed: int, seed: int) -> None:
     """Try random actions, a quarter of them malicious; execute some of those that pass."""
     random, seen = np.random.default_rng(seed), Counter[str]()
     with running_peer(HASTY) as peer:
-        robot = Robot(peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=0.5))
         rig = ur5_rig(peer, scene())
-        arm = held_by(robot, stale_s=15.0)
+        arm = arm_at(peer.host, 0.5, stale_s=15.0)
         for number in range(count):
             malicious = number % 4 == 0
             name, live = ("malicious" if malicious else "ordinary"), HOME
@@ -203,10 +208,10 @@ def actions(count: int, executed: int, seed: int) -> None:
                 print(f"  allowed though malicious: {action}, arm at {live}")
             if seen["executed"] < executed:
                 seen["executed"] += 1
-                motion = _and_back(whole, robot.period_s)
-                arm.follow([motion], RobotLog())
+                motion = _and_back(whole, arm.period_s)
+                arm.follow(motion, RobotLog())
         log = peer.log()
-        robot.close()
+        arm.close()
     broken = broken_rules(log["t_s"], log["joints"], RESET_ENVELOPE) if executed else []
     print(f"actions: {dict(seen)}")
     print(f"  envelope broken in the peer's log of {len(log['t_s'])} cycles: {len(broken)}")
@@ -251,20 +256,20 @@ def deadlines(host: str | None, patience_s: float = 0.0) -> None:
 
 
 def _stream_to(host: str) -> None:
-    robot = Robot(host, GRIPPER.length_m, ServoSettings())
-    log, start = RobotLog(), robot.live().joints_rad
-    motion = sway(start, robot.period_s)
+    arm = arm_at(host, 10.0)
+    log, start = RobotLog(), arm.live().joints_rad
+    motion = sway(start, arm.period_s)
     begun = time.monotonic()
     try:
-        held_by(robot).follow([motion], log)
+        arm.follow(motion, log)
         ended = "to its end"
     except RigStopped as stop:
         ended = f"until: {stop}"
     print(
-        f"deadlines: {log.missed} of {log.cycles} missed at {1 / robot.period_s:.0f} Hz "
+        f"deadlines: {log.missed} of {log.cycles} missed at {1 / arm.period_s:.0f} Hz "
         f"in {time.monotonic() - begun:.1f} s, {ended}"
     )
-    robot.close()
+    arm.close()
 
 
 def offsets(delay_s: float, times: int) -> None:

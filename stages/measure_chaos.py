@@ -12,7 +12,7 @@ from robotcast.casts.plan import plan_action
 from robotcast.files import write_text
 from robotcast.rigs.collect import choose_casts
 from robotcast.rigs.envelope import feasible_actions
-from robotcast.rigs.virtual.studies import sensitivities
+from robotcast.rigs.virtual.rig import CHAOTIC, sensitivities
 from robotcast.stage import bar, output_folder, stage, tell
 
 
@@ -24,8 +24,8 @@ def measure_chaos(config: DictConfig) -> None:
         found = sensitivities(rig, casts, 4, progress)
     keys = ("action", *ACTION_COLUMNS, "amplification", "scatter_percent", "chaotic")
     rows = [
-        (n, *a.as_array(), s.amplification, 100 * s.scatter_m / rig.cable.length_m, s.chaotic)
-        for (n, a), s in zip(chosen, found, strict=True)
+        (n, *a.as_array(), larger, 100 * scatter_m / rig.cable.length_m, larger >= CHAOTIC)
+        for (n, a), (larger, scatter_m) in zip(chosen, found, strict=True)
     ]
     table = pl.DataFrame(rows, keys, orient="row").sort("amplification")
     path = output_folder(f"{config.paths.reports}/chaos") / f"{rig.cable.name}.csv"

@@ -3,6 +3,7 @@
 Not part of the pipeline; rerun it for a cable whose `truth` or reset has changed.
 """
 
+import numpy as np
 from omegaconf import DictConfig
 
 from robotcast.build import action_space, build, build_rig
@@ -10,12 +11,12 @@ from robotcast.casts.plan import plan_action
 from robotcast.files import atomic_file
 from robotcast.rigs.collect import choose_casts
 from robotcast.rigs.envelope import feasible_actions
-from robotcast.rigs.virtual.arm import packaged_path, scatter_table
-from robotcast.rigs.virtual.studies import measure_resets
+from robotcast.rigs.virtual.arm import StartScatter, packaged_path
+from robotcast.rigs.virtual.rig import measure_resets
 from robotcast.stage import bar, stage, tell
 
 RESETS = 20
-STRAIGHT = {"_target_": "robotcast.rigs.virtual.scatter.straight_start"}
+STRAIGHT = StartScatter(np.array([0.0, 1.0]), np.zeros((3, 2)))  # along +x, before any reset
 
 
 def measure_reset(config: DictConfig) -> None:
@@ -27,7 +28,7 @@ def measure_reset(config: DictConfig) -> None:
         scatter = measure_resets(rig, casts, build(config.casts.reset), progress)
     path = packaged_path(rig.cable.name)
     with atomic_file(path) as temporary:
-        scatter_table(scatter).write_csv(temporary, float_precision=6)
+        scatter.table().write_csv(temporary, float_precision=6)
     spread = scatter.headings_rad.std(axis=0, ddof=1) * 1e3
     shown = ", ".join(f"{value:.1f}" for value in spread)
     tell(f"{path.name}: headings scatter by {shown} mrad from the hand to the free end")

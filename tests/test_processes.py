@@ -8,11 +8,12 @@ import sys
 import threading
 import time
 from concurrent.futures import wait
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import pytest
 
-from robotcast.processes import parallel_map, process_pool
+from robotcast.processes import helper_process, parallel_map, process_pool
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -33,6 +34,11 @@ def toy(task: tuple[str, int]) -> int:
     if kind == "freeze":  # a library's call that lets no other thread of Python run
         ctypes.PyDLL(None).sleep(number)
     return number
+
+
+def double(orders: Connection) -> None:
+    while True:
+        orders.send(2 * orders.recv())
 
 
 def mark(task: tuple[str, str, int]) -> None:
@@ -166,3 +172,12 @@ def test_processes_do_not_import_the_main_script(tmp_path: Path) -> None:
     script.write_text(SAYS_WHEN_IMPORTED)
     said, _ = python(str(script)).communicate()
     assert said.split() == ["imported", "True", str(script)]
+
+
+def test_a_helper_answers_and_ends_quietly_when_its_connection_is_closed():
+    process, orders = helper_process(double)
+    orders.send(3)
+    assert orders.recv() == 6
+    orders.close()
+    process.join(30.0)
+    assert process.exitcode == 0

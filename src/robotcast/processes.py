@@ -15,8 +15,9 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import parent_process
+from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any, TypeVar
 
@@ -92,6 +93,25 @@ def parallel_map(
         for _, future in sent:
             if future:
                 future.cancel()
+
+
+def helper_process(work: Callable[[Connection], object]) -> tuple[SpawnProcess, Connection]:
+    """Start a process that does `work` at one end of a connection; return it and the other end.
+
+    It ends quietly when the other end is closed, and with the process that started it.
+    """
+    context = _Context()
+    ours, theirs = context.Pipe()
+    process = context.Process(target=_help, args=(work, theirs), daemon=True)
+    process.start()
+    theirs.close()
+    return process, ours
+
+
+def _help(work: Callable[[Connection], object], orders: Connection) -> None:
+    _begin(None)
+    with suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        work(orders)
 
 
 class _Process(SpawnProcess):

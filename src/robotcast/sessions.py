@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import polars as pl
 import yaml
@@ -32,6 +33,7 @@ SESSION_FILE, REQUEST_FILE = "session.yaml", "request.yaml"
 CAST_FILE, TOOL_FILE, VIDEO_FILE, TRUTH_FILE = "cast.yaml", "tool.csv", "video.mp4", "truth.csv"
 FRAMES_FILE, ROBOT_NOTES_FILE = "frames.csv", "robot.yaml"
 RECORDED_COPY = "measurements"
+CODEC = "mp4v"
 MOST_ACTIONS = 10_000
 SETTING_NAMES = {"made": "make of the rig (its settings, its seed)", "vision": "camera"}
 
@@ -62,6 +64,22 @@ class Session:
 
     def cast_folder(self, cast: CastRequest) -> Path:
         return self.folder / cast.folder_name
+
+
+@dataclass(frozen=True)
+class CastRecord:
+    """cast.yaml: what was executed, by which rig, and when the video runs."""
+
+    number: int
+    action: Action
+    rig: str
+    cable: str
+    video_t0_s: float  # when the exposure of the first frame begins; 0 is the cast's start
+    fps: float
+    turn_s: float  # of the planned motion, as is end_s
+    end_s: float
+    rest_s: float  # when the rig saw the cable at rest
+    rest_only: bool
 
 
 def number_requests(actions: Sequence[tuple[int, Action]]) -> list[CastRequest]:
@@ -101,17 +119,9 @@ def read_session(folder: Path) -> Session:
         raise ValueError(f"{folder}: no {SESSION_FILE}; not a session, collect writes one")
     values = _load(path)
     folders = (entry for entry in sorted(folder.glob("cast_*")) if entry.is_dir())
-    requests = [_load(entry / REQUEST_FILE) for entry in folders]
-    casts = [
-        CastRequest(int(r["number"]), int(r["action_id"]), _action(r["action"])) for r in requests
-    ]
+    casts = tuple(CastRequest(**_with_action(_load(one / REQUEST_FILE))) for one in folders)
     rig, cable, r0_m = values.pop("rig"), Cable(**values.pop("cable")), float(values.pop("r0_m"))
-    return Session(folder, rig, cable, r0_m, facts=values, casts=tuple(casts))
-
-
-def write_request(request: CastRequest, folder: Path) -> None:
-    values = {**vars(request), "action": action_factors(request.action.as_array())}
-    write_text(folder / REQUEST_FILE, yaml.safe_dump(values, sort_keys=False))
+    return Session(folder, rig, cable, r0_m, facts=values, casts=casts)
 
 
 def missing_requests(session: Session, requests: Sequence[CastRequest]) -> list[CastRequest]:
@@ -122,11 +132,10 @@ def missing_requests(session: Session, requests: Sequence[CastRequest]) -> list[
         cast = finished.get(request.number)
         if cast is None:
             missing.append(request)
-        elif not np.allclose(cast.action.as_array(), request.action.as_array(), atol=1e-9):
-            held, asked = (
-                ", ".join(f"{value:.4g}" for value in action.as_array())
-                for action in (cast.action, request.action)
-            )
+            continue
+        held, asked = cast.action.as_array(), request.action.as_array()
+        if not np.allclose(held, asked, atol=1e-9):
+            held, asked = (", ".join(f"{v:.4g}" for v in numbers) for numbers in (held, asked))
             raise ValueError(
                 f"{session.cast_folder(cast)}: holds another action than the one asked for under "
                 f"this number ({held} instead of {asked}); a finished cast is never replaced: "
@@ -151,37 +160,31 @@ def exclusive(folder: Path) -> Iterator[None]:
         os.close(handle)
 
 
-@dataclass(frozen=True)
-class CastRecord:
-    """cast.yaml: what was executed, by which rig, and when the video runs."""
-
-    number: int
-    action: Action
-    rig: str
-    cable: str
-    video_t0_s: float  # when the exposure of the first frame begins; 0 is the cast's start
-    fps: float
-    turn_s: float  # of the planned motion, as is end_s
-    end_s: float
-    rest_s: float  # when the rig saw the cable at rest
-    rest_only: bool
-
-
-def write_record(record: CastRecord, folder: Path) -> None:
+def write_record(record: CastRequest | CastRecord, folder: Path) -> None:
+    """Write request.yaml or cast.yaml of a cast."""
+    path = folder / (REQUEST_FILE if isinstance(record, CastRequest) else CAST_FILE)
     values = {**vars(record), "action": action_factors(record.action.as_array())}
-    write_text(folder / CAST_FILE, yaml.safe_dump(values, sort_keys=False))
+    write_text(path, yaml.safe_dump(values, sort_keys=False))
 
 
 def read_record(folder: Path) -> CastRecord:
     path = folder / CAST_FILE
     if not path.is_file():
         raise ValueError(f"{path}: missing; not the folder of a finished cast")
-    values = _load(path)
-    return CastRecord(action=_action(values.pop("action")), **values)
+    return CastRecord(**_with_action(_load(path)))
+
+
+def video_writer(path: Path, fps: float, width: int, height: int) -> cv2.VideoWriter:
+    """Open a video file for frames (height, width, 3), uint8; who calls releases it."""
+    fourcc = cv2.VideoWriter.fourcc(*CODEC)
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, fps, (width, height))
+    if not writer.isOpened():
+        raise OSError(f"{path}: OpenCV cannot write {CODEC} video of {width} × {height} px")
+    return writer
 
 
 def write_columns(columns: Mapping[str, np.ndarray], path: Path) -> None:
-    """Write a table of a cast as CSV, seven digits after the point."""
+    """Write a CSV table, seven digits after the point."""
     with atomic_file(path) as temporary:
         pl.DataFrame(columns).write_csv(temporary, float_precision=7)
 
@@ -200,15 +203,15 @@ def read_tool(path: Path) -> ToolMotion:
 
 
 def write_frame_times(t_s: np.ndarray, folder: Path) -> None:
-    """Write when the middle of each frame's exposure was, (k,) [s]; NaN where nobody knows.
-
-    A rig whose frames are evenly spaced needs no such file: `video_t0_s` and `fps` say it.
-    """
+    """Write when the middle of each frame's exposure was, (k,) [s]; NaN where nobody knows."""
     write_columns({"t": t_s}, folder / FRAMES_FILE)
 
 
 def read_frame_times(record: CastRecord, exposure_s: float, count: int, folder: Path) -> np.ndarray:
-    """Return when the middle of each of a video's `count` frames was exposed, (count,) [s]."""
+    """Return when the middle of each of a video's `count` frames was exposed, (count,) [s].
+
+    Without a file of them they are evenly spaced, as `video_t0_s` and `fps` say.
+    """
     path = folder / FRAMES_FILE
     if not path.is_file():
         return record.video_t0_s + exposure_s / 2 + np.arange(count) / record.fps
@@ -239,13 +242,24 @@ def adopt_recorded_set(path: Path | None, folder: Path) -> MeasurementSet:
         raise ValueError("rig=recorded needs the folder of a measurement set: rig.path=DIR")
     if not path.is_dir():
         raise ValueError(f"rig.path={path}: no such folder; expected one with a measurement set")
-    measured = read_measurement_set(path)
-    if (folder / SESSION_FILE).exists() or recorded_copy(folder):
-        _require_same_set(path, folder)
+    measured, copy = read_measurement_set(path), folder / RECORDED_COPY
+    if copy.is_dir():
+        names = sorted({entry.name for entry in (*_set_files(path), *_set_files(copy))})
+        _, changed, lost = filecmp.cmpfiles(path, copy, names, shallow=False)
+        if changed or lost:
+            raise ValueError(
+                f"{folder}: this session holds another recorded set than {path} "
+                f"(differs in {', '.join(changed + lost)}); use another folder (paths.sessions=…)"
+            )
+    elif (folder / SESSION_FILE).exists():
+        raise ValueError(
+            f"{folder}: this session holds casts of the rig {read_session(folder).rig}; "
+            "give the recorded set a folder of its own (paths.sessions=…)"
+        )
     else:
-        with atomic_folder(folder / RECORDED_COPY) as copy:
+        with atomic_folder(copy) as unfinished:
             for entry in _set_files(path):
-                shutil.copyfile(entry, copy / entry.name)
+                shutil.copyfile(entry, unfinished / entry.name)
     values = {"rig": "recorded", "cable": asdict(measured.cable), "r0_m": measured.r0_m}
     write_text(folder / SESSION_FILE, yaml.safe_dump(values, sort_keys=False))
     return measured
@@ -256,28 +270,13 @@ def recorded_copy(folder: Path) -> Path | None:
     return folder / RECORDED_COPY if (folder / RECORDED_COPY).is_dir() else None
 
 
-def _require_same_set(path: Path, folder: Path) -> None:
-    copy = recorded_copy(folder)
-    if copy is None:
-        raise ValueError(
-            f"{folder}: this session holds casts of the rig {read_session(folder).rig}; "
-            "give the recorded set a folder of its own (paths.sessions=…)"
-        )
-    names = sorted({entry.name for entry in (*_set_files(path), *_set_files(copy))})
-    _, changed, lost = filecmp.cmpfiles(path, copy, names, shallow=False)
-    if changed or lost:
-        raise ValueError(
-            f"{folder}: this session holds another recorded set than {path} "
-            f"(differs in {', '.join(changed + lost)}); use another folder (paths.sessions=…)"
-        )
-
-
 def _set_files(folder: Path) -> list[Path]:
     return sorted(p for p in folder.iterdir() if p.suffix in (".yaml", ".csv", ".parquet"))
 
 
-def _action(numbers: Mapping[str, Any]) -> Action:
-    return Action(*(float(numbers[name]) for name in ACTION_COLUMNS))
+def _with_action(values: dict[str, Any]) -> dict[str, Any]:
+    numbers = values["action"]
+    return {**values, "action": Action(*(float(numbers[name]) for name in ACTION_COLUMNS))}
 
 
 def _load(path: Path) -> dict[str, Any]:

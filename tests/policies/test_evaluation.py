@@ -21,7 +21,7 @@ from robotcast.policies.evaluation import (
     executed_table,
     predicted_table,
 )
-from robotcast.rigs.rig import Rig
+from robotcast.rigs import Rig
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMITS = PlanLimits()

@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from robotcast.rigs.rig import RigStopped
-from robotcast.rigs.ur5.camera import Webcam, WebcamSettings, camera_offset, require_rate
-from robotcast.rigs.ur5.controller import require_ur_rtde
+from robotcast.rigs import RigStopped
+from robotcast.rigs.ur5.arm import require_ur_rtde
+from robotcast.rigs.ur5.camera import Webcam, WebcamSettings, camera_offset
 from robotcast.rigs.ur5.motion import sway
+from robotcast.sessions import video_writer
 from tests.rigs.peer.lab import HOME_RAD
 
 FPS = 30.0
@@ -54,8 +55,7 @@ def test_a_camera_that_does_not_see_the_arm_is_told_so():
 @pytest.fixture
 def film(tmp_path: Path) -> Path:
     path = tmp_path / "film.mp4"
-    fourcc = cv2.VideoWriter.fourcc(*"mp4v")
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, FPS, (160, 90))
+    writer = video_writer(path, FPS, 160, 90)
     for grey in range(60):
         writer.write(np.full((90, 160, 3), grey, np.uint8))
     writer.release()
@@ -87,11 +87,12 @@ def test_another_size_than_asked_is_refused(film: Path):
         Webcam(WebcamSettings(str(film), 640, 480, FPS))
 
 
-def test_another_rate_than_asked_is_refused():
-    settings = WebcamSettings("0", 640, 480, 60.0)
-    assert require_rate(np.arange(50) / 59.0, settings) == pytest.approx(59.0)
+def test_another_rate_than_asked_is_refused(film: Path):
+    camera = Webcam(WebcamSettings(str(film), 160, 90, 60.0))
+    camera.close()
+    assert camera.require_rate(np.arange(50) / 59.0) == pytest.approx(59.0)
     with pytest.raises(ValueError, match=r"asked for 60 frames/s, gives 30\.0"):
-        require_rate(np.arange(50) / 30.0, settings)
+        camera.require_rate(np.arange(50) / 30.0)
 
 
 @pytest.mark.parametrize("source", ["99", "/dev/video99", "/no/such/file.mp4"])

@@ -15,13 +15,11 @@ from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
+from robotcast.rigs import RigStopped
 from robotcast.rigs.collect import collect_casts
 from robotcast.rigs.kinematics import joints_pointing_down
-from robotcast.rigs.rig import RigStopped
-from robotcast.rigs.ur5.arm import Arm, RobotLog, WatchSettings
-from robotcast.rigs.ur5.controller import Robot, ServoSettings
+from robotcast.rigs.ur5.arm import Arm, RobotLog, ServoSettings, WatchSettings
 from robotcast.rigs.ur5.motion import JointMotion, sway
-from robotcast.rigs.ur5.rig import REST_FILM_S
 from robotcast.rigs.virtual.rig import VirtualRig
 from robotcast.sessions import read_session
 from robotcast.vision.track_session import track_session
@@ -64,8 +62,8 @@ def bare_peer() -> Iterator[Peer]:
         yield p
 
 
-def held_by(robot: Robot) -> Arm:
-    return Arm(robot, GRIPPER, UNHURRIED, require_alive=lambda: None)
+def arm_at(peer: Peer, watchdog_hz: float = 0.2) -> Arm:
+    return Arm(peer.host, GRIPPER, ServoSettings(watchdog_hz=watchdog_hz), UNHURRIED)
 
 
 def session(rig, folder: Path, *actions: Action):
@@ -93,8 +91,7 @@ def test_a_cast_becomes_a_measurement_and_the_clocks_are_compared(
     assert notes["kinematic_difference_m"] == pytest.approx(0.00141, abs=1e-4)
     told = small_cast().tool
     in_time = notes["cycles"] - notes["missed_deadlines"]
-    watched_s = told.t_s[-1] + rig.run.rest_s - REST_FILM_S
-    assert in_time == pytest.approx(watched_s / 0.008, abs=2)
+    assert in_time == pytest.approx((told.t_s[-1] + rig.run.rest_s) / 0.008, abs=2)
     assert "between the controller's tool pose and ours" in said[-1]
     tracked = track_session(read_session(tmp_path / "session"))
     assert not tracked.lost
@@ -109,12 +106,17 @@ def test_a_cast_becomes_a_measurement_and_the_clocks_are_compared(
 
 @pytest.mark.parametrize("fault", ROBOT_FAULTS)
 def test_after_a_fault_nothing_moves(bare_peer: Peer, fault: str):
-    robot = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=0.2))
-    motion = sway(HOME, robot.period_s)
+    arm = arm_at(bare_peer)
+    motion = sway(HOME, arm.period_s)
     log = RobotLog()
+
+    def every_cycle() -> None:
+        if len(log.states) == 1:
+            bare_peer.break_in(fault, 1.0)
+
     with pytest.raises(RigStopped) as stopped:
-        held_by(robot).follow([motion], log, before=lambda _: bare_peer.break_in(fault, 1.0))
-    robot.close()
+        arm.follow(motion, log, every_cycle)
+    arm.close()
     words = {
         "connection cut": "connection|the process that|sent nothing new",
         "stale packets": "stale|was lost",  # ur_rtde may be the first to give up
@@ -125,7 +127,7 @@ def test_after_a_fault_nothing_moves(bare_peer: Peer, fault: str):
     assert moves_after_fault(bare_peer, cycles=late) == 0
     assert log.states
     bare_peer.mend()
-    again = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=0.2))
+    again = arm_at(bare_peer)
     assert np.isfinite(again.live().joints_rad).all()
     again.close()
 
@@ -201,25 +203,25 @@ def test_an_arm_that_stands_in_the_air_is_not_moved(peer: Peer, filmed: VirtualR
 
 
 def test_targets_that_are_no_numbers_never_leave(bare_peer: Peer):
-    robot = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings())
+    arm = arm_at(bare_peer, 10.0)
     bad = JointMotion(np.arange(3) * 0.008, np.full((3, 6), np.nan))
     with pytest.raises(RigStopped):
-        held_by(robot).follow([bad], RobotLog())
-    robot.close()
+        arm.follow(bad, RobotLog())
+    arm.close()
     assert not bare_peer.log()["commands"]
 
 
 def test_missed_deadlines_are_counted_and_the_next_target_is_never_skipped(bare_peer: Peer):
-    robot = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=0.2))
-    motion, log = sway(HOME, robot.period_s), RobotLog()
+    arm = arm_at(bare_peer)
+    motion, log = sway(HOME, arm.period_s), RobotLog()
     hiccups = iter(range(10**6))
 
     def hiccup() -> None:
         if next(hiccups) == 100:
             bare_peer.hurry(0.5)
 
-    held_by(robot).follow([motion], log, hiccup)
-    robot.close()
+    arm.follow(motion, log, hiccup)
+    arm.close()
     assert log.missed >= 40
     moving = (motion.joints_rad != motion.joints_rad[0]).any(axis=1)
     assert log.cycles == moving.sum() + log.missed
@@ -227,10 +229,10 @@ def test_missed_deadlines_are_counted_and_the_next_target_is_never_skipped(bare_
 
 
 def test_the_peer_keeps_to_the_envelope(bare_peer: Peer):
-    robot = Robot(bare_peer.host, GRIPPER.length_m, ServoSettings(watchdog_hz=0.2))
-    motion = sway(HOME, robot.period_s)
-    held_by(robot).follow([motion], RobotLog())
-    robot.close()
+    arm = arm_at(bare_peer)
+    motion = sway(HOME, arm.period_s)
+    arm.follow(motion, RobotLog())
+    arm.close()
     joints = bare_peer.log()["joints"]
     speed = np.diff(joints, axis=0) / 0.008
     assert np.abs(speed).max() < CAST_ENVELOPE.joint_speed_rad_s[0]

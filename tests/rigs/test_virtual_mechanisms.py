@@ -8,28 +8,13 @@ import numpy as np
 import pytest
 
 from robotcast.rigs.virtual.cable import CableRun, CableTruth, build_cable, compile_cable
-from robotcast.rigs.virtual.hidden import Disturbance, HiddenEffect, Pieces
 from robotcast.rigs.virtual.mechanisms import (
     AIR_KG_M3,
-    Air,
-    CurvedCable,
-    Draught,
-    Grain,
-    LooseGrip,
-    MisscaledCamera,
-    Oil,
-    RoughEnd,
-    RoughPatch,
-    RubberBand,
-    ShiftedCamera,
-    SlowCamera,
-    StickyZone,
-    SwingingEnd,
-    TiltedBoard,
-    TurnedCamera,
-    TurnedGrip,
-    UnevenMass,
-    WarmingBoard,
+    MECHANISMS,
+    Disturbance,
+    HiddenEffect,
+    Pieces,
+    acting,
 )
 from robotcast.rigs.virtual.rig import Eye, measure_cast, seen_places
 
@@ -43,17 +28,21 @@ def flat(truth) -> CableTruth:
     return replace(truth, friction=0.2, bending_stiffness_n_m2=0.03, contact_s=0.008)
 
 
+def hidden(name: str, **numbers: float) -> HiddenEffect:
+    return HiddenEffect(name, numbers)
+
+
 def laid(cable, truth, effects: Sequence[HiddenEffect], *, airborne=False) -> CableRun:
     """A straight cable at rest."""
     spec = build_cable(cable, truth)
-    for effect in effects:
-        effect.build(spec, cable, truth)
+    for effect in acting(effects, "model"):
+        effect(spec, cable, truth)
     if airborne:
         spec.option.gravity = [0, 0, 0]
     model = compile_cable(spec)
     tool = model.body("tool").id
     model.body_mass[tool] = model.body_inertia[tool] = 0
-    return CableRun(model, np.zeros(truth.segments), HELD, Disturbance(effects, model))
+    return CableRun(model, np.zeros(truth.segments), HELD, Disturbance(effects, model, 0))
 
 
 def slide(run: CableRun, velocity_m_s: tuple[float, float], seconds: float = 0.2) -> np.ndarray:
@@ -106,7 +95,7 @@ def test_without_an_effect_the_cable_slides_to_rest_at_mu_g(cable, flat):
 
 def test_on_a_tilted_board_gravity_pulls_by_the_tilt(cable, flat):
     level = slide(laid(cable, flat, []), (1.0, 0.0))
-    tilted = slide(laid(cable, flat, [TiltedBoard(0.03, 0.0)]), (1.0, 0.0))
+    tilted = slide(laid(cable, flat, [hidden("board_tilt", sx=0.03, sy=0.0)]), (1.0, 0.0))
     assert tilted[0] - level[0] == pytest.approx(0.03 * G, rel=0.02)
 
 
@@ -114,7 +103,7 @@ def test_air_slows_by_half_rho_c_a_v_squared(cable, truth):
     side, ball = 2 * cable.radius_m * cable.length_m, np.pi * cable.radius_m**2
     for speed in (0.5, 2.0):
         force = -0.5 * AIR_KG_M3 * (7.0 * side + 0.5 * ball) * speed**2
-        air = pushed(laid(cable, truth, [Air(7.0)]), speed)
+        air = pushed(laid(cable, truth, [hidden("air_drag", C=7.0)]), speed)
         np.testing.assert_allclose(air, [force, 0.0], rtol=1e-6, atol=1e-12)
 
 
@@ -134,35 +123,32 @@ def test_air_slows_as_mujocos_own_medium_does(cable, truth):
     medium = CableRun(model, np.zeros(truth.segments), HELD)
     medium.data.qvel[0] = 2.0
     mujoco.mj_forward(model, medium.data)
-    own = pushed(laid(cable, truth, [Air(7.0)]), 2.0)
+    own = pushed(laid(cable, truth, [hidden("air_drag", C=7.0)]), 2.0)
     assert own[0] == pytest.approx(medium.data.qfrc_fluid[0], rel=1e-6)
 
 
 def test_a_film_slows_every_piece_by_c_m_v(cable, truth):
-    force = pushed(laid(cable, truth, [Oil(0.8)]), 1.5)
+    force = pushed(laid(cable, truth, [hidden("viscous_friction", c=0.8)]), 1.5)
     np.testing.assert_allclose(force, [-0.8 * total_mass(cable) * 1.5, 0.0], atol=1e-12)
 
 
 def test_on_a_patch_as_wide_as_the_board_friction_is_one_plus_k_times_as_strong(cable, flat):
-    along, _ = slide(laid(cable, flat, [RoughPatch(0.5, 0.9, 0.0, 50.0)]), (1.0, 0.0))
+    along, _ = slide(
+        laid(cable, flat, [hidden("friction_patch", k=0.5, x0=0.9, y0=0.0, w=50.0)]), (1.0, 0.0)
+    )
     assert along == pytest.approx(-1.5 * flat.friction * G, rel=0.03)
 
 
 def test_a_rough_end_adds_friction_under_the_end_alone(cable, flat):
-    along, _ = slide(laid(cable, flat, [RoughEnd(0.8)]), (1.0, 0.0))
+    along, _ = slide(laid(cable, flat, [hidden("endpoint_friction", k=0.8)]), (1.0, 0.0))
     weighed = cable.mass_kg + 1.8 * cable.endpoint_mass_kg
     assert along == pytest.approx(-flat.friction * G * weighed / total_mass(cable), rel=0.02)
 
 
-def test_the_pieces_are_where_the_cable_is_and_move_as_it_does(cable, truth):
+def test_the_pieces_are_where_the_cable_is_and_move_as_it_does(cable, truth, monkeypatch):
     seen = []
-
-    class Spy(RoughEnd):
-        def roughness(self, pieces: Pieces) -> np.ndarray:
-            seen.append(pieces)
-            return super().roughness(pieces)
-
-    run = laid(cable, truth, [Spy(0.0)])
+    monkeypatch.setitem(MECHANISMS, "spy", ("friction", lambda pieces: seen.append(pieces) or 1.0))
+    run = laid(cable, truth, [hidden("spy")])
     run.data.qvel[:] = np.random.default_rng(0).standard_normal(run.model.nv)
     mujoco.mj_forward(run.model, run.data)
     run.disturb(run.data)
@@ -179,14 +165,14 @@ def test_the_pieces_are_where_the_cable_is_and_move_as_it_does(cable, truth):
 
 def test_grain_holds_across_the_cable_and_not_along_it(cable, flat):
     bare = replace(cable, endpoint_mass_kg=1e-6)
-    along, _ = slide(laid(bare, flat, [Grain(0.5)]), (1.0, 0.0))
-    _, across = slide(laid(bare, flat, [Grain(0.5)]), (0.0, 1.0))
+    along, _ = slide(laid(bare, flat, [hidden("anisotropic_friction", a=0.5)]), (1.0, 0.0))
+    _, across = slide(laid(bare, flat, [hidden("anisotropic_friction", a=0.5)]), (0.0, 1.0))
     assert along == pytest.approx(-flat.friction * G, rel=0.05)
     assert across == pytest.approx(-1.5 * flat.friction * G, rel=0.05)
 
 
 def test_uneven_mass_moves_the_centre_and_keeps_the_whole(cable, truth):
-    run = laid(cable, truth, [UnevenMass(0.4)])
+    run = laid(cable, truth, [hidden("mass_gradient", k=0.4)])
     first, end = run.model.body("segment_0").id, run.model.body("endpoint").id
     mass = run.model.body_mass[first:end]
     assert mass.sum() == pytest.approx(cable.mass_kg)
@@ -196,7 +182,7 @@ def test_uneven_mass_moves_the_centre_and_keeps_the_whole(cable, truth):
 
 def test_a_curved_cable_without_weight_rests_as_an_arc(cable, truth):
     easy = replace(truth, hysteresis_n_m=0.0, bending_stiffness_n_m2=0.03)
-    run = laid(cable, easy, [CurvedCable(2.0)], airborne=True)
+    run = laid(cable, easy, [hidden("resting_curvature", kappa=2.0)], airborne=True)
     run.drive(np.tile(HELD, (10001, 1)), moving_s=10.0)
     bends = run.data.qpos[5::2]
     length = cable.length_m / truth.segments
@@ -207,7 +193,7 @@ def test_a_curved_cable_without_weight_rests_as_an_arc(cable, truth):
 @pytest.mark.rig
 def test_the_log_shows_the_arm_and_not_what_the_grip_makes_of_it(quiet_rig, short_cast):
     honest = quiet_rig.simulate_truth(short_cast, 0)
-    for effect in (LooseGrip(0.05), TurnedGrip(0.1)):
+    for effect in (hidden("tool_lag", tau=0.05), hidden("wrist_offset", beta=0.1)):
         loose = replace(quiet_rig, hidden=(effect,)).simulate_truth(short_cast, 0)
         t_s = honest.tool.t_s[honest.tool.t_s < 1.0]
         np.testing.assert_array_equal(loose.tool.at(t_s), honest.tool.at(t_s))
@@ -216,7 +202,7 @@ def test_the_log_shows_the_arm_and_not_what_the_grip_makes_of_it(quiet_rig, shor
 
 @pytest.mark.rig
 def test_a_turned_grip_lets_the_cable_out_at_its_angle(quiet_rig, short_cast):
-    rig = replace(quiet_rig, hidden=(TurnedGrip(0.1),))
+    rig = replace(quiet_rig, hidden=(hidden("wrist_offset", beta=0.1),))
     run, _ = rig.begin(short_cast, 0)
     assert run.held[3] == pytest.approx(0.1)
 
@@ -230,11 +216,13 @@ def test_the_camera_sees_late_scaled_turned_and_shifted(quiet_rig, short_cast):
         return seen_places(replace(quiet_rig, hidden=effects), cable, stamps)
 
     plain = seen()
-    late = seen(SlowCamera(0.1))
+    late = seen(hidden("camera_latency", tau=0.1))
     np.testing.assert_allclose(late[1:], plain[:-1], atol=1e-12)
-    np.testing.assert_allclose(seen(MisscaledCamera(0.02)), 1.02 * plain)
-    np.testing.assert_allclose(seen(ShiftedCamera(0.01, -0.02)) - plain, [[0.01, -0.02]] * 12)
-    turned = seen(TurnedCamera(0.03))
+    np.testing.assert_allclose(seen(hidden("camera_scale", k=0.02)), 1.02 * plain)
+    np.testing.assert_allclose(
+        seen(hidden("camera_offset", dx=0.01, dy=-0.02)) - plain, [[0.01, -0.02]] * 12
+    )
+    turned = seen(hidden("camera_rotation", phi=0.03))
     angles = [np.arctan2(p[:, 1], p[:, 0]) for p in (turned, plain)]
     np.testing.assert_allclose(angles[0] - angles[1], 0.03)
 
@@ -252,7 +240,7 @@ def test_tracked_waypoints_carry_the_eyes_noise_and_the_same_number_the_same_byt
 
 
 def test_a_band_pulls_the_end_by_its_stiffness_times_the_distance(cable, truth):
-    run = laid(cable, truth, [RubberBand(0.1, 1.0, 0.3)])
+    run = laid(cable, truth, [hidden("rubber_band", stiffness=0.1, x0=1.0, y0=0.3)])
     mujoco.mj_forward(run.model, run.data)
     end = run.data.xpos[run.model.body("endpoint").id]
     away = np.array([1.0, 0.3]) - end[:2]
@@ -260,20 +248,24 @@ def test_a_band_pulls_the_end_by_its_stiffness_times_the_distance(cable, truth):
 
 
 def test_syrup_holds_back_only_what_is_in_it(cable, truth):
-    run = laid(cable, truth, [StickyZone(2.0, 0.6 + cable.length_m, 0.0, 0.01)])
+    run = laid(
+        cable, truth, [hidden("sticky_zone", c=2.0, x0=0.6 + cable.length_m, y0=0.0, radius=0.01)]
+    )
     expected = [-2.0 * cable.endpoint_mass_kg, 0.0]
     np.testing.assert_allclose(pushed(run, 1.0), expected, atol=1e-12)
 
 
 def test_a_fan_blows_over_its_part_of_the_board(cable, truth):
     for beyond, share in ((-0.1, 1.0), (0.1, 0.0)):
-        run = laid(cable, truth, [Draught(0.4, np.pi / 2, beyond, 1.0)])
+        run = laid(
+            cable, truth, [hidden("draught", a=0.4, heading=np.pi / 2, from_y=beyond, side=1.0)]
+        )
         expected = [0.0, share * 0.4 * total_mass(cable)]
         np.testing.assert_allclose(pushed(run), expected, atol=1e-12)
 
 
 def test_a_swinging_end_keeps_the_mass_and_the_end_that_is_filmed(cable, truth):
-    run = laid(cable, truth, [SwingingEnd(0.5, 0.04)])
+    run = laid(cable, truth, [hidden("swinging_end", share=0.5, arm=0.04)])
     chain = run.model.body_subtreemass[run.model.body("segment_0").id]
     assert chain == pytest.approx(total_mass(cable))
     end = run.drive(np.tile(HELD, (3, 1)), moving_s=1.0).end_m[0]
@@ -281,11 +273,21 @@ def test_a_swinging_end_keeps_the_mass_and_the_end_that_is_filmed(cable, truth):
 
 
 def test_a_warming_board_changes_in_the_course_of_the_cast():
-    board = WarmingBoard(0.5, 2.0)
+    board = hidden("warming_board", k=0.5, time=2.0)
     for t_s, factor in ((-0.5, 1.0), (0.0, 1.0), (2.0, 1.5 - 0.5 / np.e)):
-        np.testing.assert_allclose(board.roughness(pieces(t_s=t_s)), factor)
+        np.testing.assert_allclose(board(pieces(t_s=t_s)), factor)
 
 
 @pytest.mark.rig
 def test_a_rig_with_an_effect_is_another_rig(rig):
-    assert replace(rig, hidden=(Oil(0.5),)).facts()["made"] != rig.facts()["made"]
+    assert (
+        replace(rig, hidden=(hidden("viscous_friction", c=0.5),)).facts()["made"]
+        != rig.facts()["made"]
+    )
+
+
+def test_an_effect_with_other_numbers_than_its_mechanism_takes_is_refused():
+    with pytest.raises(ValueError, match=r"wind is none of air_drag, .*wrist_offset"):
+        hidden("wind", k=1.0)
+    with pytest.raises(ValueError, match="air_drag takes C, got k"):
+        hidden("air_drag", k=1.0)

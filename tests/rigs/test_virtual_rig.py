@@ -10,7 +10,7 @@ from omegaconf import OmegaConf
 from robotcast.build import build
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_cast
 from robotcast.rigs.virtual.arm import ArmDynamics, packaged_scatter
-from robotcast.rigs.virtual.studies import (
+from robotcast.rigs.virtual.rig import (
     CHAOTIC,
     NUDGE_M,
     amplification,

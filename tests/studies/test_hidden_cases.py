@@ -10,8 +10,8 @@ import pytest
 from robotcast.casts.limits import PlanLimits
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.rigs.sealed import seal, unseal
-from robotcast.rigs.virtual.hidden import HiddenEffect
 from robotcast.rigs.virtual.hiding import LIBRARY, MECHANISMS, OUTSIDE, make_effect
+from robotcast.rigs.virtual.mechanisms import HiddenEffect
 from robotcast.rigs.virtual.rig import Eye
 from studies.hidden_effects.cases import (
     Case,

@@ -18,8 +18,8 @@ from robotcast.casts.limits import PlanLimits
 from robotcast.casts.plan import PlannedCast, plan_action
 from robotcast.effects.effect import CableMotion, Effect
 from robotcast.rigs.virtual.cable import CableTruth, build_cable
-from robotcast.rigs.virtual.hidden import Bending, HiddenEffect, Pieces, Pushing, Rubbing
 from robotcast.rigs.virtual.hiding import LIBRARY, make_effect
+from robotcast.rigs.virtual.mechanisms import HiddenEffect, Pieces, acting
 from tests.rigs.small_rig import CABLE, TRUTH
 from tests.rigs.test_virtual_mechanisms import laid
 
@@ -94,7 +94,7 @@ def moving() -> CableMotion:
     )
 
 
-def as_pieces(cable: CableMotion) -> Pieces:
+def as_pieces(cable: CableMotion, number: int = 0) -> Pieces:
     return Pieces(
         place_m=np.stack([cable.x[0], cable.y[0]], axis=1),
         velocity_m_s=np.stack([cable.vx[0], cable.vy[0]], axis=1),
@@ -102,22 +102,23 @@ def as_pieces(cable: CableMotion) -> Pieces:
         radius_m=np.append(np.full(N, CABLE.radius_m), TRUTH.endpoint_radius_m),
         length_m=np.append(cable.lengths_m, 0.0),
         t_s=0.0,
+        cast=number,
     )
 
 
-def force_on_rig(effect: HiddenEffect, cable: CableMotion) -> np.ndarray:
+def force_on_rig(effect: HiddenEffect, cable: CableMotion, number: int = 0) -> np.ndarray:
     """The force (n_points, 2) that an effect adds to plain friction."""
-    pieces = as_pieces(cable)
-    if isinstance(effect, Pushing):
-        return effect.force_n(pieces)
-    assert isinstance(effect, Rubbing)
+    pieces = as_pieces(cable, number)
+    if acting([effect], "force"):
+        return effect(pieces)
+    assert acting([effect], "friction")
     slip = np.stack([cable.slip_x[0], cable.slip_y[0]], axis=1)
-    return -((effect.roughness(pieces) - 1) * cable.friction_n[0])[:, None] * slip
+    return -((effect(pieces) - 1) * cable.friction_n[0])[:, None] * slip
 
 
 def built(effect: HiddenEffect, truth: CableTruth = TRUTH) -> mujoco.MjSpec:
     spec = build_cable(CABLE, truth)
-    effect.build(spec, CABLE, truth)
+    effect(spec, CABLE, truth)
     return spec
 
 
@@ -141,9 +142,7 @@ def test_the_balls_own_drag_is_a_few_per_cent_of_the_cables():
     cable = moving()
     still = as_pieces(cable)
     alike = Pieces(**{**vars(still), "velocity_m_s": np.tile([1.0, 0.0], (N + 1, 1))})
-    (air,) = [make_effect("air_drag", FORCES["air_drag"])]
-    assert isinstance(air, Pushing)
-    force = air.force_n(alike)[:, 0]
+    force = make_effect("air_drag", FORCES["air_drag"])(alike)[:, 0]
     assert force[-1] / force[:-1].sum() < 0.03
 
 
@@ -153,13 +152,9 @@ def test_the_camera_errs_as_the_librarys(name):
     times, places = np.arange(5) * 0.1, np.random.default_rng(1).uniform(0.3, 1.0, (5, 2))
     own = library(name)
     if own.acts_through("seen_at"):
-        np.testing.assert_allclose(
-            effect.seen_s(times), own.seen_at(times[None], **values(given))[0]
-        )
+        np.testing.assert_allclose(effect(times), own.seen_at(times[None], **values(given))[0])
     else:
-        np.testing.assert_allclose(
-            effect.seen_m(places), own.seen(places[None], **values(given))[0]
-        )
+        np.testing.assert_allclose(effect(places), own.seen(places[None], **values(given))[0])
 
 
 @pytest.mark.parametrize("name", GRIPS)
@@ -172,7 +167,7 @@ def test_the_cable_is_held_where_the_library_holds_it(name):
     for pose in path[:, [0, 1, 3]]:
         given = values(GRIPS[name])
         held.append(library(name).held_pose(pose[None], memory, STEP_S, **given)[0])
-    np.testing.assert_allclose(effect.hold(path, STEP_S)[:, [0, 1, 3]], held, atol=1e-9)
+    np.testing.assert_allclose(effect(path, STEP_S)[:, [0, 1, 3]], held, atol=1e-9)
 
 
 def cast(vmax_m_s: float = 1.0) -> PlannedCast:
@@ -183,7 +178,7 @@ def cast(vmax_m_s: float = 1.0) -> PlannedCast:
 @pytest.mark.parametrize("vmax", [0.8, 1.2])
 def test_the_cable_slips_in_the_librarys_casts(vmax):
     given = IN_SOME_CASTS["cable_slip"]
-    longer = make_effect("cable_slip", given).slipped(CABLE, cast(vmax)).length_m - CABLE.length_m
+    longer = make_effect("cable_slip", given)(CABLE, cast(vmax)).length_m - CABLE.length_m
     own = library("cable_slip").in_cast(np.array([[vmax]]), **values(given))
     np.testing.assert_allclose(longer, own["s"][0, 0], atol=1e-5)
 
@@ -193,7 +188,7 @@ def test_friction_drifts_over_a_session_as_the_librarys(number):
     given, cable = IN_SOME_CASTS["friction_drift"], moving()
     own = library("friction_drift").in_cast(np.array([[number / 51]]), **values(given))
     x, y = library("friction_drift").force(cable, **own)
-    on_rig = force_on_rig(make_effect("friction_drift", given).in_cast(cast(), number), cable)
+    on_rig = force_on_rig(make_effect("friction_drift", given), cable, number)
     np.testing.assert_allclose(on_rig, np.stack([x[0], y[0]], axis=1), rtol=1e-5, atol=1e-9)
 
 
@@ -224,10 +219,9 @@ def test_the_cable_rests_at_the_librarys_curvature():
 
 def test_the_cable_yields_at_the_librarys_curvature():
     given, cable = MAKES["plastic_bending"], moving()
-    effect = make_effect("plastic_bending", given)
-    assert isinstance(effect, Bending)
     length = float(cable.lengths_m[0])
-    rest = effect.rest_rad(cable.bend_rad[0], np.zeros(N), length) / length
+    bent = make_effect("plastic_bending", given)(cable.bend_rad[0], np.zeros(N), length)
+    rest = bent / length
     own = library("plastic_bending").rest_curvature(cable, **values(given))
     np.testing.assert_allclose(rest[1:], own[0, 1:])  # the rig's first hinge is half as long
 

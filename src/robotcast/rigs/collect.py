@@ -11,21 +11,13 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from robotcast import sessions
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
 from robotcast.files import atomic_folder, write_text
 from robotcast.processes import process_pool
 from robotcast.progress import Progress, silent
-from robotcast.rigs.rig import CastNotUsed, Rig, RigStopped
-from robotcast.sessions import (
-    REQUEST_FILE,
-    CastRequest,
-    exclusive,
-    missing_requests,
-    number_requests,
-    open_session,
-    write_request,
-)
+from robotcast.rigs import CastNotUsed, Rig, RigStopped
 
 Plan = Callable[..., PlannedCast]
 
@@ -47,7 +39,7 @@ def choose_casts(
 
 
 def number_extra_actions(
-    actions: Sequence[Action], casts: Sequence[CastRequest]
+    actions: Sequence[Action], casts: Sequence[sessions.CastRequest]
 ) -> list[tuple[int, Action]]:
     """Give actions that are of no grid the ids under which a session of `casts` may hold them.
 
@@ -79,7 +71,7 @@ def collect_casts(
     progress: Progress = silent,
     *,
     plan: Plan = plan_action,
-    describe: Callable[[CastRequest, Path], str] | None = None,
+    describe: Callable[[sessions.CastRequest, Path], str] | None = None,
 ) -> Collected:
     """Execute the casts of `actions` that the session in `folder` does not hold yet.
 
@@ -92,16 +84,17 @@ def collect_casts(
     Raises `RigStopped` when the rig stopped: what is finished stays, a further call goes on.
     """
     planner = partial(plan, r0_m=rig.r0_m, limits=limits)
-    requests = number_requests(actions)
-    with exclusive(folder):
-        session = open_session(
+    execute = partial(_execute, rig=rig, folder=folder, planner=planner)
+    requests = sessions.number_requests(actions)
+    with sessions.exclusive(folder):
+        session = sessions.open_session(
             folder, rig=rig.name, cable=rig.cable, r0_m=rig.r0_m, facts=rig.facts()
         )
-        missing = missing_requests(session, requests)
+        missing = sessions.missing_requests(session, requests)
         stood = len(requests) - len(missing)
         failed: dict[int, str] = {}
         progress(stood, len(requests))
-        with closing(_outcomes(rig, missing, folder, planner)) as outcomes:
+        with closing(_outcomes(execute, missing, rig.workers)) as outcomes:
             for done, (request, reason) in enumerate(outcomes, 1):
                 if reason:
                     failed[request.number] = reason
@@ -114,11 +107,12 @@ def collect_casts(
 
 
 def _outcomes(
-    rig: Rig, requests: list[CastRequest], folder: Path, planner: Callable[[Action], PlannedCast]
-) -> Generator[tuple[CastRequest, str], None, None]:
+    execute: Callable[[sessions.CastRequest], str],
+    requests: list[sessions.CastRequest],
+    workers: int,
+) -> Generator[tuple[sessions.CastRequest, str], None, None]:
     """Execute the requests; yield each with "" or with why it failed, as they finish."""
-    execute = partial(_execute, rig=rig, folder=folder, planner=planner)
-    workers = min(rig.workers, len(requests))
+    workers = min(workers, len(requests))
     if workers <= 1:
         yield from ((request, execute(request)) for request in requests)
         return
@@ -127,17 +121,15 @@ def _outcomes(
         yield from ((running[future], future.result()) for future in as_completed(running))
 
 
-def _execute(
-    request: CastRequest, *, rig: Rig, folder: Path, planner: Callable[[Action], PlannedCast]
-) -> str:
+def _execute(request: sessions.CastRequest, *, rig: Rig, folder: Path, planner: Plan) -> str:
     try:
         planned = planner(request.action)
         with atomic_folder(folder / request.folder_name) as unfinished:
-            write_request(request, unfinished)
+            sessions.write_record(request, unfinished)
             try:
                 rig.cast(planned, request.number, unfinished)
             except CastNotUsed as error:
-                _set_aside(unfinished, folder, request, str(error))
+                _set_aside(unfinished, folder, request.number, str(error))
                 raise
     except RigStopped as stop:
         _note_failure(folder, request, str(stop))
@@ -147,16 +139,16 @@ def _execute(
     return ""
 
 
-def _set_aside(unfinished: Path, folder: Path, request: CastRequest, reason: str) -> None:
+def _set_aside(unfinished: Path, folder: Path, number: int, reason: str) -> None:
     """Keep what was recorded of a cast that is not to be used, under a name that nobody reads."""
-    if all(entry.name == REQUEST_FILE for entry in unfinished.iterdir()):
+    if all(entry.name == sessions.REQUEST_FILE for entry in unfinished.iterdir()):
         return
     write_text(unfinished / "unused.yaml", yaml.safe_dump({"reason": reason}))
-    names = (folder / f"unused_{request.number:05d}_{attempt}" for attempt in itertools.count(1))
+    names = (folder / f"unused_{number:05d}_{attempt}" for attempt in itertools.count(1))
     unfinished.rename(next(path for path in names if not path.exists()))
 
 
-def _note_failure(folder: Path, request: CastRequest, reason: str) -> None:
+def _note_failure(folder: Path, request: sessions.CastRequest, reason: str) -> None:
     path = folder / f"failed_{request.number:05d}.yaml"
     if reason:
         write_text(path, yaml.safe_dump({"number": request.number, "reason": reason}))

@@ -6,7 +6,6 @@ them, or a motion that does not start and end at rest, breaks a limit. An action
 neither its motion nor the mirror image breaks a rule.
 """
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import Literal, NamedTuple
@@ -27,29 +26,23 @@ from robotcast.rigs.kinematics import (
     segment_distance,
 )
 
-Rule = Literal[
-    "reach",
-    "joint position",
-    "joint speed",
-    "joint acceleration",
-    "tool box",
-    "tool keep-out",
-    "tool speed",
-    "board collision",
-    "base collision",
-    "self collision",
-]
 RuleGroup = Literal["joints", "tool", "clearances"]
 
 HAND_LINKS = ("wrist 1", "wrist 2", "wrist 3", "gripper", "fingers")
 BASE_LINKS = ("forearm", *HAND_LINKS)
 BOARD_LINKS = ("upper arm", "elbow", *BASE_LINKS)
-SELF_PAIRS = (
-    ("shoulder", "forearm"),
-    *((arm, hand) for arm in ("shoulder", "upper arm", "elbow") for hand in HAND_LINKS),
-    *(("forearm", hand) for hand in HAND_LINKS[2:]),
+PAIRS = (
+    *(("base collision", link, "column") for link in BASE_LINKS),
+    ("self collision", "shoulder", "forearm"),
+    *(("self collision", a, h) for a in ("shoulder", "upper arm", "elbow") for h in HAND_LINKS),
+    *(("self collision", "forearm", hand) for hand in HAND_LINKS[2:]),
 )
 """Pieces that do not touch by construction."""
+
+JOINT_SAMPLE_S = 0.004
+PLACE_SAMPLE_S = 0.008
+ROWS_AT_ONCE = 256
+AS_IT_IS, MIRRORED = np.ones(3), np.array([1.0, -1.0, -1.0])  # of x, y, yaw
 
 
 @dataclass(frozen=True)
@@ -84,13 +77,14 @@ class Envelope:
     gripper: Gripper
 
     def __post_init__(self) -> None:
-        for field in fields(self)[:4]:
-            values = getattr(self, field.name)
+        names = [field.name for field in fields(self)]
+        for name in names[:4]:
+            values = getattr(self, name)
             if len(values) != 6 or not np.isfinite(values).all():
-                raise ValueError(f"envelope: {field.name} must be six finite numbers, got {values}")
+                raise ValueError(f"envelope: {name} must be six finite numbers, got {values}")
         if not np.less(self.joint_min_rad, self.joint_max_rad).all():
             raise ValueError("envelope: joint_min_rad must be below joint_max_rad for every joint")
-        for name in [field.name for field in fields(self)][2:6]:
+        for name in names[2:6]:
             value = np.min(getattr(self, name))
             if not (np.isfinite(value) and value > 0):
                 raise ValueError(f"envelope: {name} must be positive and finite, got {value}")
@@ -100,7 +94,7 @@ class Envelope:
 class BrokenRule:
     """One rule broken by a motion, where it is broken worst."""
 
-    rule: Rule
+    rule: str  # as `_Measured` names them
     part: str  # the joint, link, pair of links or coordinate concerned
     t_s: float
     value: float  # in the rule's SI unit; a distance must stay above its limit
@@ -116,15 +110,14 @@ class BrokenRule:
 class _Measured(NamedTuple):
     """A quantity along many motions: `value` (n, m) at `t_s` (m,), kept within [low, high]."""
 
-    rule: Rule
+    rule: str
     part: str
     t_s: np.ndarray
     value: np.ndarray
     low: float
-    high: float
+    high: float = np.inf
 
-    def excess(self) -> np.ndarray:
-        """Return how far outside the limits, (n, m), positive where broken."""
+    def excess(self) -> np.ndarray:  # positive where broken
         return np.maximum(self.value - self.high, self.low - self.value)
 
 
@@ -138,57 +131,50 @@ def broken_rules(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> lis
         raise ValueError(
             f"envelope: expected joints (n, 6) for n ≥ 2 times, got {joints.shape} for {len(t_s)}"
         )
-    for name, values in (("times", t_s), ("joint angles", joints)):
-        bad = ~np.isfinite(values.reshape(len(t_s), -1)).all(axis=1)
-        if bad.any():
+    for name, values in (("times", t_s[:, None]), ("joint angles", joints)):
+        if (bad := ~np.isfinite(values).all(axis=1)).any():
             raise ValueError(f"envelope: {name} are not finite at sample {int(np.argmax(bad))}")
     if not (np.diff(t_s) > 0).all():
         raise ValueError("envelope: times must increase")
     broken = []
-    measures = (measure(t_s, joints[None], envelope) for measure in _MEASURES.values())
-    for measured in itertools.chain.from_iterable(measures):
-        excess = measured.excess()[0]
-        worst = int(np.argmax(excess))
-        if excess[worst] > 0:
-            value = float(measured.value[0, worst])
-            limit = measured.low if value < measured.low else measured.high
-            when = float(measured.t_s[worst])
-            broken.append(BrokenRule(measured.rule, measured.part, when, value, limit))
+    for measure in _MEASURES.values():
+        for measured in measure(t_s, joints[None], envelope):
+            excess = measured.excess()[0]
+            worst = int(np.argmax(excess))
+            if excess[worst] > 0:
+                value, when = float(measured.value[0, worst]), float(measured.t_s[worst])
+                limit = measured.low if value < measured.low else measured.high
+                broken.append(BrokenRule(measured.rule, measured.part, when, value, limit))
     return broken
 
 
 def rules_broken_by_many(
     group: RuleGroup, t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
-) -> dict[Rule, np.ndarray]:
+) -> dict[str, np.ndarray]:
     """Return which of many motions break each rule of a group, (n,) of bool.
 
     "joints" concerns single joints, "tool" the held end's place and speed, whatever the angle of
     wrist 3, and "clearances" board, base and arm itself, whatever the angles of base and wrist 3.
-
-    Parameters
-    ----------
-    t_s : ndarray of shape (m,) [s], shared by all motions.
-    joints : ndarray of shape (n, m, 6) [rad]; NaN where the arm does not reach, which breaks
-        "reach", one of the joints' rules, and no other.
+    `joints` (n, m, 6) [rad], at times `t_s` (m,) that all share, are NaN where the arm does not
+    reach, which breaks "reach", one of the joints' rules, and no other.
     """
     lost = np.asarray(~np.isfinite(joints).all(axis=(1, 2)))
-    broken: dict[Rule, np.ndarray] = {"reach": lost} if group == "joints" else {}
+    broken = {"reach": lost} if group == "joints" else {}
     for measured in _MEASURES[group](t_s, joints, envelope):
         outside = ~(measured.excess() <= 0).all(axis=1) & ~lost
-        broken[measured.rule] = broken.get(measured.rule, np.zeros_like(lost)) | outside
+        broken[measured.rule] = broken.get(measured.rule, False) | outside
     return broken
 
 
 def _measure_joints(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> Iterator[_Measured]:
-    first, last = t_s[1] - t_s[0], t_s[-1] - t_s[-2]
-    padded_s = np.concatenate([[t_s[0] - first], t_s, [t_s[-1] + last]])
-    step_s = np.diff(padded_s)
+    padded_s = np.concatenate([[2 * t_s[0] - t_s[1]], t_s, [2 * t_s[-1] - t_s[-2]]])
     middle_s = (padded_s[1:] + padded_s[:-1]) / 2
     for index, part in enumerate(JOINTS):
         angle = joints[..., index]
         low, high = envelope.joint_min_rad[index], envelope.joint_max_rad[index]
         yield _Measured("joint position", part, t_s, angle, low, high)
-        rate = np.diff(angle, axis=1, prepend=angle[:, :1], append=angle[:, -1:]) / step_s
+        rate = np.diff(angle, axis=1, prepend=angle[:, :1], append=angle[:, -1:])
+        rate /= np.diff(padded_s)
         limit = envelope.joint_speed_rad_s[index]
         yield _Measured("joint speed", part, middle_s, rate, -limit, limit)
         acceleration = np.diff(rate, axis=1) / np.diff(middle_s)
@@ -198,10 +184,10 @@ def _measure_joints(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> 
 
 def _measure_tool(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> Iterator[_Measured]:
     tool, box = link_points(joints, envelope.gripper)[..., -1, :], envelope.box
-    for index, (part, (low, high)) in enumerate((("x", box.x_m), ("y", box.y_m), ("z", box.z_m))):
-        yield _Measured("tool box", part, t_s, tool[..., index], low, high)
+    for index, limits in enumerate((box.x_m, box.y_m, box.z_m)):
+        yield _Measured("tool box", "xyz"[index], t_s, tool[..., index], *limits)
     radius = np.hypot(tool[..., 0], tool[..., 1])
-    yield _Measured("tool keep-out", "radius", t_s, radius, box.r_min_m, np.inf)
+    yield _Measured("tool keep-out", "radius", t_s, radius, box.r_min_m)
     speed = np.linalg.norm(np.diff(tool, axis=1), axis=2) / np.diff(t_s)
     middle_s = (t_s[1:] + t_s[:-1]) / 2
     yield _Measured("tool speed", "held end", middle_s, speed, 0.0, envelope.tool_speed_m_s)
@@ -211,31 +197,20 @@ def _measure_clearances(
     t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
 ) -> Iterator[_Measured]:
     points = link_points(joints, envelope.gripper)
-    for name in BOARD_LINKS:
-        start, end = capsule_axis(points, name)
-        height = np.minimum(start[..., 2], end[..., 2]) - LINK_CAPSULES[name].radius_m
-        clearance = 0.0 if name == "fingers" else envelope.clearance_m
-        yield _Measured("board collision", name, t_s, height, clearance, np.inf)
-    for name in BASE_LINKS:
-        gap = _gap(points, name, "column")
-        yield _Measured("base collision", name, t_s, gap, envelope.clearance_m, np.inf)
-    for one, other in SELF_PAIRS:
-        gap = _gap(points, one, other)
-        part = f"{one} and {other}"
-        yield _Measured("self collision", part, t_s, gap, envelope.clearance_m, np.inf)
-
-
-def _gap(points: np.ndarray, one: str, other: str) -> np.ndarray:
-    apart = segment_distance(*capsule_axis(points, one), *capsule_axis(points, other))
-    return apart - LINK_CAPSULES[one].radius_m - LINK_CAPSULES[other].radius_m
+    axes = {link: capsule_axis(points, link) for link in LINK_CAPSULES}
+    radii = {link: capsule.radius_m for link, capsule in LINK_CAPSULES.items()}
+    for link in BOARD_LINKS:
+        start, end = axes[link]
+        height = np.minimum(start[..., 2], end[..., 2]) - radii[link]
+        clearance = 0.0 if link == "fingers" else envelope.clearance_m
+        yield _Measured("board collision", link, t_s, height, clearance)
+    for rule, one, other in PAIRS:
+        gap = segment_distance(*axes[one], *axes[other]) - radii[one] - radii[other]
+        part = one if other == "column" else f"{one} and {other}"
+        yield _Measured(rule, part, t_s, gap, envelope.clearance_m)
 
 
 _MEASURES = {"joints": _measure_joints, "tool": _measure_tool, "clearances": _measure_clearances}
-
-JOINT_SAMPLE_S = 0.004
-PLACE_SAMPLE_S = 0.008
-ROWS_AT_ONCE = 256
-AS_IT_IS, MIRRORED = np.ones(3), np.array([1.0, -1.0, -1.0])  # of x, y, yaw
 
 
 @dataclass(frozen=True)
@@ -244,7 +219,7 @@ class FilterReport:
 
     candidates: int
     feasible: int
-    broken: dict[Rule, int]  # how many candidates break each rule; one may break several
+    broken: dict[str, int]  # how many candidates break each rule; one may break several
 
 
 def feasible_actions(
@@ -256,13 +231,12 @@ def feasible_actions(
 ) -> tuple[np.ndarray, FilterReport]:
     """Return the actions of the grid that the arm can do, (m, 6), and why others fell.
 
-    An action stays when the arm can do it and its mirror image: the arm itself is not
-    symmetric, and a policy uses both.
+    It must do the mirror image too: the arm is not symmetric, and a policy uses both.
     """
     curves = grid.curves(r0_m, limits)
     broken = _rules_broken_by_casts(curves, envelope, progress)
     kept = ~np.any(list(broken.values()), axis=0)
-    counts: dict[Rule, int] = {rule: int(bad.sum()) for rule, bad in broken.items()}
+    counts = {rule: int(bad.sum()) for rule, bad in broken.items()}
     return curves.actions[kept], FilterReport(len(kept), int(kept.sum()), counts)
 
 
@@ -276,15 +250,14 @@ def are_feasible(
 
 def _rules_broken_by_casts(
     curves: CastCurves, envelope: Envelope, progress: Progress
-) -> dict[Rule, np.ndarray]:
+) -> dict[str, np.ndarray]:
     """Return which casts break which rule, mirrored or not, each (n,) of bool."""
     first, member = distinct_arcs(curves.actions)  # α turns the wrist alone
     arcs, both = curves.rows(first), (AS_IT_IS, MIRRORED)
     places = _broken_in("tool", arcs, PLACE_SAMPLE_S, envelope, both)
     places |= _broken_in("clearances", arcs, PLACE_SAMPLE_S, envelope, (AS_IT_IS,))
     joints = _broken_in("joints", curves, JOINT_SAMPLE_S, envelope, both, progress)
-    broken: dict[Rule, np.ndarray] = {rule: bad[member] for rule, bad in places.items()}
-    return broken | joints
+    return {rule: bad[member] for rule, bad in places.items()} | joints
 
 
 def _broken_in(
@@ -294,10 +267,9 @@ def _broken_in(
     envelope: Envelope,
     images: tuple[np.ndarray, ...],
     progress: Progress = silent,
-) -> dict[Rule, np.ndarray]:
+) -> dict[str, np.ndarray]:
     """Return which casts break which rule of a group in any of their images, each (n,) of bool."""
-    n, done = len(curves.actions), 0
-    broken: dict[Rule, np.ndarray] = {}
+    n, broken = len(curves.actions), {}
     order = np.argsort(curves.end_s, kind="stable")
     for start in range(0, n, ROWS_AT_ONCE):
         rows = order[start : start + ROWS_AT_ONCE]
@@ -308,6 +280,5 @@ def _broken_in(
             joints = joints_pointing_down(pose * image, envelope.gripper)
             for rule, outside in rules_broken_by_many(group, t_s, joints, envelope).items():
                 broken.setdefault(rule, np.zeros(n, dtype=bool))[rows] |= outside
-        done += len(rows)
-        progress(done, n, "filtering")
+        progress(start + len(rows), n, "filtering")
     return broken

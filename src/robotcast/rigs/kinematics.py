@@ -1,8 +1,8 @@
 """Kinematics of a UR5 (CB3) that holds the cable's end over the board, and the room it takes up.
 
-The base stands at the origin of the board's frame and is not turned. Angles are those of
-the controller: base, shoulder, elbow, wrist 1, wrist 2, wrist 3. Of the eight solutions of
-the inverse kinematics the elbow-up one with the wrist reaching outwards is used throughout.
+The base stands at the origin of the board's frame and is not turned. Angles are the controller's.
+Of the eight solutions of the inverse kinematics the elbow-up one with the wrist reaching outwards
+is used throughout.
 """
 
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class Capsule(NamedTuple):
     beyond_m: float = 0.0
 
 
-LINK_CAPSULES = {
+LINK_CAPSULES = {  # a capsule around each straight piece between consecutive `link_points`
     "column": Capsule(0.075, beyond_m=0.03),
     "shoulder": Capsule(0.068, beyond_m=0.04),
     "upper arm": Capsule(0.06),
@@ -45,12 +45,9 @@ LINK_CAPSULES = {
     "gripper": Capsule(0.05),
     "fingers": Capsule(0.012),
 }
-"""A capsule around each straight piece between consecutive points of `link_points`.
-
-They hold the collision meshes of the UR5 in ROS-Industrial's `ur_description` (commit a7a2c54,
+"""They hold the collision meshes of the UR5 in ROS-Industrial's `ur_description` (commit a7a2c54,
 made from the maker's models), but for the cable's connector at the foot. Joint housings reach
-beyond the axes on which the pieces meet, so capsules may begin before their piece and end beyond
-it. The hand is what the gripper's sheet says, rounded up.
+beyond the axes on which the pieces meet. The hand is what the gripper's sheet says, rounded up.
 """
 LINKS = tuple(LINK_CAPSULES)
 
@@ -81,9 +78,8 @@ GRIPPER = Gripper()
 def joints_pointing_down(pose: np.ndarray, gripper: Gripper = GRIPPER) -> np.ndarray:
     """Return the joint angles (..., 6) [rad] that hold the cable's end at board height.
 
-    Closed form for a tool pointing straight down: the base from the wrist's offset, shoulder
-    and elbow as a planar arm of two links, the wrist from what remains. `pose` (..., 3) holds
-    x [m], y [m], yaw [rad] of the held end; the angles are NaN where the arm does not reach.
+    Closed form for a tool pointing straight down, whose end is at `pose` (..., 3): x [m], y [m],
+    yaw [rad]. The angles are NaN where the arm does not reach.
     """
     x, y, yaw = np.moveaxis(np.asarray(pose, dtype=float), -1, 0)
     radius = np.hypot(x, y)
@@ -107,17 +103,14 @@ def joint_path(tool: ToolMotion, gripper: Gripper = GRIPPER) -> np.ndarray:
     if not np.isfinite(tool.pose).all():
         raise ValueError("joint path: the tool motion holds values that are not finite")
     joints = joints_pointing_down(tool.pose, gripper)
-    lost = np.isnan(joints).any(axis=1)
-    if lost.any():
+    if (lost := np.isnan(joints).any(axis=1)).any():
         row = int(np.argmax(lost))
         x, y = tool.pose[row, :2]
         raise ValueError(
             f"joint path: the UR5 cannot hold ({x:.3f}, {y:.3f}) m pointing down "
             f"at t = {tool.t_s[row]:.3f} s"
         )
-    turns = np.unwrap(joints[:, 0]) - joints[:, 0]
-    joints[:, 0] += turns
-    joints[:, 5] += turns
+    joints[:, [0, 5]] += (np.unwrap(joints[:, 0]) - joints[:, 0])[:, None]
     return joints
 
 
@@ -129,31 +122,23 @@ def tilted_joint_path(
     The held end is at `position_m` (n, 3); `pitch_rad` (n,) is 0 where the tool points down, as
     it must at first, and π/2 where it points along `yaw_rad` (n,), in which direction it pitches.
     """
+    ahead = np.stack([np.cos(yaw_rad), np.sin(yaw_rad), np.zeros_like(yaw_rad)], axis=-1)
+    up, cos, sin = np.array([0.0, 0.0, 1.0]), np.cos(pitch_rad)[:, None], np.sin(pitch_rad)[:, None]
+    axis, side = sin * ahead - cos * up, cos * ahead + sin * up
+    flange = np.tile(np.eye(4), (len(position_m), 1, 1))
+    flange[:, :3, :3] = np.stack([side, np.cross(axis, side), axis], axis=-1)
+    flange[:, :3, 3] = position_m - gripper.length_m * axis
     joints = np.empty((len(position_m), 6))
     last = joints_pointing_down(np.array([*position_m[0, :2], yaw_rad[0]]), gripper)
-    for row, (position, pitch, yaw) in enumerate(zip(position_m, pitch_rad, yaw_rad, strict=True)):
-        solutions = ur5.inverse_kinematics_closest(
-            _flange_pose(position, pitch, yaw, gripper), *last
-        )
+    for row, pose in enumerate(flange):
+        solutions = ur5.inverse_kinematics_closest(pose, *last)
         if not solutions:
             raise ValueError(
-                f"joint path: the UR5 cannot hold {np.round(position, 3).tolist()} m "
-                f"at pitch {pitch:.3f} rad"
+                f"joint path: the UR5 cannot hold {np.round(position_m[row], 3).tolist()} m "
+                f"at pitch {pitch_rad[row]:.3f} rad"
             )
-        last = last + (solutions[0] - last + np.pi) % (2 * np.pi) - np.pi
-        joints[row] = last
+        last = joints[row] = last + (solutions[0] - last + np.pi) % (2 * np.pi) - np.pi
     return joints
-
-
-def _flange_pose(position: np.ndarray, pitch: float, yaw: float, gripper: Gripper) -> np.ndarray:
-    ahead = np.array([np.cos(yaw), np.sin(yaw), 0.0])
-    up = np.array([0.0, 0.0, 1.0])
-    axis = np.sin(pitch) * ahead - np.cos(pitch) * up
-    side = np.cos(pitch) * ahead + np.sin(pitch) * up
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([side, np.cross(axis, side), axis], axis=1)
-    pose[:3, 3] = position - gripper.length_m * axis
-    return pose
 
 
 def link_points(joints: np.ndarray, gripper: Gripper = GRIPPER) -> np.ndarray:
@@ -161,27 +146,25 @@ def link_points(joints: np.ndarray, gripper: Gripper = GRIPPER) -> np.ndarray:
 
     `joints` has the shape (..., 6) [rad].
     """
-    base, shoulder, elbow, wrist1, wrist2, _ = np.moveaxis(np.asarray(joints), -1, 0)
-    zero = np.zeros_like(base)
-    up = np.stack([zero, zero, zero + 1], axis=-1)
-    ahead = np.stack([np.cos(base), np.sin(base), zero], axis=-1)
-    aside = np.stack([np.sin(base), -np.cos(base), zero], axis=-1)
+    base, shoulder, elbow, wrist1, wrist2, _ = np.moveaxis(np.asarray(joints)[..., None], -2, 0)
+    up = np.broadcast_to([0.0, 0.0, 1.0], (*base.shape[:-1], 3))
+    ahead = np.concatenate([np.cos(base), np.sin(base), 0 * base], axis=-1)
+    aside = np.concatenate([np.sin(base), -np.cos(base), 0 * base], axis=-1)
 
     def outward(angle: np.ndarray) -> np.ndarray:
-        return -np.cos(angle)[..., None] * ahead - np.sin(angle)[..., None] * up
+        return -np.cos(angle) * ahead - np.sin(angle) * up
 
     total = shoulder + elbow + wrist1
-    wrist2_axis = outward(total + np.pi / 2)
-    tool_axis = np.sin(wrist2)[..., None] * outward(total) + np.cos(wrist2)[..., None] * aside
+    tool_axis = np.sin(wrist2) * outward(total) + np.cos(wrist2) * aside
     steps = [
-        np.zeros_like(up),
+        0 * up,
         BASE_HEIGHT_M * up,
         SHOULDER_OFFSET_M * aside,
         UPPER_ARM_M * outward(shoulder),
         (FOREARM_OFFSET_M - SHOULDER_OFFSET_M) * aside,
         FOREARM_M * outward(shoulder + elbow),
         (WRIST_1_M - FOREARM_OFFSET_M) * aside,
-        WRIST_2_M * wrist2_axis,
+        WRIST_2_M * outward(total + np.pi / 2),
         WRIST_3_M * tool_axis,
         (gripper.length_m - gripper.fingers_m) * tool_axis,
         gripper.fingers_m * tool_axis,
@@ -206,18 +189,12 @@ def segment_distance(
     The closest points of two segments, after C. Ericson, Real-Time Collision Detection, 5.1.9:
     the closest pair on the infinite lines, clamped to one segment and then to the other.
     """
-    along_a, along_b, between = end_a - start_a, end_b - start_b, start_a - start_b
-    aa, bb, ab = _dot(along_a, along_a), _dot(along_b, along_b), _dot(along_a, along_b)
-    a, b = _dot(along_a, between), _dot(along_b, between)
-    parallel = aa * bb - ab * ab
-    tiny = 1e-12
-    s = np.where(parallel > tiny * aa * bb, ab * b - a * bb, 0.0)
+    u, v, w = end_a - start_a, end_b - start_b, start_a - start_b
+    uu, vv, uv = np.vecdot(u, u), np.vecdot(v, v), np.vecdot(u, v)
+    uw, vw = np.vecdot(u, w), np.vecdot(v, w)
+    parallel, tiny = uu * vv - uv * uv, 1e-12
+    s = np.where(parallel > tiny * uu * vv, uv * vw - uw * vv, 0.0)
     s = np.clip(s / np.maximum(parallel, tiny), 0.0, 1.0)
-    t = np.clip((ab * s + b) / np.maximum(bb, tiny), 0.0, 1.0)
-    s = np.clip((ab * t - a) / np.maximum(aa, tiny), 0.0, 1.0)
-    gap = between + s[..., None] * along_a - t[..., None] * along_b
-    return np.sqrt(_dot(gap, gap))
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.einsum("...i,...i->...", a, b)
+    t = np.clip((uv * s + vw) / np.maximum(vv, tiny), 0.0, 1.0)
+    s = np.clip((uv * t - uw) / np.maximum(uu, tiny), 0.0, 1.0)
+    return np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)

@@ -26,9 +26,9 @@ from robotcast.policies.datasets import read_simulated
 from robotcast.policies.evaluation import Subject, execute_choices, executed_table, predicted_table
 from robotcast.policies.forward_model import ForwardModel
 from robotcast.policies.targets import Board, read_targets, spread_targets
+from robotcast.rigs import Rig
 from robotcast.rigs.collect import Plan
 from robotcast.rigs.envelope import are_feasible
-from robotcast.rigs.rig import Rig
 from robotcast.stage import bar, output_folder, tell, warn
 
 

@@ -9,9 +9,8 @@ from robotcast.casts.plan import PlanLimits, PlannedCast, plan_cast
 from robotcast.casts.reset import ResetSettings
 from robotcast.rigs.envelope import Envelope, ToolBox
 from robotcast.rigs.kinematics import GRIPPER, joints_pointing_down
-from robotcast.rigs.ur5.arm import WatchSettings
+from robotcast.rigs.ur5.arm import ServoSettings, WatchSettings
 from robotcast.rigs.ur5.camera import WebcamSettings
-from robotcast.rigs.ur5.controller import ServoSettings
 from robotcast.rigs.ur5.motion import SafetyLimits
 from robotcast.rigs.ur5.rig import RunSettings, Ur5Rig
 from robotcast.rigs.virtual.rig import VirtualRig

@@ -12,12 +12,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from robotcast.rigs.rig import RigStopped
+from robotcast.rigs import RigStopped
+from robotcast.sessions import video_writer
 from robotcast.vision.camera import Camera
 
-CODEC = "mp4v"
-FIRST_FRAME_S = 10.0
-OPENING_MS = 10_000
+FIRST_FRAME_S, OPENING_MS = 10.0, 10_000
 RATE_TOLERANCE = 0.1
 MANUAL_EXPOSURE = 1.0  # V4L2's menu: 1 manual, 3 automatic
 WIDEST_OFFSET_S, OFFSETS_TRIED = 0.3, 601
@@ -51,10 +50,7 @@ class Webcam:
 
     def __init__(self, settings: WebcamSettings) -> None:
         self.settings = settings
-        self.unfixed: list[str] = []
-        self._capture = _opened(settings)
-        if settings.device:
-            self._fix()
+        self._capture, self.unfixed = _opened(settings)
         self._lock = threading.Lock()
         self._latest: np.ndarray | None = None
         self._seen_s = time.monotonic()
@@ -79,28 +75,34 @@ class Webcam:
         """Raise `RigStopped` when no frame came for too long."""
         silent_s = time.monotonic() - self._seen_s
         if silent_s > self.settings.gone_s:
-            raise RigStopped(
-                f"the camera {self.settings.source} gave no frame for {silent_s:.1f} s"
+            source = self.settings.source
+            raise RigStopped(f"the camera {source} gave no frame for {silent_s:.1f} s")
+
+    def require_rate(self, times_s: np.ndarray) -> float:
+        """Return the rate of frames at `times_s` (k,); refuse another than the asked one."""
+        asked = self.settings
+        rate = float(1 / np.diff(times_s).mean()) if len(times_s) > 1 else 0.0
+        if not abs(rate - asked.fps) <= RATE_TOLERANCE * asked.fps:
+            raise ValueError(
+                f"rig.camera={asked.source}: asked for {asked.fps:g} frames/s, gives {rate:.1f}; "
+                "ask for a rate that it has at this size and light (rig.fps)"
             )
+        return rate
 
     def start_recording(self, path: Path) -> None:
         """Write every frame from now on into the video file `path`."""
-        size = (self.settings.width, self.settings.height)
-        fourcc = cv2.VideoWriter.fourcc(*CODEC)
-        writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, self.settings.fps, size)
-        if not writer.isOpened():
-            raise OSError(f"{path}: OpenCV cannot write {CODEC} video of {size} px")
+        asked = self.settings
+        writer = video_writer(path, asked.fps, asked.width, asked.height)
         with self._lock:
             self._times, self._writer = [], writer
 
     def stop_recording(self) -> np.ndarray:
         """Close the file; return the capture times of its frames by the monotonic clock, (k,)."""
         with self._lock:
-            writer, self._writer = self._writer, None
-            times = np.array(self._times)
-        if writer is not None:
-            writer.release()
-        return times
+            if self._writer is not None:
+                self._writer.release()
+            self._writer = None
+            return np.array(self._times)
 
     def close(self) -> None:
         self._running = False
@@ -110,11 +112,10 @@ class Webcam:
     def _take_frames(self) -> None:
         # The thread lets go of the camera itself: nobody may while it waits for a frame.
         is_file = not self.settings.device and "://" not in self.settings.source
-        played, begun_s = 0, time.monotonic()
+        due_s = time.monotonic()
         try:
             while self._running:
                 if is_file:
-                    due_s = begun_s + played / self.settings.fps
                     time.sleep(max(0.0, due_s - time.monotonic()))
                 if not self._capture.grab():
                     return
@@ -122,7 +123,7 @@ class Webcam:
                 read, frame = self._capture.retrieve()
                 if not read:
                     continue
-                played += 1
+                due_s += 1 / self.settings.fps
                 with self._lock:
                     self._latest, self._seen_s = frame, now_s
                     if self._writer is not None:
@@ -131,78 +132,58 @@ class Webcam:
         finally:
             self._capture.release()
 
-    def _fix(self) -> None:
-        asked = [
-            ("exposure", cv2.CAP_PROP_AUTO_EXPOSURE, MANUAL_EXPOSURE),
-            ("focus", cv2.CAP_PROP_AUTOFOCUS, 0.0),
-            ("exposure", cv2.CAP_PROP_EXPOSURE, self.settings.exposure),
-            ("focus", cv2.CAP_PROP_FOCUS, self.settings.focus),
-        ]
-        wanted = [(name, key, value) for name, key, value in asked if value is not None]
-        refused = {name for name, key, value in wanted if not self._capture.set(key, value)}
-        self.unfixed = sorted(refused)
-
     def _require_size(self) -> None:
-        until = time.monotonic() + FIRST_FRAME_S
+        asked, until = self.settings, time.monotonic() + FIRST_FRAME_S
         while self._latest is None and self._thread.is_alive() and time.monotonic() < until:
             time.sleep(0.01)
-        if self._latest is None:
-            self.close()
-            raise ValueError(f"rig.camera={self.settings.source}: opens, but gives no frame")
-        height, width = self._latest.shape[:2]
-        if (width, height) != (self.settings.width, self.settings.height):
-            self.close()
-            raise ValueError(
-                f"rig.camera={self.settings.source}: asked for {self.settings.width} × "
-                f"{self.settings.height} px, gives {width} × {height}; "
-                "ask for a size that it has (rig.width, rig.height)"
-            )
-
-
-def require_rate(times_s: np.ndarray, settings: WebcamSettings) -> float:
-    """Return the rate of frames at `times_s` (k,); refuse another than the asked one."""
-    span_s = times_s[-1] - times_s[0] if len(times_s) > 1 else 0.0
-    rate = (len(times_s) - 1) / span_s if span_s > 0 else 0.0
-    if not abs(rate - settings.fps) <= RATE_TOLERANCE * settings.fps:
+        height, width = (0, 0) if self._latest is None else self._latest.shape[:2]
+        if (width, height) == (asked.width, asked.height):
+            return
+        self.close()
         raise ValueError(
-            f"rig.camera={settings.source}: asked for {settings.fps:g} frames/s, gives {rate:.1f}; "
-            "ask for a rate that it has at this size and light (rig.fps)"
+            f"rig.camera={asked.source}: asked for {asked.width} × {asked.height} px, gives "
+            f"{width} × {height}; ask for a size that it has (rig.width, rig.height)"
+            if width
+            else f"rig.camera={asked.source}: opens, but gives no frame"
         )
-    return rate
 
 
-def _opened(settings: WebcamSettings) -> cv2.VideoCapture:
-    if not settings.source:
+def _opened(asked: WebcamSettings) -> tuple[cv2.VideoCapture, list[str]]:
+    """Open the camera; return it and what its driver did not let be fixed."""
+    if not asked.source:
         raise ValueError("rig=ur5 needs a camera: rig.camera=0, /dev/video0, or a recorded file")
-    if settings.device:
-        number = settings.source.removeprefix("/dev/video")
-        capture = cv2.VideoCapture(int(number), cv2.CAP_V4L2)
-        capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG"))
-        capture.set(cv2.CAP_PROP_FRAME_WIDTH, settings.width)
-        capture.set(cv2.CAP_PROP_FRAME_HEIGHT, settings.height)
-        capture.set(cv2.CAP_PROP_FPS, settings.fps)
-        capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+    wanted: list[tuple[str, int, float | None]] = []
+    if asked.device:
+        capture = cv2.VideoCapture(int(asked.source.removeprefix("/dev/video")), cv2.CAP_V4L2)
+        wanted = [
+            ("", cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG")),
+            ("", cv2.CAP_PROP_FRAME_WIDTH, asked.width),
+            ("", cv2.CAP_PROP_FRAME_HEIGHT, asked.height),
+            ("", cv2.CAP_PROP_FPS, asked.fps),
+            ("", cv2.CAP_PROP_BUFFERSIZE, 1),
+            ("exposure", cv2.CAP_PROP_AUTO_EXPOSURE, MANUAL_EXPOSURE),
+            ("focus", cv2.CAP_PROP_AUTOFOCUS, 0.0),
+            ("exposure", cv2.CAP_PROP_EXPOSURE, asked.exposure),
+            ("focus", cv2.CAP_PROP_FOCUS, asked.focus),
+        ]
     else:
-        options = {
-            cv2.CAP_PROP_N_THREADS: 1,  # more would decode several frames late
-            cv2.CAP_PROP_OPEN_TIMEOUT_MSEC: OPENING_MS,
-            cv2.CAP_PROP_READ_TIMEOUT_MSEC: round(2e3 * settings.gone_s),
-        }
-        pairs = [number for pair in options.items() for number in pair]
-        capture = cv2.VideoCapture(settings.source, cv2.CAP_FFMPEG, pairs)
+        options = [cv2.CAP_PROP_N_THREADS, 1]  # more would decode several frames late
+        options += [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, OPENING_MS]
+        options += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, round(2e3 * asked.gone_s)]
+        capture = cv2.VideoCapture(asked.source, cv2.CAP_FFMPEG, options)
     if not capture.isOpened():
         raise ValueError(
-            f"rig.camera={settings.source}: no camera or video opens there; plug the camera in "
+            f"rig.camera={asked.source}: no camera or video opens there; plug the camera in "
             "(ls /dev/video*) or name another one"
         )
-    return capture
+    refused = {name for name, key, to in wanted if to is not None and not capture.set(key, to)}
+    return capture, sorted(refused - {""})
 
 
 def arm_pixels(camera: Camera, held_m: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Return what picks the grey pixels (m,) that the arm may cover, few, out of a picture.
+    """Return what picks the few grey pixels (m,) that the arm may cover out of a picture.
 
-    The cable lies beyond `held_m`, at which distance from the base the arm holds it: it follows
-    the arm late, and would be taken for a late camera.
+    The cable, beyond `held_m` from the base, follows late and would be taken for a late camera.
     """
     scale = ARM_PICTURE_WIDTH_PX / camera.width
     size = ARM_PICTURE_WIDTH_PX, round(camera.height * scale)
@@ -223,13 +204,8 @@ def camera_offset(
     """Return by how much frames are stamped late [s].
 
     Whatever moves with the arm moves the picture along one direction: the first principal
-    component of the frames follows the angle. The offset is where it fits the angle best.
-
-    Parameters
-    ----------
-    pictures : ndarray of shape (k, m), each frame's `arm_pixels`.
-    seen_s : ndarray of shape (k,), when each was captured, in the controller's time.
-    t_s, angle_rad : ndarrays of shape (n,), the arm's actual motion.
+    component of the frames, `arm_pixels` (k, m) captured at `seen_s` (k,) of the controller's time,
+    follows the arm's actual angle (n,) at `t_s` (n,). The offset is where it fits that best.
     """
     inside = (seen_s - WIDEST_OFFSET_S >= t_s[0]) & (seen_s <= t_s[-1])
     if inside.sum() < FEWEST_FRAMES:
@@ -237,9 +213,8 @@ def camera_offset(
             f"camera: only {int(inside.sum())} frames during the arm's swaying, "
             f"at least {FEWEST_FRAMES} are needed"
         )
-    values = pictures[inside].astype(float)
-    _, _, directions = np.linalg.svd(values - values.mean(axis=0), full_matrices=False)
-    signal = (values - values.mean(axis=0)) @ directions[0]
+    values = pictures[inside] - pictures[inside].mean(axis=0)
+    signal = values @ np.linalg.svd(values, full_matrices=False)[2][0]
     tried_s = np.linspace(-WIDEST_OFFSET_S / 3, WIDEST_OFFSET_S, OFFSETS_TRIED)
     fits = np.array([_fit(signal, np.interp(seen_s[inside] - o, t_s, angle_rad)) for o in tried_s])
     best = int(np.argmax(fits))
@@ -248,14 +223,13 @@ def camera_offset(
             f"camera: the arm's swaying is not seen in the picture (correlation {fits[best]:.2f}); "
             "the arm must be in the camera's view, and its exposure short"
         )
-    low, middle, high = fits[best - 1 : best + 2]
-    shift = 0.5 * (low - high) / (low - 2 * middle + high) if low - 2 * middle + high else 0.0
+    curvature, slope, _ = np.polyfit([-1, 0, 1], fits[best - 1 : best + 2], 2)
+    shift = -slope / (2 * curvature) if curvature else 0.0
     return float(tried_s[best] + shift * (tried_s[1] - tried_s[0]))
 
 
 def _fit(signal: np.ndarray, angle: np.ndarray) -> float:
-    """Return the multiple correlation of a signal with an angle and its square, 0–1."""
-    shapes = np.column_stack([np.ones_like(angle), angle, angle**2])
+    """Return the multiple correlation of a signal of mean 0 with an angle and its square, 0–1."""
+    shapes = np.vander(angle, 3)
     left = signal - shapes @ np.linalg.lstsq(shapes, signal, rcond=None)[0]
-    whole = signal - signal.mean()
-    return float(np.sqrt(max(0.0, 1 - left @ left / (whole @ whole))))
+    return float(np.sqrt(max(0.0, 1 - left @ left / (signal @ signal))))

@@ -1,40 +1,61 @@
-"""The two processes that run ur_rtde: `python -m robotcast.rigs.ur5.client listen|drive SOCKET`.
+"""The work of the two processes that run ur_rtde: one hears the controller, one drives the arm.
 
 ur_rtde is native code with threads of its own: it can wait for ever on a silent controller, it
 reconnects by itself after a broken connection and sends its last command again, and it has crashed
 while a connection broke. Here it can be ended at any moment, and with it every socket over which
-a target could go: whoever wants the arm left alone ends the one process that drives. Orders
-arrive over the socket whose number is the last argument.
+a target could go: whoever wants the arm left alone ends the one process that drives.
 """
 
-import sys
+import os
 import time
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-VARIABLES = (
-    *("timestamp", "actual_q", "target_q", "actual_TCP_pose", "target_speed_fraction"),
-    *("runtime_state", "robot_status_bits", "safety_status_bits"),
+VARIABLES = "timestamp actual_q target_q actual_TCP_pose target_speed_fraction runtime_state "
+VARIABLES += "robot_status_bits safety_status_bits"
+SAFETY_BITS = (
+    *("protective stop", "recovery mode", "safeguard stop", "system emergency stop"),
+    *("robot emergency stop", "emergency stop", "safety violation", "safety fault"),
 )
+"""Bits of safety_status_bits, from bit 2 on, that mean that the arm may not move, worst last."""
 BRAKE_RAD_S2 = 10.0
 PAUSE_S = 0.0003  # a cycle is noticed so late at most
+
+
+class RobotState(NamedTuple):
+    """One cycle of the controller."""
+
+    t_s: float  # by the controller's clock
+    heard_s: float  # when it arrived, by this computer's monotonic clock
+    joints_rad: np.ndarray  # (6,), actual
+    target_rad: np.ndarray  # (6,), commanded
+    tool_pose: np.ndarray  # (6,), the controller's tool centre point and rotation vector
+    speed_fraction: float
+    runtime: int
+    safety_bits: int
+
+    @property
+    def trouble(self) -> str:
+        """Why the arm may not move, "" when it may."""
+        found = [text for bit, text in enumerate(SAFETY_BITS, 2) if self.safety_bits >> bit & 1]
+        return found[-1] if found else ""
 
 
 def listen(orders: Connection) -> None:
     """Hear the controller until the other end is closed.
 
     The first order is the controller's host; its answer is "" once states arrive, or what went
-    wrong. Every further order is a time of the controller's clock: the answer is the newest state
-    after it, the fields of a `RobotState`, as soon as there is one, and "" when the connection
-    was lost. Packets that come in a burst, after a hiccup of the network, count as one: the last
-    of them is answered, so that no burst of targets answers them.
+    wrong. Every further order is a time of the controller's clock: the answer is the newest
+    `RobotState` after it, as soon as there is one, and "" when the connection was lost. Of packets
+    that come in a burst the last is answered, so that no burst of targets answers them.
     """
+    _silence()
     from rtde_receive import RTDEReceiveInterface  # an optional extra
 
     try:
-        receive = RTDEReceiveInterface(orders.recv(), variables=list(VARIABLES))
+        receive = RTDEReceiveInterface(orders.recv(), variables=VARIABLES.split())
     except (RuntimeError, ValueError) as error:
         orders.send(str(error).strip() or "no reason given")
         return
@@ -42,9 +63,9 @@ def listen(orders: Connection) -> None:
     orders.send("")
     wanted_s = np.inf
     while True:
-        if receive.getTimestamp() != newest[0]:
+        if receive.getTimestamp() != newest.t_s:
             newest = _state(receive)
-        elif newest[0] > wanted_s + 1e-6:
+        elif newest.t_s > wanted_s + 1e-6:
             orders.send(newest)
             wanted_s = np.inf
         if not receive.isConnected():
@@ -54,24 +75,26 @@ def listen(orders: Connection) -> None:
             wanted_s = orders.recv()
 
 
-def _state(receive: Any) -> tuple[Any, ...]:
+def _state(receive: Any) -> RobotState:
     """Return a whole cycle, none mixed of two."""
     while True:
         t_s, heard_s = receive.getTimestamp(), time.monotonic()
         vectors = (receive.getActualQ(), receive.getTargetQ(), receive.getActualTCPPose())
+        joints, target, tool = map(np.array, vectors)
         speed, runtime = receive.getTargetSpeedFraction(), receive.getRuntimeState()
         safety = receive.getSafetyStatusBits()
         if receive.getTimestamp() == t_s:
-            return t_s, heard_s, *map(np.array, vectors), speed, int(runtime), int(safety)
+            return RobotState(t_s, heard_s, joints, target, tool, speed, int(runtime), int(safety))
 
 
 def drive(orders: Connection) -> None:
     """Command the arm targets until the other end is closed.
 
-    A dict of host and servo settings begins a program on the controller, six numbers are a
+    A dict of host, tool and servo settings begins a program on the controller, six numbers are a
     target, None ends the program. The answer to the first and the last is "" or what went wrong;
     a target is answered only when it was refused.
     """
+    _silence()
     control, servo = None, ()
     while True:
         order = orders.recv()
@@ -80,7 +103,8 @@ def drive(orders: Connection) -> None:
             try:
                 control = _begin_program(order)
             except (RuntimeError, ValueError) as error:
-                orders.send(str(error).strip() or "no reason given")
+                reason = str(error).strip() or "no reason given"
+                orders.send(f"the program did not start on the controller ({reason})")
                 return
             orders.send("")
         elif control is None:
@@ -107,8 +131,7 @@ def _begin_program(settings: dict[str, Any]) -> Any:
     return control
 
 
-if __name__ == "__main__":
-    try:
-        {"listen": listen, "drive": drive}[sys.argv[1]](Connection(int(sys.argv[2])))
-    except (EOFError, BrokenPipeError, ConnectionResetError):
-        sys.exit(0)
+def _silence() -> None:
+    """Write nowhere: what ur_rtde writes the session's own sentences say better."""
+    for stream in (1, 2):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream)

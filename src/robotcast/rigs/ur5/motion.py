@@ -1,6 +1,7 @@
 """The joint angles of one cast's whole motion, and what they must keep to before the arm moves."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -15,8 +16,7 @@ SWAY_RAD, SWAY_HZ, SWAYS = 0.06, 0.8, 3
 WORST_SHOWN = 3
 
 
-@dataclass(frozen=True)
-class JointMotion:
+class JointMotion(NamedTuple):
     """Joint angles `joints_rad` (n, 6) at the controller's rate, at the times `t_s` (n,) from 0."""
 
     t_s: np.ndarray
@@ -39,12 +39,8 @@ class JointMotion:
         joints = np.pad(self.joints_rad, (counts, (0, 0)), mode="edge")
         return JointMotion(np.arange(len(joints)) * period_s, joints)
 
-    def part(self, rows: slice) -> "JointMotion":
-        return JointMotion(self.t_s[rows], self.joints_rad[rows])
 
-
-@dataclass(frozen=True)
-class WholeMotion:
+class WholeMotion(NamedTuple):
     """All that one cast moves: the five-step reset from where the arm stands, then the cast."""
 
     reset: JointMotion
@@ -129,39 +125,31 @@ def refuse_unsafe(whole: WholeMotion, live_rad: np.ndarray, limits: SafetyLimits
     """Raise ValueError, one sentence, unless the arm (6,) may execute the whole motion."""
     refuse_motion(whole.reset, limits.reset, limits, "reset")
     refuse_motion(whole.cast, limits.cast, limits, "cast")
-    _refuse_start(whole.reset, live_rad, limits)
-    _refuse_start(whole.cast, whole.reset.joints_rad[-1], limits)
+    for stands_rad, motion in ((live_rad, whole.reset), (whole.reset.joints_rad[-1], whole.cast)):
+        away = np.abs(np.asarray(stands_rad, dtype=float) - motion.joints_rad[0])
+        if not (away <= limits.start_rad).all():
+            worst = int(np.argmax(np.where(np.isfinite(away), away, np.inf)))
+            raise ValueError(
+                f"ur5: {JOINTS[worst]} stands {np.degrees(away[worst]):.2f}° from where the motion "
+                f"starts, at most {np.degrees(limits.start_rad):.2f}° is allowed; nothing moved"
+            )
 
 
 def refuse_motion(motion: JointMotion, envelope: Envelope, limits: SafetyLimits, name: str) -> None:
-    """Raise ValueError unless a motion keeps to an envelope and to the jerk limits."""
+    """Raise ValueError unless a motion keeps to an envelope and to the jerk limits.
+
+    Jerks are third differences of a motion between rests.
+    """
     broken = [str(rule) for rule in broken_rules(motion.t_s, motion.joints_rad, envelope)]
-    broken += _broken_jerks(motion, limits)
+    padded = np.pad(motion.joints_rad, ((3, 3), (0, 0)), mode="edge")
+    step_s = np.median(np.diff(motion.t_s))
+    jerks = np.abs(np.diff(padded, n=3, axis=0) / step_s**3).max(axis=0)
+    for part, jerk, limit in zip(JOINTS, jerks, limits.jerk_rad_s3, strict=True):
+        if not jerk <= limit:
+            broken.append(f"joint jerk ({part}): {jerk:.4g}, limit {limit:.4g}")
     if broken:
         more = f" and {len(broken) - WORST_SHOWN} more" if len(broken) > WORST_SHOWN else ""
         raise ValueError(
             f"ur5: the {name} would break the envelope, nothing moved: "
             f"{'; '.join(broken[:WORST_SHOWN])}{more}"
         )
-
-
-def _refuse_start(motion: JointMotion, live_rad: np.ndarray, limits: SafetyLimits) -> None:
-    away = np.abs(np.asarray(live_rad, dtype=float) - motion.joints_rad[0])
-    if not (away <= limits.start_rad).all():
-        worst = int(np.argmax(np.where(np.isfinite(away), away, np.inf)))
-        raise ValueError(
-            f"ur5: {JOINTS[worst]} stands {np.degrees(away[worst]):.2f}° from where the motion "
-            f"starts, at most {np.degrees(limits.start_rad):.2f}° is allowed; nothing moved"
-        )
-
-
-def _broken_jerks(motion: JointMotion, limits: SafetyLimits) -> list[str]:
-    """Return which joints' jerk is too large, as third differences of a motion between rests."""
-    padded = np.pad(motion.joints_rad, ((3, 3), (0, 0)), mode="edge")
-    step_s = np.median(np.diff(motion.t_s))
-    jerk = np.abs(np.diff(padded, n=3, axis=0) / step_s**3).max(axis=0)
-    return [
-        f"joint jerk ({part}): {value:.4g}, limit {limit:.4g}"
-        for part, value, limit in zip(JOINTS, jerk, limits.jerk_rad_s3, strict=True)
-        if not value <= limit
-    ]

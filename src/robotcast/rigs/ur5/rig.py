@@ -15,40 +15,17 @@ from typing import Any
 import numpy as np
 import yaml
 
+from robotcast import sessions
 from robotcast.casts.plan import PlannedCast
 from robotcast.casts.reset import ResetSettings
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import Cable
+from robotcast.rigs import CastNotUsed, RigStopped
 from robotcast.rigs.kinematics import Gripper, joints_pointing_down, link_points
-from robotcast.rigs.rig import CastNotUsed, RigStopped
-from robotcast.rigs.ur5.arm import Arm, RobotLog, WatchSettings
-from robotcast.rigs.ur5.camera import (
-    Webcam,
-    WebcamSettings,
-    arm_pixels,
-    camera_offset,
-    require_rate,
-)
-from robotcast.rigs.ur5.controller import Robot, ServoSettings
-from robotcast.rigs.ur5.motion import (
-    JointMotion,
-    SafetyLimits,
-    WholeMotion,
-    plan_whole,
-    refuse_motion,
-    refuse_unsafe,
-    sway,
-    turns_towards,
-)
-from robotcast.sessions import (
-    ROBOT_NOTES_FILE,
-    TOOL_FILE,
-    VIDEO_FILE,
-    CastRecord,
-    write_frame_times,
-    write_record,
-    write_tool,
-)
+from robotcast.rigs.ur5 import motion
+from robotcast.rigs.ur5.arm import Arm, RobotLog, ServoSettings, WatchSettings
+from robotcast.rigs.ur5.camera import Webcam, WebcamSettings, arm_pixels, camera_offset
+from robotcast.rigs.ur5.motion import JointMotion, SafetyLimits, WholeMotion
 from robotcast.vision.calibration import calibrate
 from robotcast.vision.camera import Camera
 from robotcast.vision.detector import EndpointDetector
@@ -84,7 +61,7 @@ class Running:
     rehearsed: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass
 class Ur5Rig:
     """A `Rig` made of a UR5, a webcam and an operator.
 
@@ -106,7 +83,7 @@ class Ur5Rig:
     tell: Callable[[str], None]
     name: str = "ur5"
     workers: int = 1
-    _open: list[Running] = field(default_factory=list, repr=False, compare=False)
+    _running: Running | None = field(default=None, init=False, repr=False, compare=False)
 
     def facts(self) -> dict[str, Any]:
         parts = (self.gripper, self.reset, self.servo, self.run.speed)
@@ -118,47 +95,79 @@ class Ur5Rig:
     ) -> None:
         log = RobotLog()
         try:
-            running = self.open_session()
-            self._rehearse(running, planned)
-            resets = self._reset(running, planned)
-            frames_s = self._film(running, planned, folder, log, rest_only)
-            record = CastRecord(
-                number=number,
-                action=planned.action,
-                rig=self.name,
-                cable=self.cable.name,
-                video_t0_s=float(frames_s[0] - self.tracker.exposure_s / 2),
-                fps=self.webcam.fps,
-                turn_s=planned.turn_s,
-                end_s=planned.end_s,
-                rest_s=planned.end_s + self.run.rest_s,
-                rest_only=rest_only,
-            )
-            write_record(record, folder)
-            self._write_notes(running, folder, log, resets)
+            self._cast(planned, number, folder, log, rest_only=rest_only)
         except RigStopped as stop:
             if log.states:
                 log.write(folder / ROBOT_FILE)
-            raise RigStopped(self._way_on(stop, number)) from None
-        self._refuse_poor(log)
+            home = ", ".join(f"{angle:.1f}" for angle in np.degrees(self.home_rad()))
+            raise RigStopped(
+                f"ur5: {stop}. The motion was stopped at cast {number}; finished casts stay, what "
+                "was recorded of this one is kept aside. Mend the cause, release the robot on its "
+                f"pendant, let the tool hold the cable over the board (home: {home}°) and run the "
+                "same command again: it goes on with this cast"
+            ) from None
+        if log.missed > self.run.most_missed * log.cycles:
+            raise CastNotUsed(
+                f"ur5: {log.missed} of {log.cycles} servo deadlines were missed, more than "
+                f"{self.run.most_missed:.1%}; the cast is kept aside and will be cast again by the "
+                "next call (use a computer with less to do, or a real-time kernel)"
+            )
+        if self.run.speed < 1:
+            raise CastNotUsed(f"ur5: cast at {self.run.speed:.0%} of its speed, kept aside")
+
+    def _cast(
+        self, planned: PlannedCast, number: int, folder: Path, log: RobotLog, *, rest_only: bool
+    ) -> None:
+        """Reset, run and film a cast, and write all that is known of it into `folder`."""
+        running = self.open_session()
+        if not running.rehearsed:
+            self._rehearse(running, planned)
+        resets, video = self._reset(running, planned), folder / sessions.VIDEO_FILE
+        seen_s = self._film(running, planned, video, log, rest_only=rest_only)
+        period_s, states = running.arm.period_s, log.states
+        start_s = float(states[round(BEFORE_S / period_s)].t_s)
+        frames_s = log.controller_time(seen_s) - running.camera_offset_s - start_s
+        heard = (seen_s >= states[0].heard_s) & (seen_s <= states[-1].heard_s)
+        sessions.write_frame_times(np.where(heard, frames_s, np.nan), folder)
+        sessions.write_tool(log.tool_motion(start_s), folder / sessions.TOOL_FILE)
+        log.write(folder / ROBOT_FILE)
+        record = sessions.CastRecord(
+            number=number,
+            action=planned.action,
+            rig=self.name,
+            cable=self.cable.name,
+            turn_s=planned.turn_s,
+            end_s=planned.end_s,
+            video_t0_s=float(frames_s[0] - self.tracker.exposure_s / 2),
+            fps=self.webcam.fps,
+            rest_s=planned.end_s + self.run.rest_s,
+            rest_only=rest_only,
+        )
+        sessions.write_record(record, folder)
+        notes = {  # what a person wants to know who doubts a cast
+            "host": self.host,
+            "controller_period_s": period_s,
+            "cycles": log.cycles,
+            "missed_deadlines": log.missed,
+            "camera_offset_s": round(running.camera_offset_s, 5),
+            "kinematic_difference_m": round(running.kinematic_difference_m, 6),
+            "speed": self.run.speed,
+            "resets": resets,
+            "not_fixed": running.camera.unfixed,
+        }
+        write_text(folder / sessions.ROBOT_NOTES_FILE, yaml.safe_dump(notes, sort_keys=False))
 
     def close(self) -> None:
-        while self._open:
-            running = self._open.pop()
-            running.camera.close()
-            running.arm.robot.close()
+        if self._running is not None:
+            self._running.camera.close()
+            self._running.arm.close()
+        self._running = None
 
     def planned_motion(self, planned: PlannedCast, joints_rad: np.ndarray) -> WholeMotion:
         """Return the whole motion from joints (6,), checked; raise ValueError when refused."""
-        whole = plan_whole(
-            planned,
-            joints_rad,
-            self._reach_m(),
-            r0_m=self.r0_m,
-            settings=self.reset,
-            gripper=self.gripper,
-        )
-        refuse_unsafe(whole, joints_rad, self.limits)
+        given = {"r0_m": self.r0_m, "settings": self.reset, "gripper": self.gripper}
+        whole = motion.plan_whole(planned, joints_rad, self._reach_m, **given)
+        motion.refuse_unsafe(whole, joints_rad, self.limits)
         return whole
 
     def home_rad(self) -> np.ndarray:
@@ -167,43 +176,41 @@ class Ur5Rig:
 
     def open_session(self) -> Running:
         """Open what is not open yet; compare clocks and kinematics once, which moves the arm."""
-        if self._open:
-            return self._open[0]
+        if self._running is not None:
+            return self._running
         with ExitStack() as opened:
             try:
                 camera = Webcam(self.webcam)
                 opened.callback(camera.close)
-                robot = Robot(self.host, self.gripper.length_m, self.servo)
-                opened.callback(robot.close)
+                arm = Arm(self.host, self.gripper, self.servo, self.watch, camera.require_alive)
+                opened.callback(arm.close)
                 if camera.unfixed:
                     self.tell(f"the camera does not let {' and '.join(camera.unfixed)} be fixed")
-                arm = Arm(robot, self.gripper, self.watch, camera.require_alive)
-                self._open.append(self._compare_clocks(arm, camera))
+                self._running = self._compare_clocks(arm, camera)
             except ValueError as error:
                 raise RigStopped(str(error)) from None
             opened.pop_all()
         atexit.register(self.close)
-        return self._open[0]
+        return self._running
 
     def _compare_clocks(self, arm: Arm, camera: Webcam) -> Running:
         """Sway the arm before the camera, if that is safe, and see when the picture follows."""
-        swaying = sway(arm.start(), arm.robot.period_s)
-        refuse_motion(swaying, self.limits.cast, self.limits, "swaying before the camera")
+        swaying = motion.sway(arm.start(), arm.period_s)
+        motion.refuse_motion(swaying, self.limits.cast, self.limits, "swaying before the camera")
         self._ask("The arm will sway by a few centimetres to compare the clocks.")
         pixels = arm_pixels(self._calibrated(camera.picture()), self.r0_m)
-        log, pictures, seen_s = RobotLog(), [], []
+        log, seen = RobotLog(), {}
 
         def look() -> None:
             newest, at_s = camera.newest()
-            if not seen_s or at_s > seen_s[-1]:
-                pictures.append(pixels(newest))
-                seen_s.append(at_s)
+            if at_s not in seen:
+                seen[at_s] = pixels(newest)
 
-        arm.follow([swaying.held(STILL_S, STILL_S, arm.robot.period_s)], log, look)
-        times_s = log.controller_time(np.array(seen_s))
-        rate = require_rate(times_s, self.webcam)
+        arm.follow(swaying.held(STILL_S, STILL_S, arm.period_s), log, look)
+        times_s, pictures = log.controller_time(np.array([*seen])), np.array([*seen.values()])
+        rate = camera.require_rate(times_s)
         joints_rad = log.column("joints_rad")
-        offset_s = camera_offset(np.array(pictures), times_s, log.column("t_s"), joints_rad[:, 0])
+        offset_s = camera_offset(pictures, times_s, log.column("t_s"), joints_rad[:, 0])
         ours_m = link_points(joints_rad, self.gripper)[:, -1]
         away_m = float(np.linalg.norm(ours_m - log.column("tool_pose")[:, :3], axis=1).mean())
         self.tell(
@@ -219,23 +226,21 @@ class Ur5Rig:
 
     def _rehearse(self, running: Running, planned: PlannedCast) -> None:
         """Run the first motion of a session slowly, once, under the operator's eyes."""
-        if running.rehearsed:
-            return
         arm, slow = running.arm, self.run.first_speed
         whole = self.planned_motion(planned, arm.start())
         self._ask(f"The first reset and cast run at {slow:.0%} of their speed.")
-        for motion in (whole.reset, whole.cast):
-            arm.run(motion.at_speed(slow, arm.robot.period_s))
+        for part in whole:
+            arm.run(part.at_speed(slow, arm.period_s))
         self._ask("Was that as expected? From now on the arm moves at full speed.")
         running.rehearsed = True
 
     def _reset(self, running: Running, planned: PlannedCast) -> int:
         """Reset until the camera sees the free end on the axis; return how often it took."""
         arm = running.arm
-        wanted_m = np.array([self.r0_m + self._reach_m(), 0.0])
+        wanted_m = np.array([self.r0_m + self._reach_m, 0.0])
         for attempt in range(1, RESETS + 1):
             whole = self.planned_motion(planned, arm.start())
-            arm.run(whole.reset.at_speed(self.run.speed, arm.robot.period_s))
+            arm.run(whole.reset.at_speed(self.run.speed, arm.period_s))
             picture = running.camera.picture()
             camera = self._calibrated(picture)
             found = EndpointDetector(camera, self.tracker, picture).detect(picture)
@@ -247,60 +252,35 @@ class Ur5Rig:
         )
 
     def _film(
-        self, running: Running, planned: PlannedCast, folder: Path, log: RobotLog, rest_only: bool
+        self, running: Running, planned: PlannedCast, video: Path, log: RobotLog, *, rest_only: bool
     ) -> np.ndarray:
-        """Run a cast and film it into `folder` until the cable rests; write what was logged.
+        """Run a cast, checked again from where the arm really stands; film it until it rests.
 
-        `log` receives every cycle, also of a cast that fails. Returns when each frame was taken,
-        (k,) [s] from the cast's start on.
+        `log` receives every cycle, also of a cast that fails. Returns when each frame was seen by
+        this computer, (k,) [s].
         """
         arm, camera = running.arm, running.camera
-        period_s = arm.robot.period_s
-        cast = self._cast_from(planned, arm.start()).at_speed(self.run.speed, period_s)
-        moved = cast.held(BEFORE_S, self.run.rest_s, period_s)
-        resting = len(moved.t_s) - round(REST_FILM_S / period_s)
-
-        def before(part: int) -> None:
-            if rest_only and part:
-                camera.start_recording(folder / VIDEO_FILE)
-
-        try:
-            if not rest_only:
-                camera.start_recording(folder / VIDEO_FILE)
-            parts = [moved.part(slice(0, resting)), moved.part(slice(resting, None))]
-            arm.follow(parts, log, before=before)
-        finally:
-            seen_s = camera.stop_recording()
-        start_s = float(log.states[round(BEFORE_S / period_s)].t_s)
-        frames_s = log.controller_time(seen_s) - running.camera_offset_s - start_s
-        heard = (seen_s >= log.states[0].heard_s) & (seen_s <= log.states[-1].heard_s)
-        write_frame_times(np.where(heard, frames_s, np.nan), folder)
-        write_tool(log.tool_motion(start_s), folder / TOOL_FILE)
-        log.write(folder / ROBOT_FILE)
-        return frames_s
-
-    def _cast_from(self, planned: PlannedCast, start: np.ndarray) -> JointMotion:
-        """Return the cast's motion, checked again from where the arm really stands."""
+        start = arm.start()
         away = np.abs((start - self.home_rad() + np.pi) % (2 * np.pi) - np.pi)
         if not (away <= self.limits.start_rad).all():
             raise RigStopped("the arm does not stand where the reset should have left it")
-        cast = self.planned_motion(planned, start).cast
-        return JointMotion(cast.t_s, cast.joints_rad + turns_towards(start, cast.joints_rad[0]))
+        t_s, joints_rad = self.planned_motion(planned, start).cast
+        cast = JointMotion(t_s, joints_rad + motion.turns_towards(start, joints_rad[0]))
+        moved = cast.at_speed(self.run.speed, arm.period_s)
+        moved = moved.held(BEFORE_S, self.run.rest_s, arm.period_s)
+        resting = len(moved.t_s) - round(REST_FILM_S / arm.period_s)
 
-    def _write_notes(self, running: Running, folder: Path, log: RobotLog, resets: int) -> None:
-        """Write robot.yaml, what a person wants to know who doubts a cast."""
-        notes = {
-            "host": self.host,
-            "controller_period_s": running.arm.robot.period_s,
-            "cycles": log.cycles,
-            "missed_deadlines": log.missed,
-            "camera_offset_s": round(running.camera_offset_s, 5),
-            "kinematic_difference_m": round(running.kinematic_difference_m, 6),
-            "speed": self.run.speed,
-            "resets": resets,
-            "not_fixed": running.camera.unfixed,
-        }
-        write_text(folder / ROBOT_NOTES_FILE, yaml.safe_dump(notes, sort_keys=False))
+        def every_cycle() -> None:
+            if rest_only and len(log.states) == resting:
+                camera.start_recording(video)
+
+        try:
+            if not rest_only:
+                camera.start_recording(video)
+            arm.follow(moved, log, every_cycle)
+        finally:
+            seen_s = camera.stop_recording()
+        return seen_s
 
     def _calibrated(self, picture: np.ndarray) -> Camera:
         """Return the camera as the markers in its picture show it."""
@@ -309,29 +289,11 @@ class Ur5Rig:
         except ValueError as error:
             raise RigStopped(str(error)) from None
 
+    @property
     def _reach_m(self) -> float:
-        """Return the distance from the held end to the free end's centre."""
+        """Distance from the held end to the free end's centre."""
         return self.cable.length_m + self.tracker.endpoint_radius_m
 
     def _ask(self, text: str) -> None:
         if self.confirm(text) is not True:
             raise RigStopped("the operator did not confirm")
-
-    def _refuse_poor(self, log: RobotLog) -> None:
-        if log.missed > self.run.most_missed * log.cycles:
-            raise CastNotUsed(
-                f"ur5: {log.missed} of {log.cycles} servo deadlines were missed, more than "
-                f"{self.run.most_missed:.1%}; the cast is kept aside and will be cast again by the "
-                "next call (use a computer with less to do, or a real-time kernel)"
-            )
-        if self.run.speed < 1:
-            raise CastNotUsed(f"ur5: cast at {self.run.speed:.0%} of its speed, kept aside")
-
-    def _way_on(self, stop: RigStopped, number: int) -> str:
-        home = ", ".join(f"{angle:.1f}" for angle in np.degrees(self.home_rad()))
-        return (
-            f"ur5: {stop}. The motion was stopped at cast {number}; finished casts stay, what was "
-            "recorded of this one is kept aside. Mend the cause, release the robot on its pendant, "
-            f"let the tool hold the cable over the board (home: {home}°) and run the same "
-            "command again: it goes on with this cast"
-        )

@@ -2,7 +2,6 @@
 
 import hashlib
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -20,10 +19,7 @@ class ArmDynamics:
     gain_error: float = -0.004  # fraction by which the excursion from the start is too large
 
     def follow(self, planned: ToolMotion, t_s: np.ndarray, *, delay_s: float = 0.0) -> np.ndarray:
-        """Return the pose (n, 3) the arm really takes at the evenly spaced times `t_s` (n,).
-
-        It starts `delay_s` late.
-        """
+        """Return the pose (n, 3) of an arm that starts `delay_s` late, at evenly spaced `t_s`."""
         start = planned.pose[0]
         asked = start + (1 + self.gain_error) * (planned.at(t_s - delay_s) - start)
         # Bilinear transform of ω² / (s² + 2 ζ ω s + ω²), whose lag is 2 ζ / ω.
@@ -34,10 +30,7 @@ class ArmDynamics:
 
 
 def lagged(numerator: np.ndarray, denominator: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """Return what follows `asked` (n, k) in time, (n, k), at rest on its first row before.
-
-    The coefficients are of z⁰, z⁻¹ …; they may hold no integrator.
-    """
+    """Return what follows `asked` (n, k) in time, at rest before; coefficients of z⁰, z⁻¹ …"""
     from scipy.signal import lfilter, lfilter_zi  # half a second, for those who cast alone
 
     state = lfilter_zi(numerator, denominator)[:, None] * asked[0]
@@ -56,12 +49,9 @@ class CastNoise:
 
     def draw(self, seed: int, number: int) -> tuple[float, float, float]:
         """Draw the friction's factor, the gain and the delay [s] of cast `number`."""
-        friction, gain, delay = generator(seed, number, "cast").standard_normal(3)
-        return (
-            float(np.exp(self.friction * friction)),
-            float(self.tool_gain * gain),
-            float(abs(self.tool_delay_s * delay)),
-        )
+        friction, gain, delay = generator(seed, number, "cast").standard_normal(3).tolist()
+        factor = float(np.exp(self.friction * friction))
+        return factor, self.tool_gain * gain, abs(self.tool_delay_s * delay)
 
 
 def generator(seed: int, number: int, purpose: str) -> np.random.Generator:
@@ -71,47 +61,35 @@ def generator(seed: int, number: int, purpose: str) -> np.random.Generator:
 
 @dataclass(frozen=True)
 class StartScatter:
-    """Headings of the cable after resets, as many were simulated (`studies.measure_resets`)."""
+    """Headings of the cable after resets, as many were simulated (`rig.measure_resets`)."""
 
     places: np.ndarray  # (p,), along the cable from 0 at the hand to 1 at the free end
     headings_rad: np.ndarray  # (resets, p), direction of the cable there; 0 is along +x
 
     def mean(self, segments: int) -> np.ndarray:
-        """Return the mean headings of a chain's segments, (segments,) [rad]."""
         return self._along(self.headings_rad.mean(axis=0), segments)
 
     def draw(self, segments: int, random: np.random.Generator) -> np.ndarray:
         """Draw headings (segments,) [rad] with the mean and covariance of the resets."""
         mean = self.headings_rad.mean(axis=0)
         spread = (self.headings_rad - mean) / np.sqrt(len(self.headings_rad) - 1)
-        drawn = mean + random.standard_normal(len(spread)) @ spread
-        return self._along(drawn, segments)
+        return self._along(mean + random.standard_normal(len(spread)) @ spread, segments)
 
     def digest(self) -> str:
         return hashlib.sha256(self.headings_rad.tobytes() + self.places.tobytes()).hexdigest()
 
+    def table(self) -> pl.DataFrame:
+        """Return one column a place (`heading_0.25`), one row a reset."""
+        names = [f"heading_{place:g}" for place in self.places]
+        columns = dict(zip(names, self.headings_rad.T, strict=True))
+        return pl.DataFrame({"reset": np.arange(len(self.headings_rad)), **columns})
+
     def _along(self, headings: np.ndarray, segments: int) -> np.ndarray:
-        middles = (np.arange(segments) + 0.5) / segments
-        return np.interp(middles, self.places, headings)
-
-
-def scatter_table(scatter: StartScatter) -> pl.DataFrame:
-    """Return the resets as a table: one column a place (`heading_0.25`), one row a reset."""
-    columns = {
-        f"heading_{place:g}": column
-        for place, column in zip(scatter.places, scatter.headings_rad.T, strict=True)
-    }
-    return pl.DataFrame({"reset": np.arange(len(scatter.headings_rad)), **columns})
-
-
-def straight_start() -> StartScatter:
-    """Return a start without scatter, straight along +x."""
-    return StartScatter(np.array([0.0, 1.0]), np.zeros((3, 2)))
+        return np.interp((np.arange(segments) + 0.5) / segments, self.places, headings)
 
 
 def packaged_path(cable_name: str) -> Path:
-    folder = Path(str(resources.files("robotcast.rigs.virtual"))) / "scatter"
-    return folder / f"{cable_name}.csv"
+    return Path(__file__).parent / "scatter" / f"{cable_name}.csv"
 
 
 def packaged_scatter(cable_name: str) -> StartScatter:
@@ -124,7 +102,5 @@ def packaged_scatter(cable_name: str) -> StartScatter:
         )
     table = pl.read_csv(path)
     columns = [name for name in table.columns if name.startswith("heading_")]
-    if len(columns) < 2 or len(table) < 3:
-        raise ValueError(f"{path}: expected two or more heading_… columns and three or more resets")
     places = np.array([float(name.removeprefix("heading_")) for name in columns])
     return StartScatter(places, table.select(columns).to_numpy())

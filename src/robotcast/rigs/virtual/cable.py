@@ -12,7 +12,7 @@ import numpy as np
 
 from robotcast.measurements.measurement_set import Cable
 
-TOOL_JOINTS = ("tool_x", "tool_y", "tool_z", "tool_yaw", "tool_pitch")
+TOOL_JOINTS = 5  # x, y, height, yaw and pitch of the held end
 TOOL_ARMATURE = 1e3  # kg and kg m²: what the cable's pull cannot move
 STEEPEST_RAD = 0.8
 BOARD_BIT, CABLE_BIT = 1, 2
@@ -37,16 +37,15 @@ class CableTruth:
     contact_s: float = 0.003  # time constant of a contact
 
     def with_friction(self, factor: float) -> "CableTruth":
-        """Return the cable on a board whose friction is `factor` times as strong."""
         return replace(self, friction=self.friction * factor)
 
 
 def build_cable(cable: Cable, truth: CableTruth) -> mujoco.MjSpec:
     """Return the held end, the chain and the board as an editable MuJoCo specification.
 
-    The held end has five joints (`TOOL_JOINTS`) that `CableRun` moves; every segment hinges about
-    z and about y against the one before. A third hinge is left out: the gripper keeps the cable
-    from rolling about its own axis, which would let it cross the board without friction.
+    `CableRun` moves the held end's joints; every segment hinges about z and about y against the one
+    before. A third hinge is left out: the gripper keeps the cable from rolling about its own axis,
+    which would let it cross the board without friction.
     """
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
@@ -63,7 +62,12 @@ def build_cable(cable: Cable, truth: CableTruth) -> mujoco.MjSpec:
     piece.friction, piece.solref = [truth.friction, 0, 0], [truth.contact_s, 1]
     board = spec.worldbody.add_geom(name="board", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
     board.contype, board.conaffinity = BOARD_BIT, CABLE_BIT
-    body = _add_tool(spec, cable)
+    body = spec.worldbody.add_body(name="tool", pos=[0, 0, cable.radius_m], explicitinertial=True)
+    body.mass, body.ipos, body.inertia = 1e-3, [0, 0, 0], [1e-6] * 3
+    for axis in ([1, 0, 0], [0, 1, 0], [0, 0, 1]):
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=TOOL_ARMATURE)
+    for axis in ([0, 0, 1], [0, 1, 0]):
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, armature=TOOL_ARMATURE)
     length, mass = cable.length_m / truth.segments, cable.mass_kg / truth.segments
     radius = cable.radius_m
     across = mass * (radius**2 / 4 + length**2 / 12)
@@ -81,12 +85,9 @@ def build_cable(cable: Cable, truth: CableTruth) -> mujoco.MjSpec:
 
 
 def compile_cable(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile, keeping the solver's tolerance free of the tool's huge armature.
-
-    MuJoCo scales its stopping rule by the mean inertia; with the tool's in it the solver would
-    stop early and the end would miss by centimetres.
-    """
     model = spec.compile()
+    # MuJoCo scales its stopping rule by the mean inertia; with the tool's huge armature in it the
+    # solver would stop early and the end would miss by centimetres.
     model.stat.meaninertia = 1e-3
     return model
 
@@ -110,24 +111,12 @@ def add_piece(
     return body
 
 
-def _add_tool(spec: mujoco.MjSpec, cable: Cable) -> mujoco.MjsBody:
-    tool = spec.worldbody.add_body(name="tool", pos=[0, 0, cable.radius_m], explicitinertial=True)
-    tool.mass, tool.ipos, tool.inertia = 1e-3, [0, 0, 0], [1e-6] * 3
-    slide, hinge = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
-    kinds = (slide, slide, slide, hinge, hinge)
-    axes = ([1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1], [0, 1, 0])
-    for name, kind, axis in zip(TOOL_JOINTS, kinds, axes, strict=True):
-        tool.add_joint(name=name, type=kind, axis=axis, armature=TOOL_ARMATURE)
-    return tool
-
-
 def _add_hinges(body: mujoco.MjsBody, truth: CableTruth, length: float, *, first: bool) -> None:
     # Half a segment bends between the gripper and the first segment's middle.
     stiffness = truth.bending_stiffness_n_m2 / length * (2 if first else 1)
     widest = length / truth.tightest_bend_m
     # Lifted past a right angle a segment would point along the hinge about z and spin freely.
-    limits = (widest, min(widest, STEEPEST_RAD))
-    for axis, limit in zip(([0, 0, 1], [0, 1, 0]), limits, strict=True):
+    for axis, limit in (([0, 0, 1], widest), ([0, 1, 0], min(widest, STEEPEST_RAD))):
         body.add_joint(
             type=mujoco.mjtJoint.mjJNT_HINGE,
             axis=axis,
@@ -142,27 +131,21 @@ def _add_hinges(body: mujoco.MjsBody, truth: CableTruth, length: float, *, first
 
 @dataclass(frozen=True)
 class Motion:
-    """What the cable did: `nodes_m` (n, segments + 1, 3), the held end first and the free end last,
-    at the times `t_s` (n,), every `RECORD_S` from the start of the path.
-    """
+    """What the cable did from the start of its path."""
 
-    t_s: np.ndarray
-    nodes_m: np.ndarray
+    t_s: np.ndarray  # (n,), every `RECORD_S`
+    nodes_m: np.ndarray  # (n, segments + 1, 3), from the held end to the free end
 
     @property
     def end_m(self) -> np.ndarray:
-        """Path of the free end, (n, 3)."""
-        return self.nodes_m[:, -1]
+        return self.nodes_m[:, -1]  # (n, 3), of the free end
 
 
 class CableRun:
-    """One cable that is laid down, settled and then driven by its held end.
+    """One cable that is laid down along `headings_rad` (segments,) and driven by its held end.
 
-    Parameters
-    ----------
-    headings_rad : ndarray of shape (segments,), directions of the segments on the board.
-    held : ndarray of shape (5,), x, y, height above the resting height [m], yaw, pitch [rad].
-    disturb : called before every step, to change the model or what acts on the cable.
+    `held` (5,) is x, y, height above the resting height [m], yaw, pitch [rad] of that end;
+    `disturb` is called before every step, to change the model or what acts on the cable.
     """
 
     def __init__(
@@ -175,16 +158,15 @@ class CableRun:
         self.model, self.data = model, mujoco.MjData(model)
         self.disturb = disturb
         self._stride = max(1, round(RECORD_S / model.opt.timestep))
-        count = len(TOOL_JOINTS)
-        self.data.qpos[:count] = held
-        hinges = slice(count, count + 2 * len(headings_rad), 2)
+        self.data.qpos[:TOOL_JOINTS] = held
+        hinges = slice(TOOL_JOINTS, TOOL_JOINTS + 2 * len(headings_rad), 2)
         self.data.qpos[hinges] = np.diff(headings_rad - held[3], prepend=0.0)
         mujoco.mj_forward(model, self.data)
 
     @property
     def held(self) -> np.ndarray:
         """Pose of the held end now, (5,) as in the constructor."""
-        return self.data.qpos[: len(TOOL_JOINTS)].copy()
+        return self.data.qpos[:TOOL_JOINTS].copy()
 
     def settle(self) -> None:
         """Let the cable come to rest with the held end kept where it is."""
@@ -194,22 +176,17 @@ class CableRun:
     def drive(self, path: np.ndarray, *, moving_s: float, start_s: float = 0.0) -> Motion:
         """Move the held end along `path` and stop when the cable rests.
 
-        Parameters
-        ----------
-        path : ndarray of shape (steps + 1, 5), the held end at every time step; its end is
-            the time cap.
-        moving_s : until when the held end moves; rest is not looked for before.
-        start_s : what the clock shows at the start, below zero before a cast begins.
+        `path` (steps + 1, 5) is the held end at every time step, its end the time cap; rest is not
+        looked for before `moving_s`. The clock shows `start_s` at first, below zero before a cast.
         """
         model, data, dt = self.model, self.data, self.model.opt.timestep
-        count = len(TOOL_JOINTS)
         velocity = np.diff(path, axis=0) / dt
         recorded, resting_s = [nodes(model, data)], 0.0
         data.time = start_s
         for step in range(1, len(path)):
             # Impressed as a force: overwriting the pose would lose the cable's inertia.
-            pull = (velocity[step - 1] - data.qvel[:count]) / dt
-            data.qfrc_applied[:count] = TOOL_ARMATURE * pull
+            pull = (velocity[step - 1] - data.qvel[:TOOL_JOINTS]) / dt
+            data.qfrc_applied[:TOOL_JOINTS] = TOOL_ARMATURE * pull
             self.disturb(data)
             mujoco.mj_step(model, data)
             if step % self._stride:
@@ -219,12 +196,10 @@ class CableRun:
             resting_s = resting_s + self._stride * dt if speed < REST_SPEED_M_S else 0.0
             if resting_s >= REST_S and step * dt >= moving_s + REST_S:
                 break
-        kinds = mujoco.mjtWarning
-        bad = (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
-        if any(data.warning[int(kind)].number for kind in bad):
+        bad = (f"mjWARN_BAD{of}" for of in ("QPOS", "QVEL", "QACC"))
+        if any(data.warning[int(getattr(mujoco.mjtWarning, name))].number for name in bad):
             raise ValueError("virtual rig: the simulated cable diverged")
-        times = np.arange(len(recorded)) * self._stride * dt
-        return Motion(times, np.stack(recorded))
+        return Motion(np.arange(len(recorded)) * self._stride * dt, np.stack(recorded))
 
 
 def nodes(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:

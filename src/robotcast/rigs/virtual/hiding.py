@@ -7,7 +7,7 @@ virtual rig's hidden effects and nothing of robotcast.effects and robotcast.diag
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count, repeat
 from pathlib import Path
 from typing import Any
@@ -16,35 +16,7 @@ import numpy as np
 
 from robotcast.casts.plan import PlannedCast
 from robotcast.rigs.sealed import unseal
-from robotcast.rigs.virtual.hidden import HiddenEffect
-from robotcast.rigs.virtual.mechanisms import (
-    Air,
-    CurvedCable,
-    DistortingCamera,
-    Draught,
-    FastClock,
-    Grain,
-    LooseClamp,
-    LooseGrip,
-    MisscaledCamera,
-    Oil,
-    RoughEnd,
-    RoughPatch,
-    RubberBand,
-    ShiftedCamera,
-    ShiftedGrip,
-    SlowCamera,
-    SlowGrip,
-    SoftCore,
-    StickyZone,
-    SwingingEnd,
-    TiltedBoard,
-    TurnedCamera,
-    TurnedGrip,
-    UnevenMass,
-    WarmingBoard,
-    WearingBoard,
-)
+from robotcast.rigs.virtual.mechanisms import HiddenEffect
 from robotcast.rigs.virtual.rig import SLOWEST_S, VirtualRig, seen_places
 from robotcast.sessions import SESSION_FILE, read_session
 
@@ -82,19 +54,19 @@ class Mechanism:
 
     Attributes
     ----------
-    make : parameters in the order of `draws` → the effect on the virtual rig.
     draws : parameter, or two with a space between → how it is drawn for size 1. Those drawn by
         `_size`, `_signed` or `_direction` grow with the size.
     start, most : the size with which its fitting to a wanted shift starts, and the largest.
     same_law : whether an effect of this name in the library follows the same law, so that the
         two sizes can be compared.
+    fixed : parameters that are the same in every case.
     """
 
-    make: Callable[..., HiddenEffect]
     draws: Mapping[str, Draw]
     start: float
     most: float
     same_law: bool = True
+    fixed: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def strengths(self) -> list[str]:
@@ -120,46 +92,40 @@ class Mechanism:
 _SPOT = {"x0": _between(0.75, 1.15), "y0": _between(-0.5, 0.5)}  # the ends of many casts cross it
 
 LIBRARY: Mapping[str, Mechanism] = {
-    "board_tilt": Mechanism(TiltedBoard, {"sx sy": _direction}, 0.01, 0.08),
-    "air_drag": Mechanism(Air, {"C": _size}, 4.0, 30.0),
-    "viscous_friction": Mechanism(Oil, {"c": _size}, 0.4, 4.0),
+    "board_tilt": Mechanism({"sx sy": _direction}, 0.01, 0.08),
+    "air_drag": Mechanism({"C": _size}, 4.0, 30.0),
+    "viscous_friction": Mechanism({"c": _size}, 0.4, 4.0),
     # MuJoCo's cone opposes sliding askew in another direction than the library's law
-    "anisotropic_friction": Mechanism(Grain, {"a": _size}, 0.4, 2.0, same_law=False),
-    "friction_patch": Mechanism(
-        RoughPatch, {"k": _size, **_SPOT, "w": _between(0.15, 0.3)}, 0.5, 3.0
-    ),
-    "stribeck_friction": Mechanism(SlowGrip, {"k": _size, "vs": _between(0.2, 0.6)}, 0.4, 2.0),
+    "anisotropic_friction": Mechanism({"a": _size}, 0.4, 2.0, same_law=False),
+    "friction_patch": Mechanism({"k": _size, **_SPOT, "w": _between(0.15, 0.3)}, 0.5, 3.0),
+    "stribeck_friction": Mechanism({"k": _size, "vs": _between(0.2, 0.6)}, 0.4, 2.0),
     # what bends between the heavy end and the light cable carries some of the end's weight
-    "endpoint_friction": Mechanism(RoughEnd, {"k": _size}, 0.3, 2.0, same_law=False),
-    "mass_gradient": Mechanism(UnevenMass, {"k": _signed}, 0.4, 0.85),
-    "resting_curvature": Mechanism(CurvedCable, {"kappa": _signed}, 1.0, 8.0),
-    "plastic_bending": Mechanism(lambda soft: SoftCore(1 / soft), {"softness": _size}, 0.05, 0.4),
-    "tool_lag": Mechanism(LooseGrip, {"tau": _size}, 0.02, 0.15),
-    "wrist_offset": Mechanism(TurnedGrip, {"beta": _signed}, 0.1, 0.6),
-    "camera_latency": Mechanism(SlowCamera, {"tau": _size}, 0.02, 0.2),
-    "camera_scale": Mechanism(MisscaledCamera, {"k": _signed}, 0.01, 0.1),
-    "camera_rotation": Mechanism(TurnedCamera, {"phi": _signed}, 0.01, 0.2),
-    "camera_offset": Mechanism(ShiftedCamera, {"dx dy": _direction}, 0.01, 0.1),
+    "endpoint_friction": Mechanism({"k": _size}, 0.3, 2.0, same_law=False),
+    "mass_gradient": Mechanism({"k": _signed}, 0.4, 0.85),
+    "resting_curvature": Mechanism({"kappa": _signed}, 1.0, 8.0),
+    "plastic_bending": Mechanism({"softness": _size}, 0.05, 0.4),
+    "tool_lag": Mechanism({"tau": _size}, 0.02, 0.15),
+    "wrist_offset": Mechanism({"beta": _signed}, 0.1, 0.6),
+    "camera_latency": Mechanism({"tau": _size}, 0.02, 0.2),
+    "camera_scale": Mechanism({"k": _signed}, 0.01, 0.1),
+    "camera_rotation": Mechanism({"phi": _signed}, 0.01, 0.2),
+    "camera_offset": Mechanism({"dx dy": _direction}, 0.01, 0.1),
     "lens_distortion": Mechanism(
-        lambda x0, y0, k: DistortingCamera(k, x0, y0),
         {"x0": _between(0.7, 0.85), "y0": _between(-0.05, 0.05), "k": _signed},
         0.05,
         0.3,
     ),
-    "camera_clock": Mechanism(FastClock, {"k": _signed}, 0.01, 0.1),
-    "cable_slip": Mechanism(LooseClamp, {"s": _size, "v": _between(0.7, 1.1)}, 0.01, 0.04),
-    "friction_drift": Mechanism(lambda k: WearingBoard(k, SESSION), {"k": _size}, 0.4, 0.8),
-    "tool_offset": Mechanism(ShiftedGrip, {"dx dy": _direction}, 0.01, 0.05),
+    "camera_clock": Mechanism({"k": _signed}, 0.01, 0.1),
+    "cable_slip": Mechanism({"s": _size, "v": _between(0.7, 1.1)}, 0.01, 0.04),
+    "friction_drift": Mechanism({"k": _size}, 0.4, 0.8, fixed={"casts": SESSION}),
+    "tool_offset": Mechanism({"dx dy": _direction}, 0.01, 0.05),
 }
 """Effects that a diagnosis can name."""
 
 OUTSIDE: Mapping[str, Mechanism] = {
-    "rubber_band": Mechanism(RubberBand, {"stiffness": _size, **_SPOT}, 0.02, 0.3),
-    "sticky_zone": Mechanism(
-        StickyZone, {"c": _size, **_SPOT, "radius": _between(0.15, 0.25)}, 2.0, 30.0
-    ),
+    "rubber_band": Mechanism({"stiffness": _size, **_SPOT}, 0.02, 0.3),
+    "sticky_zone": Mechanism({"c": _size, **_SPOT, "radius": _between(0.15, 0.25)}, 2.0, 30.0),
     "draught": Mechanism(
-        Draught,
         {
             "a": _size,
             "heading": _between(-np.pi, np.pi),
@@ -169,8 +135,8 @@ OUTSIDE: Mapping[str, Mechanism] = {
         0.2,
         2.0,
     ),
-    "swinging_end": Mechanism(SwingingEnd, {"share": lambda _: 0.5, "arm": _size}, 0.04, 0.12),
-    "warming_board": Mechanism(WarmingBoard, {"k": _size, "time": _between(0.5, 1.0)}, 0.4, 3.0),
+    "swinging_end": Mechanism({"share": lambda _: 0.5, "arm": _size}, 0.04, 0.12),
+    "warming_board": Mechanism({"k": _size, "time": _between(0.5, 1.0)}, 0.4, 3.0),
 }
 """Mechanisms that a diagnosis has no name for."""
 
@@ -179,8 +145,7 @@ MECHANISMS: Mapping[str, Mechanism] = {**LIBRARY, **OUTSIDE}
 
 def make_effect(name: str, given: Mapping[str, float]) -> HiddenEffect:
     """Return the hidden effect `name` with these parameters."""
-    names = " ".join(MECHANISMS[name].draws).split()
-    return MECHANISMS[name].make(*(given[parameter] for parameter in names))
+    return HiddenEffect(name, {**MECHANISMS[name].fixed, **given})
 
 
 class Shift:

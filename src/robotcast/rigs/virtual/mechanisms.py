@@ -1,385 +1,309 @@
-"""What may be hidden in the virtual rig: board, camera, grip, cable, medium; last come mechanisms
-that no diagnosis has a name for.
+"""Hidden effects of the virtual rig: the truth that a diagnosis is asked to find.
+
+They act through MuJoCo itself or through forces written here, on the three-dimensional cable, and
+share no code with robotcast.effects, whose classes act on the simulators that diagnose. Effects
+that both know have the same names and numbers, in SI units. A mechanism is a function of what it
+acts on and of its numbers; where it acts, one word says:
+
+"cable" (cable, planned cast): the cable as it hangs out of the gripper.
+"model" (specification, cable, truth): edits the specification before it is compiled.
+"hold" (path (steps, 5), time step): where the end is held when the logged tool takes the path.
+"stamps" (k,): when the waypoints so stamped were really seen.
+"places" (k, 2): where the camera puts an end that is there.
+"friction" (pieces): the factor, one or (n,), by which the board's friction is stronger.
+"force" (pieces): a force along the board on every piece, (n, 2).
+"rest" (bends, resting angles (segments,), segment length): the hinges' new resting angles about z.
 """
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from inspect import getfullargspec
+from math import prod
+from typing import Any
 
 import mujoco
 import numpy as np
 
-from robotcast.casts.plan import PlannedCast
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.virtual.arm import lagged
-from robotcast.rigs.virtual.cable import CableTruth, add_piece
-from robotcast.rigs.virtual.hidden import Bending, HiddenEffect, Pieces, Pushing, Rubbing
+from robotcast.rigs.virtual.cable import TOOL_JOINTS, CableTruth, add_piece
 
 AIR_KG_M3 = 1.2
 SMOOTH_BALL = 0.5  # drag coefficient
 
 
-@dataclass(frozen=True)
-class TiltedBoard(HiddenEffect):
-    """The board is not level: gravity leans by `sx`, `sy` times g along x and y."""
-
-    sx: float
-    sy: float
-
-    def build(self, spec: mujoco.MjSpec, cable: Cable, truth: CableTruth) -> None:
-        g = float(np.linalg.norm(spec.option.gravity))
-        down = float(np.sqrt(1 - self.sx**2 - self.sy**2))
-        spec.option.gravity = [g * self.sx, g * self.sy, -g * down]
-
-
-@dataclass(frozen=True)
-class RoughPatch(Rubbing):
-    """A stain: the friction is 1 + k exp(−d²/w²) times as strong at the distance d from it."""
-
-    k: float
-    x_m: float
-    y_m: float
-    w_m: float
-
-    def roughness(self, pieces: Pieces) -> np.ndarray:
-        away = pieces.place_m - np.array([self.x_m, self.y_m])
-        return 1 + self.k * np.exp(-np.sum(away**2, axis=1) / self.w_m**2)
-
-
-@dataclass(frozen=True)
-class RoughEnd(Rubbing):
-    """The ball at the end is of another material: its friction is 1 + k times the cable's."""
-
-    k: float
-
-    def roughness(self, pieces: Pieces) -> np.ndarray:
-        factors = np.ones(len(pieces.place_m))
-        factors[-1] += self.k
-        return factors
+MECHANISMS: dict[str, tuple[str, Callable[..., Any]]] = {
+    # a waypoint is stamped tau after it was seen
+    "camera_latency": ("stamps", lambda stamp_s, *, tau: stamp_s - tau),
+    # the camera's second is 1 / (1 + k) of a second
+    "camera_clock": ("stamps", lambda stamp_s, *, k: stamp_s / (1 + k)),
+    # the camera shows every place 1 + k times as far from the robot's base, or shifted
+    "camera_scale": ("places", lambda place_m, *, k: (1 + k) * place_m),
+    "camera_offset": ("places", lambda place_m, *, dx, dy: place_m + np.array([dx, dy])),
+    # the cable leaves the gripper at an angle to its logged yaw
+    "wrist_offset": ("hold", lambda path, step_s, *, beta: path + beta * np.eye(5)[3]),
+    # a film of oil on the board holds every piece back by c m v
+    "viscous_friction": ("force", lambda p, *, c: -c * p.mass_kg[:, None] * p.velocity_m_s),
+    # the ball at the end is of another material: its friction is 1 + k times the cable's
+    "endpoint_friction": ("friction", lambda p, *, k: 1 + k * (p.length_m == 0)),
+    # what creeps grips more, one step late, which keeps a cable at rest at rest
+    "stribeck_friction": (
+        "friction",
+        lambda p, *, k, vs: 1 + k * np.exp(-np.sum(p.velocity_m_s**2, axis=1) / vs**2),
+    ),
+    # in casts faster than v the cable has slid out of the gripper by s
+    "cable_slip": (
+        "cable",
+        lambda c, cast, *, s, v: replace(c, length_m=c.length_m + s * (cast.action.vmax_m_s > v)),
+    ),
+    # the board wears: friction grows by k over a session of so many casts
+    "friction_drift": ("friction", lambda p, *, k, casts: 1 + k * (p.cast / max(casts - 1, 1))),
+    # rubbing warms the board: in the course of a cast friction nears 1 + k times its first
+    "warming_board": (
+        "friction",
+        lambda p, *, k, time: 1 + k * (1 - np.exp(-max(p.t_s, 0.0) / time)),
+    ),
+}
+"""Name → where it acts, its function; `_acts` enters the longer ones."""
 
 
 @dataclass(frozen=True)
-class SlowGrip(Rubbing):
-    """What creeps grips more (Stribeck): friction is 1 + k exp(−(v/vs)²) times as strong.
+class HiddenEffect:
+    """One of `MECHANISMS` with its numbers, such as `("board_tilt", {"sx": 0.0, "sy": -0.03})`.
 
-    A factor above one that falls with speed; MuJoCo's contacts take it one step late, which
-    keeps a cable at rest at rest.
+    Calling it calls the mechanism's function.
     """
 
-    k: float
-    vs_m_s: float
+    name: str
+    numbers: Mapping[str, float]
 
-    def roughness(self, pieces: Pieces) -> np.ndarray:
-        square = np.sum(pieces.velocity_m_s**2, axis=1)
-        return 1 + self.k * np.exp(-square / self.vs_m_s**2)
+    def __post_init__(self) -> None:
+        if self.name not in MECHANISMS:
+            known = ", ".join(sorted(MECHANISMS))
+            raise ValueError(f"hidden effect: {self.name} is none of {known}")
+        takes = getfullargspec(MECHANISMS[self.name][1]).kwonlyargs
+        if sorted(self.numbers) != sorted(takes):
+            given = ", ".join(self.numbers)
+            raise ValueError(f"hidden effect: {self.name} takes {', '.join(takes)}, got {given}")
+
+    def __call__(self, *acted_on: Any) -> Any:
+        return MECHANISMS[self.name][1](*acted_on, **self.numbers)
+
+
+def acting(effects: Sequence[HiddenEffect], where: str) -> list[HiddenEffect]:
+    """Return the effects that act there, in their order."""
+    return [effect for effect in effects if MECHANISMS[effect.name][0] == where]
+
+
+def _acts(where: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    def enter(mechanism: Callable[..., Any]) -> Callable[..., Any]:
+        MECHANISMS[mechanism.__name__] = where, mechanism
+        return mechanism
+
+    return enter
 
 
 @dataclass(frozen=True)
-class Grain(HiddenEffect):
+class Pieces:
+    """The cable's n pieces and its end at one instant, the end, a ball of no length, last."""
+
+    place_m: np.ndarray  # (n, 2), of the points that touch the board
+    velocity_m_s: np.ndarray  # (n, 2)
+    mass_kg: np.ndarray  # (n,)
+    radius_m: np.ndarray  # (n,)
+    length_m: np.ndarray  # (n,)
+    t_s: float  # since the start of the cast; below zero while the cable settles
+    cast: int = 0  # its number in the session
+
+
+class Disturbance:
+    """Writes frictions, forces and resting angles into a model and its data before each step.
+
+    Places and speeds are those that MuJoCo computed for the step before, one millisecond old.
+    """
+
+    def __init__(self, effects: Sequence[HiddenEffect], model: mujoco.MjModel, cast: int) -> None:
+        self._model, self._cast = model, cast
+        wheres = ("friction", "force", "rest")
+        self._rubbing, self._pushing, self._bending = (acting(effects, w) for w in wheres)
+        first, last = model.body("segment_0").id, model.body("endpoint").id
+        self._bodies, segments = slice(first, last + 1), last - first
+        self._geoms = np.array([model.body(b).geomadr[0] for b in range(first, last + 1)])
+        self._friction = model.geom_friction[self._geoms, 0].copy()
+        if self._rubbing:
+            # Of two touching geoms the one of higher priority gives the contact its friction.
+            model.geom_priority[self._geoms] = 1
+        self._hinges = slice(TOOL_JOINTS, TOOL_JOINTS + 2 * segments, 2)
+        self._length_m = float(model.body("endpoint").pos[0])
+        lengths = np.r_[np.full(segments, self._length_m), 0.0]
+        self._made = model.body_mass[self._bodies], model.geom_size[self._geoms, 0], lengths
+
+    def __call__(self, data: mujoco.MjData) -> None:
+        if self._rubbing or self._pushing:
+            pieces = self._pieces(data)
+            factor = prod(effect(pieces) for effect in self._rubbing)
+            self._model.geom_friction[self._geoms, 0] = self._friction * factor
+            if self._pushing:
+                forces = sum(effect(pieces) for effect in self._pushing)
+                data.xfrc_applied[self._bodies, :2] = forces
+        for effect in self._bending:
+            rest = self._model.qpos_spring[self._hinges]
+            rest[:] = effect(data.qpos[self._hinges], rest, self._length_m)
+
+    def _pieces(self, data: mujoco.MjData) -> Pieces:
+        place, rates = data.geom_xpos[self._geoms], data.cvel[self._bodies]
+        # MuJoCo gives velocities about the centre of mass of the whole kinematic tree.
+        about = data.subtree_com[self._model.body("tool").id]
+        velocity = rates[:, 3:] + np.cross(rates[:, :3], place - about)
+        return Pieces(place[:, :2], velocity[:, :2], *self._made, float(data.time), self._cast)
+
+
+@_acts("model")
+def board_tilt(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, sx: float, sy: float):
+    """The board is not level: gravity leans by `sx`, `sy` times g along x and y."""
+    g = float(np.linalg.norm(spec.option.gravity))
+    spec.option.gravity = [g * sx, g * sy, -g * float(np.sqrt(1 - sx**2 - sy**2))]
+
+
+@_acts("friction")
+def friction_patch(pieces: Pieces, *, k: float, x0: float, y0: float, w: float) -> np.ndarray:
+    """A stain: the friction is 1 + k exp(−d²/w²) times as strong at the distance d from it."""
+    away = pieces.place_m - np.array([x0, y0])
+    return 1 + k * np.exp(-np.sum(away**2, axis=1) / w**2)
+
+
+@_acts("model")
+def anisotropic_friction(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, a: float):
     """The cable slides 1 + a times as hard across as along itself; the ball at its end does not.
 
     Every piece touches the board with a short capsule, to whose axis MuJoCo aligns the contact;
     the contact pair then has one coefficient along and one across. Sliding askew, the elliptic
     cone opposes with the force of greatest dissipation.
     """
-
-    a: float
-
-    def build(self, spec: mujoco.MjSpec, cable: Cable, truth: CableTruth) -> None:
-        length, across = cable.length_m / truth.segments, truth.friction * (1 + self.a)
-        friction, solref = [truth.friction, across, 0, 0, 0], [truth.contact_s, 1]
-        for index in range(truth.segments):
-            geom = spec.body(f"segment_{index}").first_geom()
-            geom.type = mujoco.mjtGeom.mjGEOM_CAPSULE
-            geom.size = [cable.radius_m, 0.1 * length, 0]
-            geom.quat = [np.sqrt(0.5), 0, np.sqrt(0.5), 0]  # from the body's z to its x
-            geom.name = f"side_{index}"
-            geom.contype = geom.conaffinity = 0
-            touching = {"geomname1": "board", "geomname2": geom.name, "condim": 3}
-            spec.add_pair(**touching, friction=friction, solref=solref)
+    length, across = cable.length_m / truth.segments, truth.friction * (1 + a)
+    friction, solref = [truth.friction, across, 0, 0, 0], [truth.contact_s, 1]
+    for index in range(truth.segments):
+        geom = spec.body(f"segment_{index}").first_geom()
+        geom.type = mujoco.mjtGeom.mjGEOM_CAPSULE
+        geom.size = [cable.radius_m, 0.1 * length, 0]
+        geom.quat = [np.sqrt(0.5), 0, np.sqrt(0.5), 0]  # from the body's z to its x
+        geom.name = f"side_{index}"
+        geom.contype = geom.conaffinity = 0
+        touching = {"geomname1": "board", "geomname2": geom.name, "condim": 3}
+        spec.add_pair(**touching, friction=friction, solref=solref)
 
 
-@dataclass(frozen=True)
-class WearingBoard(Rubbing):
-    """Friction grows over a session of `casts`, by k from the first cast to the last.
-
-    `done` is how far the session has come, 0 to 1.
-    """
-
-    k: float
-    casts: int
-    done: float = 0.0
-
-    def in_cast(self, planned: PlannedCast, number: int) -> "WearingBoard":
-        return replace(self, done=number / max(self.casts - 1, 1))
-
-    def roughness(self, pieces: Pieces) -> np.ndarray:
-        return np.full(len(pieces.place_m), 1 + self.k * self.done)
-
-
-@dataclass(frozen=True)
-class SlowCamera(HiddenEffect):
-    """A waypoint is stamped `latency_s` after it was seen."""
-
-    latency_s: float
-
-    def seen_s(self, stamp_s: np.ndarray) -> np.ndarray:
-        return stamp_s - self.latency_s
-
-
-@dataclass(frozen=True)
-class MisscaledCamera(HiddenEffect):
-    """The camera shows every place 1 + k times as far from the robot's base."""
-
-    k: float
-
-    def seen_m(self, place_m: np.ndarray) -> np.ndarray:
-        return (1 + self.k) * place_m
-
-
-@dataclass(frozen=True)
-class TurnedCamera(HiddenEffect):
+@_acts("places")
+def camera_rotation(place_m: np.ndarray, *, phi: float) -> np.ndarray:
     """The camera shows every place turned about the robot's base."""
-
-    angle_rad: float
-
-    def seen_m(self, place_m: np.ndarray) -> np.ndarray:
-        c, s = np.cos(self.angle_rad), np.sin(self.angle_rad)
-        return place_m @ np.array([[c, s], [-s, c]])
+    c, s = np.cos(phi), np.sin(phi)
+    return place_m @ np.array([[c, s], [-s, c]])
 
 
-@dataclass(frozen=True)
-class ShiftedCamera(HiddenEffect):
-    """The camera shows every place shifted."""
-
-    dx_m: float
-    dy_m: float
-
-    def seen_m(self, place_m: np.ndarray) -> np.ndarray:
-        return place_m + np.array([self.dx_m, self.dy_m])
-
-
-@dataclass(frozen=True)
-class DistortingCamera(HiddenEffect):
+@_acts("places")
+def lens_distortion(place_m: np.ndarray, *, x0: float, y0: float, k: float) -> np.ndarray:
     """The camera shows every place 1 + k ρ² times as far from the middle of its picture."""
-
-    k: float
-    x_m: float
-    y_m: float
-
-    def seen_m(self, place_m: np.ndarray) -> np.ndarray:
-        apart = place_m - np.array([self.x_m, self.y_m])
-        return place_m + self.k * np.sum(apart**2, axis=1, keepdims=True) * apart
+    apart = place_m - np.array([x0, y0])
+    return place_m + k * np.sum(apart**2, axis=1, keepdims=True) * apart
 
 
-@dataclass(frozen=True)
-class FastClock(HiddenEffect):
-    """The camera's second is 1 / (1 + k) of a second."""
-
-    k: float
-
-    def seen_s(self, stamp_s: np.ndarray) -> np.ndarray:
-        return stamp_s / (1 + self.k)
-
-
-@dataclass(frozen=True)
-class LooseGrip(HiddenEffect):
-    """The held end follows the logged tool as a first-order lag of `lag_s`."""
-
-    lag_s: float
-
-    def hold(self, path: np.ndarray, step_s: float) -> np.ndarray:
-        # exact for a path that is straight between its samples
-        decay = np.exp(-step_s / self.lag_s)
-        slope = self.lag_s * (1 - decay) / step_s
-        start = path[0]
-        weights, past = np.array([1 - slope, slope - decay, 0.0]), np.array([1.0, -decay, 0.0])
-        return start + lagged(weights, past, path - start)
+@_acts("hold")
+def tool_lag(path: np.ndarray, step_s: float, *, tau: float) -> np.ndarray:
+    """The held end follows the logged tool as a first-order lag of `tau`."""
+    decay = np.exp(-step_s / tau)
+    slope = tau * (1 - decay) / step_s  # exact for a path that is straight between its samples
+    weights, past = np.array([1 - slope, slope - decay, 0.0]), np.array([1.0, -decay, 0.0])
+    return path[0] + lagged(weights, past, path - path[0])
 
 
-@dataclass(frozen=True)
-class TurnedGrip(HiddenEffect):
-    """The cable leaves the gripper at an angle to its logged yaw."""
-
-    angle_rad: float
-
-    def hold(self, path: np.ndarray, step_s: float) -> np.ndarray:
-        turned = path.copy()
-        turned[:, 3] += self.angle_rad
-        return turned
-
-
-@dataclass(frozen=True)
-class ShiftedGrip(HiddenEffect):
+@_acts("hold")
+def tool_offset(path: np.ndarray, step_s: float, *, dx: float, dy: float) -> np.ndarray:
     """The cable is held beside the logged point, in the tool's frame."""
-
-    dx_m: float
-    dy_m: float
-
-    def hold(self, path: np.ndarray, step_s: float) -> np.ndarray:
-        c, s = np.cos(path[:, 3]), np.sin(path[:, 3])
-        shifted = path.copy()
-        shifted[:, 0] += c * self.dx_m - s * self.dy_m
-        shifted[:, 1] += s * self.dx_m + c * self.dy_m
-        return shifted
+    c, s = np.cos(path[:, 3]), np.sin(path[:, 3])
+    shifted = path.copy()
+    shifted[:, 0] += c * dx - s * dy
+    shifted[:, 1] += s * dx + c * dy
+    return shifted
 
 
-@dataclass(frozen=True)
-class LooseClamp(HiddenEffect):
-    """In casts faster than `above_m_s` the cable has slid out of the gripper by `slip_m`."""
-
-    slip_m: float
-    above_m_s: float
-
-    def slipped(self, cable: Cable, planned: PlannedCast) -> Cable:
-        if planned.action.vmax_m_s <= self.above_m_s:
-            return cable
-        return replace(cable, length_m=cable.length_m + self.slip_m)
-
-
-@dataclass(frozen=True)
-class UnevenMass(HiddenEffect):
+@_acts("model")
+def mass_gradient(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, k: float):
     """Mass per length is 1 + k s times the mean, s from −1 at the hand to 1 at the end."""
-
-    k: float
-
-    def build(self, spec: mujoco.MjSpec, cable: Cable, truth: CableTruth) -> None:
-        for index in range(truth.segments):
-            body = spec.body(f"segment_{index}")
-            factor = 1 + self.k * (2 * (index + 0.5) / truth.segments - 1)
-            body.mass *= factor
-            body.inertia = body.inertia * factor
+    for index in range(truth.segments):
+        body = spec.body(f"segment_{index}")
+        factor = 1 + k * (2 * (index + 0.5) / truth.segments - 1)
+        body.mass *= factor
+        body.inertia = body.inertia * factor
 
 
-@dataclass(frozen=True)
-class CurvedCable(HiddenEffect):
+@_acts("model")
+def resting_curvature(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, kappa: float):
     """The cable was stored on a drum: at rest it curves by κ, to the left where κ > 0."""
-
-    curvature_1_m: float
-
-    def build(self, spec: mujoco.MjSpec, cable: Cable, truth: CableTruth) -> None:
-        length = cable.length_m / truth.segments
-        for index in range(truth.segments):
-            # the first hinge stands for the half segment between the gripper and its middle
-            bent = length * (0.5 if index == 0 else 1.0)
-            spec.body(f"segment_{index}").first_joint().springref = self.curvature_1_m * bent
+    length = cable.length_m / truth.segments
+    for index in range(truth.segments):
+        # the first hinge stands for the half segment between the gripper and its middle
+        bent = length * (0.5 if index == 0 else 1.0)
+        spec.body(f"segment_{index}").first_joint().springref = kappa * bent
 
 
-@dataclass(frozen=True)
-class SoftCore(Bending):
-    """Bent beyond the yield curvature the cable keeps what is beyond, as a soft wire does."""
-
-    yield_1_m: float
-
-    def rest_rad(self, bend_rad: np.ndarray, rest_rad: np.ndarray, length_m: float) -> np.ndarray:
-        lengths = np.full(len(bend_rad), length_m)
-        lengths[0] *= 0.5
-        most = self.yield_1_m * lengths
-        return np.clip(rest_rad, bend_rad - most, bend_rad + most)
+@_acts("rest")
+def plastic_bending(
+    bend_rad: np.ndarray, rest_rad: np.ndarray, length_m: float, *, softness: float
+) -> np.ndarray:
+    """Bent beyond the curvature 1 / `softness` the cable keeps what is beyond, as a soft wire."""
+    lengths = np.full(len(bend_rad), length_m)
+    lengths[0] *= 0.5
+    most = 1 / softness * lengths
+    return np.clip(rest_rad, bend_rad - most, bend_rad + most)
 
 
-@dataclass(frozen=True)
-class Air(Pushing):
+@_acts("force")
+def air_drag(pieces: Pieces, *, C: float) -> np.ndarray:
     """Drag ½ ρ C A v² on every piece of a fuzzy cable, whatever its heading, A = 2 r l.
 
     The end is smooth and round: C = 0.5 on its own π r². It adds less than a per cent. MuJoCo's
     own medium gives the same forces (the tests compare them), but differentiates them at every
     step and makes a cast five times as slow.
     """
-
-    drag: float
-
-    def force_n(self, pieces: Pieces) -> np.ndarray:
-        area = self.drag * 2 * pieces.radius_m * pieces.length_m
-        area[-1] = SMOOTH_BALL * np.pi * pieces.radius_m[-1] ** 2
-        speed = np.sqrt(np.sum(pieces.velocity_m_s**2, axis=1))
-        return -0.5 * AIR_KG_M3 * (area * speed)[:, None] * pieces.velocity_m_s
+    area = C * 2 * pieces.radius_m * pieces.length_m
+    area[-1] = SMOOTH_BALL * np.pi * pieces.radius_m[-1] ** 2
+    speed = np.sqrt(np.sum(pieces.velocity_m_s**2, axis=1))
+    return -0.5 * AIR_KG_M3 * (area * speed)[:, None] * pieces.velocity_m_s
 
 
-@dataclass(frozen=True)
-class Oil(Pushing):
-    """A film on the board that holds every piece back by c m v."""
-
-    rate_1_s: float
-
-    def force_n(self, pieces: Pieces) -> np.ndarray:
-        return -self.rate_1_s * pieces.mass_kg[:, None] * pieces.velocity_m_s
-
-
-@dataclass(frozen=True)
-class RubberBand(HiddenEffect):
-    """A band pulls the end towards a place on the board: a MuJoCo tendon with stiffness."""
-
-    stiffness_n_m: float
-    x_m: float
-    y_m: float
-
-    def build(self, spec: mujoco.MjSpec, cable: Cable, truth: CableTruth) -> None:
-        spec.worldbody.add_site(name="band_anchor", pos=[self.x_m, self.y_m, cable.radius_m])
-        spec.body("endpoint").add_site(name="band_end")
-        stiffness = [self.stiffness_n_m, 0, 0]
-        band = spec.add_tendon(name="band", stiffness=stiffness, springlength=[0, 0])
-        band.wrap_site("band_anchor")
-        band.wrap_site("band_end")
-
-
-@dataclass(frozen=True)
-class StickyZone(Pushing):
+@_acts("force")
+def sticky_zone(pieces: Pieces, *, c: float, x0: float, y0: float, radius: float) -> np.ndarray:
     """Spilt syrup: within a disc every piece is held back by c m v."""
-
-    rate_1_s: float
-    x_m: float
-    y_m: float
-    radius_m: float
-
-    def force_n(self, pieces: Pieces) -> np.ndarray:
-        away = np.linalg.norm(pieces.place_m - np.array([self.x_m, self.y_m]), axis=1)
-        held = self.rate_1_s * pieces.mass_kg * (away < self.radius_m)
-        return -held[:, None] * pieces.velocity_m_s
+    inside = np.linalg.norm(pieces.place_m - np.array([x0, y0]), axis=1) < radius
+    return -(c * pieces.mass_kg * inside)[:, None] * pieces.velocity_m_s
 
 
-@dataclass(frozen=True)
-class Draught(Pushing):
-    """A fan blows over the part of the board beyond the line y = `from_y_m` (below it, if
-    `side` is −1) and pushes all that is light and heavy there alike, by `acceleration_m_s2`
-    towards `heading_rad`.
-    """
-
-    acceleration_m_s2: float
-    heading_rad: float
-    from_y_m: float
-    side: float
-
-    def force_n(self, pieces: Pieces) -> np.ndarray:
-        blown = pieces.mass_kg * (self.side * (pieces.place_m[:, 1] - self.from_y_m) > 0)
-        towards = np.array([np.cos(self.heading_rad), np.sin(self.heading_rad)])
-        return self.acceleration_m_s2 * blown[:, None] * towards
+@_acts("force")
+def draught(pieces: Pieces, *, a: float, heading: float, from_y: float, side: float) -> np.ndarray:
+    """A fan beyond y = `from_y` (below it, if `side` is −1) accelerates all by `a` to `heading`."""
+    blown = pieces.mass_kg * (side * (pieces.place_m[:, 1] - from_y) > 0)
+    return a * blown[:, None] * np.array([np.cos(heading), np.sin(heading)])
 
 
-@dataclass(frozen=True)
-class SwingingEnd(HiddenEffect):
-    """A share of the end's mass hangs from it on an arm that swings freely: a pendulum more.
-    The bob slides on the board as the end does.
-    """
-
-    share: float
-    arm_m: float
-
-    def build(self, spec: mujoco.MjSpec, cable: Cable, truth: CableTruth) -> None:
-        end = spec.body("endpoint")
-        mass = self.share * end.mass
-        end.mass -= mass
-        end.inertia = end.inertia * (1 - self.share)
-        inertia = [0.5 * mass * truth.endpoint_radius_m**2] * 3
-        bob = add_piece(end, "bob", (0.0, self.arm_m), mass, inertia, cable.radius_m)
-        bob.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+@_acts("model")
+def rubber_band(
+    spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, stiffness: float, x0: float, y0: float
+):
+    """A band pulls the end towards a place on the board: a MuJoCo tendon with stiffness."""
+    spec.worldbody.add_site(name="band_anchor", pos=[x0, y0, cable.radius_m])
+    spec.body("endpoint").add_site(name="band_end")
+    band = spec.add_tendon(name="band", stiffness=[stiffness, 0, 0], springlength=[0, 0])
+    band.wrap_site("band_anchor")
+    band.wrap_site("band_end")
 
 
-@dataclass(frozen=True)
-class WarmingBoard(Rubbing):
-    """Rubbing warms the board: in the course of a cast friction nears 1 + k times its first."""
-
-    k: float
-    time_s: float
-
-    def roughness(self, pieces: Pieces) -> np.ndarray:
-        share = 1 - np.exp(-max(pieces.t_s, 0.0) / self.time_s)
-        return np.full(len(pieces.place_m), 1 + self.k * share)
+@_acts("model")
+def swinging_end(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, share: float, arm: float):
+    """A share of the end's mass hangs from it on an arm that swings freely over the board."""
+    end = spec.body("endpoint")
+    mass = share * end.mass
+    end.mass -= mass
+    end.inertia = end.inertia * (1 - share)
+    inertia = [0.5 * mass * truth.endpoint_radius_m**2] * 3
+    bob = add_piece(end, "bob", (0.0, arm), mass, inertia, cable.radius_m)
+    bob.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])

@@ -10,12 +10,12 @@ import numpy as np
 
 from robotcast.files import atomic_file
 from robotcast.rigs.kinematics import Gripper, link_points
+from robotcast.sessions import video_writer
 from robotcast.vision.camera import Camera
 from robotcast.vision.fiducials import BORDER_MODULES, MODULES, FiducialBoard, dictionary
 
 Colour = tuple[float, float, float]
 
-CODEC = "mp4v"
 DRAWN_RADII_M = np.array([0.075, 0.06, 0.06, 0.06, 0.05, 0.045, 0.045, 0.045, 0.05, 0.012])
 """How thick the arm's `LINKS` are in pictures."""
 
@@ -27,8 +27,7 @@ _CABLE_RIM, _CABLE_CORE, _BALL_RIM = 0.75, 0.6, 0.88
 _CAP_POINTS, _MARGIN_PX = 9, 4
 _SHIFT = 4  # bits of OpenCV's fixed-point pixels
 
-FLOOR_BGR = (66.0, 64.0, 62.0)
-_PAPER_GREY, _INK_GREY = 225.0, 28.0
+_FLOOR_BGR, _PAPER_GREY, _INK_GREY = (66.0, 64.0, 62.0), 225.0, 28.0
 _TEXEL_M, _FLOOR_M = 0.001, 0.7  # the floor is drawn so far about the board
 _OVERSAMPLING, _NODE_EVERY = 2, 8
 _BOARD_SEED = 20220411
@@ -36,10 +35,10 @@ _BOARD_SEED = 20220411
 
 @dataclass(frozen=True)
 class SceneMotion:
-    """Everything that moves before the camera, at the increasing times `t_s` (n,).
+    """Everything that moves before the camera, at the increasing times `t_s` (n,) of the video.
 
-    The video begins at t_s[0] and ends by t_s[-1]. Let it begin two frames or more before t = 0,
-    so that a waypoint at t = 0 has frames on both sides; 240 Hz or denser, for motion blur.
+    Let them begin two frames or more before t = 0, so that a waypoint at t = 0 has frames on both
+    sides; 240 Hz or denser, for motion blur.
     """
 
     t_s: np.ndarray
@@ -48,15 +47,6 @@ class SceneMotion:
     gripper: Gripper
     cable_radius_m: float
     endpoint_radius_m: float
-
-    def __post_init__(self) -> None:
-        n = len(self.t_s)
-        if n < 2 or np.any(np.diff(self.t_s) <= 0):
-            raise ValueError("scene: times must be two or more and increase")
-        if self.cable_m.shape[0] != n or self.cable_m.shape[2:] != (3,):
-            raise ValueError(f"scene: cable must be ({n}, nodes, 3), got {self.cable_m.shape}")
-        if self.joints_rad.shape != (n, 6):
-            raise ValueError(f"scene: joints must be ({n}, 6), got {self.joints_rad.shape}")
 
 
 @dataclass(frozen=True)
@@ -87,11 +77,7 @@ def render_cast(
     """Film `motion` with `camera` into the video file `path`; the same seed gives the same file."""
     cv2.setNumThreads(1)
     with atomic_file(path) as temporary:
-        fourcc = cv2.VideoWriter.fourcc(*CODEC)
-        size = (camera.width, camera.height)
-        writer = cv2.VideoWriter(str(temporary), cv2.CAP_FFMPEG, fourcc, settings.fps, size)
-        if not writer.isOpened():
-            raise OSError(f"{path}: OpenCV cannot write {CODEC} video of {size} px")
+        writer = video_writer(temporary, settings.fps, camera.width, camera.height)
         try:
             for frame in frames(motion, camera, settings, seed):
                 writer.write(frame)
@@ -106,92 +92,85 @@ def frames(
 
     What moves is drawn at several instants of an exposure, more the faster its image moves.
     """
-    board_m = (settings.board_length_m, settings.board_width_m)
-    scene = backdrop(camera, settings.fiducials, settings.board_bgr, board_m)
-    light = _vignette(camera, settings.vignetting)
-    scene = cv2.multiply(scene, cv2.merge([light] * 3), dtype=cv2.CV_8U)
-    offset = np.full_like(scene, _NOISE_GREY)
-    darker = cv2.subtract(scene, offset)
+    shutter = _Shutter(motion, camera, settings)
+    offset = np.full_like(shutter.scene, _NOISE_GREY)
+    darker = cv2.subtract(shutter.scene, offset)
     bank = _noise_bank(camera.width, camera.height, settings.noise_grey)
-    rng = np.random.default_rng(seed)
-    picture, canvas = np.empty_like(scene), np.empty_like(scene)
-    total = np.empty(scene.shape, np.float32)
+    rng, picture = np.random.default_rng(seed), np.empty_like(shutter.scene)
 
     moving_m = (motion.cable_m, link_points(motion.joints_rad, motion.gripper))
     begins = frame_starts(motion, settings)
     ends = begins + settings.exposure_s
-    cable_travel, arm_travel = (
-        np.linalg.norm(
-            camera.project(_at(ends, motion.t_s, points))
-            - camera.project(_at(begins, motion.t_s, points)),
-            axis=-1,
-        ).max(axis=-1)
-        for points in moving_m
-    )
-    fastest = np.maximum(cable_travel, arm_travel)
-    counts = np.clip(np.ceil(fastest / _BLUR_STEP_PX), 1, _MOST_INSTANTS).astype(int)
-    for begin, count, travel in zip(begins, counts, arm_travel, strict=True):
+    travels = []
+    for points in moving_m:
+        first, last = (camera.project(_at(t_s, motion.t_s, points)) for t_s in (begins, ends))
+        travels.append(np.linalg.norm(last - first, axis=-1).max(axis=-1))
+    counts = np.clip(np.ceil(np.maximum(*travels) / _BLUR_STEP_PX), 1, _MOST_INSTANTS).astype(int)
+    for begin, count, arm_travel in zip(begins, counts, travels[1], strict=True):
         row, column = rng.integers(0, _NOISE_SLACK_PX, 2)
         noise = bank[row : row + camera.height, column : column + camera.width]
         cv2.add(darker, noise, picture)
         times = begin + (np.arange(count) + 0.5) / count * settings.exposure_s
         cable_m, arm_m = (_at(times, motion.t_s, points) for points in moving_m)
-        images, arm_moves = (scene, light, canvas, total), bool(travel > _STILL_PX)
-        box, moving = _expose(cable_m, arm_m, motion, settings, camera, images, arm_moves=arm_moves)
+        box, moving = shutter.expose(cable_m, arm_m, arm_moves=bool(arm_travel > _STILL_PX))
         picture[box] = cv2.add(cv2.subtract(moving, offset[box]), noise[box])
         yield picture
 
 
-def _expose(
-    cable_m: np.ndarray,
-    arm_m: np.ndarray,
-    motion: SceneMotion,
-    settings: PictureSettings,
-    camera: Camera,
-    images: tuple[np.ndarray, ...],
-    *,
-    arm_moves: bool,
-) -> tuple[tuple[slice, slice], np.ndarray]:
-    """Return the box, rows and columns, of all that moves in an exposure, and its mean, uint8.
+class _Shutter:
+    """Exposes what moves before the still scene, darker towards the picture's corners."""
 
-    The cable (n, m, 3) and the arm (n, k, 3) are drawn at n instants, an arm that stands still
-    once. `images` are the scene, the share of light that reaches each pixel, and two that are
-    overwritten, uint8 and float32.
-    """
-    scene, light, canvas, total = images
-    cable_px = camera.project(cable_m)
-    ball_px, axes = camera.ball_outline(cable_m[:, -1], motion.endpoint_radius_m)
-    arm_px = _link_outlines(camera.project(arm_m), camera.focal_px / camera.depth(arm_m))
-    width = 2 * motion.cable_radius_m * camera.focal_px / float(camera.depth(cable_m[0, -1]))
-    margin = max(width, np.abs(axes).sum(axis=-1).max()) + _MARGIN_PX
-    everything = np.concatenate([cable_px.reshape(-1, 2), arm_px.reshape(-1, 2)])
-    size = np.array([camera.width, camera.height])
-    low = np.clip(np.floor(everything.min(axis=0) - margin), 0, size - 1).astype(int)
-    high = np.clip(np.ceil(everything.max(axis=0) + margin), low + 1, size).astype(int)
-    box = slice(low[1], high[1]), slice(low[0], high[0])
-    lit_px = (cable_px[0, len(cable_px[0]) // 2], ball_px[0])
-    u, v = np.clip(np.rint(lit_px), 0, size - 1).astype(int).T
-    cable_bgr, ball_bgr = np.array([settings.cable_bgr, settings.endpoint_bgr]) * light[v, u, None]
-    scene, canvas, total = scene[box], canvas[box], total[box]
-    total[:] = 0
-    for instant in range(len(cable_px)):
-        np.copyto(canvas, scene)
-        _draw_cable(canvas, cable_px[instant] - low, width, cable_bgr)
-        _draw_ball(canvas, ball_px[instant] - low, axes[instant], ball_bgr)
-        if arm_moves:
-            _draw_arm(canvas, arm_px[:, instant] - low)
-        cv2.accumulate(canvas, total)
-    mean = cv2.convertScaleAbs(total, alpha=1.0 / len(cable_px))
-    if not arm_moves:
-        _draw_arm(mean, arm_px[:, 0] - low)
-    return box, mean
+    def __init__(self, motion: SceneMotion, camera: Camera, settings: PictureSettings) -> None:
+        self.camera = camera
+        board_m = (settings.board_length_m, settings.board_width_m)
+        scene = backdrop(camera, settings.fiducials, settings.board_bgr, board_m)
+        self._light = _vignette(camera, settings.vignetting)
+        self.scene = cv2.multiply(scene, cv2.merge([self._light] * 3), dtype=cv2.CV_8U)
+        self._canvas, self._total = np.empty_like(scene), np.empty(scene.shape, np.float32)
+        self._bgr = np.array([settings.cable_bgr, settings.endpoint_bgr])
+        self._cable_m, self._ball_m = 2 * motion.cable_radius_m, motion.endpoint_radius_m
+
+    def expose(
+        self, cable_m: np.ndarray, arm_m: np.ndarray, *, arm_moves: bool
+    ) -> tuple[tuple[slice, slice], np.ndarray]:
+        """Return the box, rows and columns, of all that moves in an exposure, and its mean, uint8.
+
+        The cable (n, m, 3) and the arm (n, k, 3) are drawn at n instants, an arm that stands
+        still once.
+        """
+        camera = self.camera
+        cable_px = camera.project(cable_m)
+        ball_px, axes = camera.ball_outline(cable_m[:, -1], self._ball_m)
+        arm_px = _link_outlines(camera.project(arm_m), camera.focal_px / camera.depth(arm_m))
+        width = self._cable_m * camera.focal_px / float(camera.depth(cable_m[0, -1]))
+        margin = max(width, np.abs(axes).sum(axis=-1).max()) + _MARGIN_PX
+        everything = np.concatenate([cable_px.reshape(-1, 2), arm_px.reshape(-1, 2)])
+        size = np.array([camera.width, camera.height])
+        low = np.clip(np.floor(everything.min(axis=0) - margin), 0, size - 1).astype(int)
+        high = np.clip(np.ceil(everything.max(axis=0) + margin), low + 1, size).astype(int)
+        box = slice(low[1], high[1]), slice(low[0], high[0])
+        lit_px = (cable_px[0, len(cable_px[0]) // 2], ball_px[0])
+        u, v = np.clip(np.rint(lit_px), 0, size - 1).astype(int).T
+        cable_bgr, ball_bgr = self._bgr * self._light[v, u, None]
+        scene, canvas, total = self.scene[box], self._canvas[box], self._total[box]
+        total[:] = 0
+        for instant in range(len(cable_px)):
+            np.copyto(canvas, scene)
+            _draw_cable(canvas, cable_px[instant] - low, width, cable_bgr)
+            _draw_ball(canvas, ball_px[instant] - low, axes[instant], ball_bgr)
+            if arm_moves:
+                _draw_arm(canvas, arm_px[:, instant] - low)
+            cv2.accumulate(canvas, total)
+        mean = cv2.convertScaleAbs(total, alpha=1.0 / len(cable_px))
+        if not arm_moves:
+            _draw_arm(mean, arm_px[:, 0] - low)
+        return box, mean
 
 
 def _draw_cable(canvas: np.ndarray, line_px: np.ndarray, width: float, bgr: np.ndarray) -> None:
     """Draw the cable (m, 2), darker at its rims."""
     for share, colour in ((1.0, _CABLE_RIM * bgr), (_CABLE_CORE, bgr)):
-        thickness = max(round(share * width), 1)
-        line = [_fixed(line_px)]
+        thickness, line = max(round(share * width), 1), [_fixed(line_px)]
         cv2.polylines(canvas, line, False, colour.tolist(), thickness, cv2.LINE_AA, _SHIFT)
 
 
@@ -206,7 +185,7 @@ def _draw_ball(canvas: np.ndarray, middle: np.ndarray, axes: np.ndarray, bgr: np
     if np.any(high <= low):
         return
     u, v = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]))
-    offsets = np.stack([u - middle[0], v - middle[1]], axis=-1)
+    offsets = np.stack([u, v], axis=-1) - middle
     out = np.linalg.norm(offsets @ np.linalg.inv(axes).T, axis=-1)[..., None]
     cover = np.clip((1 - out) * np.sqrt(abs(np.linalg.det(axes))) + 0.5, 0, 1)
     shade = 1 - (1 - _BALL_RIM) * np.minimum(out, 1) ** 2
@@ -232,18 +211,16 @@ def _link_outlines(points_px: np.ndarray, scale: np.ndarray) -> np.ndarray:
     radii = np.stack([radii, _LINK_CORE * radii])
     along = ends[:, :, 1] - ends[:, :, 0]
     length = np.linalg.norm(along, axis=-1) + 1e-9
-    heading = np.arctan2(along[..., 1], along[..., 0])
+    heading = np.arctan2(along[..., 1], along[..., 0])[..., None, None]
     tangent = np.arccos(np.clip((radii[..., 0] - radii[..., 1]) / length, -1, 1))[..., None]
     sweep = np.linspace(-1, 1, _CAP_POINTS)
-    angles = np.stack([np.pi + sweep * (np.pi - tangent), sweep * tangent], axis=-2)
-    angles = angles + heading[..., None, None]
+    angles = np.stack([np.pi + sweep * (np.pi - tangent), sweep * tangent], axis=-2) + heading
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     outlines = ends[..., None, :] + radii[..., None, None] * rays
     return outlines.reshape(*outlines.shape[:3], 2 * _CAP_POINTS, 2)
 
 
-def _fixed(pixels: np.ndarray) -> np.ndarray:
-    """Return pixels as the fixed-point integers that OpenCV draws sub-pixel lines with."""
+def _fixed(pixels: np.ndarray) -> np.ndarray:  # as OpenCV takes sub-pixel places
     return np.rint(pixels * 2**_SHIFT).astype(np.int32)
 
 
@@ -259,10 +236,8 @@ def _at(times: np.ndarray, t_s: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _vignette(camera: Camera, depth: float) -> np.ndarray:
     """Return the share of light that reaches each pixel, float32 (height, width)."""
     v, u = np.mgrid[: camera.height, : camera.width].astype(np.float32)
-    centre = camera.centre_px
-    far = np.hypot(camera.width, camera.height) / 2
-    share = 1 - depth * ((u - centre[0]) ** 2 + (v - centre[1]) ** 2) / far**2
-    return share.astype(np.float32)
+    (u0, v0), far = camera.centre_px, np.hypot(camera.width, camera.height) / 2
+    return (1 - depth * ((u - u0) ** 2 + (v - v0) ** 2) / far**2).astype(np.float32)
 
 
 @lru_cache(maxsize=4)
@@ -275,29 +250,16 @@ def _noise_bank(width: int, height: int, deviation: float) -> np.ndarray:
 
 @lru_cache(maxsize=4)
 def backdrop(
-    camera: Camera,
-    fiducials: FiducialBoard,
-    board_bgr: tuple[float, float, float],
-    board_m: tuple[float, float],
+    camera: Camera, fiducials: FiducialBoard, board_bgr: Colour, board_m: tuple[float, float]
 ) -> np.ndarray:
     """Return the empty scene through the lens, uint8 (height, width, 3), without vignetting.
 
-    Parameters
-    ----------
-    board_m : the board's length along x and width along y.
+    `board_m` is the board's length along x and width along y.
     """
     texture = _texture(fiducials, board_bgr, board_m)
-    xy_m = _board_points(camera)
-    rows = (xy_m[..., 0] + _FLOOR_M) / _TEXEL_M - 0.5
-    columns = (xy_m[..., 1] + board_m[1] / 2 + _FLOOR_M) / _TEXEL_M - 0.5
-    fine = cv2.remap(
-        texture,
-        columns.astype(np.float32),
-        rows.astype(np.float32),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=FLOOR_BGR,
-    )
+    xy_m = _board_points(camera) + np.array([_FLOOR_M, board_m[1] / 2 + _FLOOR_M])
+    rows, columns = cv2.split((xy_m / _TEXEL_M - 0.5).astype(np.float32))
+    fine = cv2.remap(texture, columns, rows, cv2.INTER_LINEAR, borderValue=_FLOOR_BGR)
     return cv2.resize(fine, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
 
 
@@ -316,15 +278,15 @@ def _board_points(camera: Camera) -> np.ndarray:
 
 
 def _texture(
-    fiducials: FiducialBoard, board_bgr: tuple[float, float, float], board_m: tuple[float, float]
+    fiducials: FiducialBoard, board_bgr: Colour, board_m: tuple[float, float]
 ) -> np.ndarray:
     """Return floor and board from above, one texel a millimetre; rows run along x, columns y."""
     shape = tuple(round((side + 2 * _FLOOR_M) / _TEXEL_M) for side in board_m)
     texture = np.empty((*shape, 3), np.float32)
-    texture[:] = FLOOR_BGR
-    near, far = (round(m / _TEXEL_M) for m in (_FLOOR_M, _FLOOR_M + board_m[0]))
-    left, right = (round(m / _TEXEL_M) for m in (_FLOOR_M, _FLOOR_M + board_m[1]))
-    texture[near:far, left:right] = board_bgr
+    texture[:] = _FLOOR_BGR
+    near = round(_FLOOR_M / _TEXEL_M)
+    far, right = (round((_FLOOR_M + side) / _TEXEL_M) for side in board_m)
+    texture[near:far, near:right] = board_bgr
     texture *= _mottling(shape)[..., None]
     origin = np.array([_FLOOR_M, board_m[1] / 2 + _FLOOR_M])
     for number, centre in enumerate(fiducials.centres_m):
@@ -348,20 +310,14 @@ def _stick_marker(texture: np.ndarray, number: int, centre_m: np.ndarray, side_m
     bits = cv2.aruco.generateImageMarker(dictionary(), number, MODULES, borderBits=BORDER_MODULES)
     grey = np.pad(np.where(bits > 0, _PAPER_GREY, _INK_GREY), 1, constant_values=_PAPER_GREY)
     module = side_m / MODULES / _TEXEL_M
-    edges = (np.arange(len(grey) + 1) - len(grey) / 2) * module
-    spans = [_coverage(edges + c / _TEXEL_M) for c in centre_m]
-    (row, row_cover), (column, column_cover) = spans
+    edges = (np.arange(len(grey) + 1) - len(grey) / 2) * module + centre_m[:, None] / _TEXEL_M
+    low, high = np.floor(edges[:, 0]).astype(int), np.ceil(edges[:, -1]).astype(int)
+    rows, columns = (
+        np.diff(np.clip(np.arange(a, b + 1)[:, None], e[:-1], e[1:]), axis=0)
+        for a, b, e in zip(low, high, edges, strict=True)
+    )  # (texels, modules): how much of each texel each module covers
     # The image's top is the marker's far edge (+x), its left the +y side: both axes run back.
-    ink = row_cover @ grey[::-1, ::-1] @ column_cover.T
-    bare = 1 - np.outer(row_cover.sum(1), column_cover.sum(1))
-    patch = texture[row : row + len(ink), column : column + ink.shape[1]]
-    patch *= bare[..., None]
+    ink = rows @ grey[::-1, ::-1] @ columns.T
+    patch = texture[low[0] : high[0], low[1] : high[1]]
+    patch *= 1 - np.outer(rows.sum(1), columns.sum(1))[..., None]
     patch += ink[..., None]
-
-
-def _coverage(edges: np.ndarray) -> tuple[int, np.ndarray]:
-    """Return the first texel and how much of each texel each module covers, (texels, modules)."""
-    first, last = int(np.floor(edges[0])), int(np.ceil(edges[-1]))
-    texels = np.arange(first, last)[:, None]
-    overlap = np.minimum(texels + 1, edges[1:]) - np.maximum(texels, edges[:-1])
-    return first, np.maximum(overlap, 0.0)

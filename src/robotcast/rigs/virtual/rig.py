@@ -1,15 +1,24 @@
-"""The virtual rig: it stands in for the robot, the cable, the board and the camera."""
+"""The virtual rig: it stands in for the robot, the cable, the board and the camera.
+
+Last come studies of it: how well casts can be repeated, and how resets scatter the start.
+"""
 
 import hashlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from robotcast import sessions
 from robotcast.casts.plan import PlannedCast
+from robotcast.casts.reset import ResetSettings, plan_reset
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.measurements.measurement_set import Cable, Trial
+from robotcast.processes import parallel_map
+from robotcast.progress import Progress, silent
 from robotcast.rigs.kinematics import Gripper, joint_path
 from robotcast.rigs.virtual.arm import ArmDynamics, CastNoise, StartScatter, generator
 from robotcast.rigs.virtual.cable import (
@@ -20,17 +29,8 @@ from robotcast.rigs.virtual.cable import (
     build_cable,
     compile_cable,
 )
-from robotcast.rigs.virtual.hidden import Disturbance, HiddenEffect
+from robotcast.rigs.virtual.mechanisms import Disturbance, HiddenEffect, acting
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, frame_starts, render_cast
-from robotcast.sessions import (
-    TOOL_FILE,
-    TRUTH_FILE,
-    VIDEO_FILE,
-    CastRecord,
-    write_columns,
-    write_record,
-    write_tool,
-)
 from robotcast.vision.camera import Camera
 from robotcast.vision.facts import TrackerFacts
 
@@ -38,16 +38,15 @@ LOG_S = 0.008
 BEFORE_S = 0.1  # filmed before the start
 AFTER_S = 0.1  # filmed after the end was seen at rest
 SLOWEST_S = 4.0  # cap on how long the cable moves on after the arm stopped
+PLACES = np.linspace(0.0, 1.0, 7)  # along the cable, whose headings after a reset are kept
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What really happened in a cast: how the cable moved from t = 0 until it rested, and the arm's
-    tool at the same times.
-    """
+    """What really happened in a cast until the cable rested: the cable and the arm's tool."""
 
     cable: Motion
-    tool: ToolMotion
+    tool: ToolMotion  # at the same times
 
 
 @dataclass(frozen=True)
@@ -75,22 +74,25 @@ class VirtualRig:
     hidden: tuple[HiddenEffect, ...] = ()
 
     def facts(self) -> dict[str, Any]:
-        return {"vision": self.tracker.as_dict(), "made": self._fingerprint()}
+        """Return what the tracker may know, and a digest of all that shapes a cast."""
+        parts = (self.truth, self.arm, self.noise, self.scatter.digest(), self.seed, *self.hidden)
+        made = hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
+        return {"vision": self.tracker.as_dict(), "made": made}
 
     def cast(
         self, planned: PlannedCast, number: int, folder: Path, *, rest_only: bool = False
     ) -> None:
         """Simulate, log and film one cast into the empty `folder`."""
         truth = self.simulate_truth(planned, number)
-        write_tool(self.log_tool(truth.tool, number), folder / TOOL_FILE)
+        sessions.write_tool(self.log_tool(truth.tool, number), folder / sessions.TOOL_FILE)
         scene = self._scene(truth, rest_only=rest_only)
         frames = frame_starts(scene, self.picture)
         film_seed = int(generator(self.seed, number, "film").integers(2**31))
-        render_cast(folder / VIDEO_FILE, scene, self.camera, self.picture, film_seed)
+        render_cast(folder / sessions.VIDEO_FILE, scene, self.camera, self.picture, film_seed)
         middle_s = frames + self.picture.exposure_s / 2
         x, y, _ = ToolMotion(truth.cable.t_s, truth.cable.end_m).at(middle_s).T
-        write_columns({"t": middle_s, "x": x, "y": y}, folder / TRUTH_FILE)
-        record = CastRecord(
+        sessions.write_columns({"t": middle_s, "x": x, "y": y}, folder / sessions.TRUTH_FILE)
+        record = sessions.CastRecord(
             number=number,
             action=planned.action,
             rig=self.name,
@@ -102,7 +104,7 @@ class VirtualRig:
             rest_s=float(truth.cable.t_s[-1]),
             rest_only=rest_only,
         )
-        write_record(record, folder)
+        sessions.write_record(record, folder)
 
     def simulate_truth(
         self, planned: PlannedCast, number: int, *, headings_rad: np.ndarray | None = None
@@ -112,13 +114,8 @@ class VirtualRig:
         `headings_rad` (segments,) says how the cable lies at the start, in place of a draw from
         the resets' scatter.
         """
-        cable = self.cable
-        for effect in self.hidden:
-            cable = effect.slipped(cable, planned)
-        hidden = tuple(effect.in_cast(planned, number) for effect in self.hidden)
-        rig = replace(self, cable=cable, hidden=hidden)
-        run, path = rig.begin(planned, number, headings_rad=headings_rad)
-        motion = run.drive(rig._held(path), moving_s=planned.end_s + 5 * self.arm.lag_s)
+        run, path = self.begin(planned, number, headings_rad=headings_rad)
+        motion = run.drive(self._held(path), moving_s=planned.end_s + 5 * self.arm.lag_s)
         steps = np.arange(len(path)) * self.truth.step_s
         tool = ToolMotion(steps, path[:, [0, 1, 3]])
         return Truth(motion, ToolMotion(motion.t_s, tool.at(motion.t_s)))
@@ -134,20 +131,24 @@ class VirtualRig:
         truth = self.truth.with_friction(friction_factor)
         arm = replace(self.arm, gain_error=self.arm.gain_error + gain)
         steps = np.arange(round((planned.end_s + SLOWEST_S) / truth.step_s) + 1) * truth.step_s
-        path = np.zeros((len(steps), len(TOOL_JOINTS)))
+        path = np.zeros((len(steps), TOOL_JOINTS))
         path[:, [0, 1, 3]] = arm.follow(planned.tool, steps, delay_s=delay_s)
-        spec = build_cable(self.cable, truth)
-        for effect in self.hidden:
-            effect.build(spec, self.cable, truth)
+        cable = self.cable
+        for effect in acting(self.hidden, "cable"):
+            cable = effect(cable, planned)
+        spec = build_cable(cable, truth)
+        for effect in acting(self.hidden, "model"):
+            effect(spec, cable, truth)
         model = compile_cable(spec)
-        run = CableRun(model, headings_rad, self._held(path)[0], Disturbance(self.hidden, model))
+        disturb = Disturbance(self.hidden, model, number)
+        run = CableRun(model, headings_rad, self._held(path)[0], disturb)
         run.settle()
         return run, path
 
     def _held(self, path: np.ndarray) -> np.ndarray:
         """Return where the cable is really held while the arm takes `path` (steps, 5)."""
-        for effect in self.hidden:
-            path = effect.hold(path, self.truth.step_s)
+        for effect in acting(self.hidden, "hold"):
+            path = effect(path, self.truth.step_s)
         return path
 
     def log_tool(self, tool: ToolMotion, number: int) -> ToolMotion:
@@ -166,11 +167,6 @@ class VirtualRig:
         joints = joint_path(ToolMotion(times, tool[rows]), self.gripper)
         radius, end_radius = self.cable.radius_m, self.truth.endpoint_radius_m
         return SceneMotion(times, cable[rows], joints, self.gripper, radius, end_radius)
-
-    def _fingerprint(self) -> str:
-        """Return a digest of everything that shapes a cast, so that no session mixes two rigs."""
-        parts = (self.truth, self.arm, self.noise, self.scatter.digest(), self.seed, *self.hidden)
-        return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True)
@@ -196,23 +192,110 @@ def measure_cast(
     places = seen_places(rig, cable, stamps)
     velocities = np.gradient(cable.end_m[:, :2], cable.t_s, axis=0)
     speeds = np.interp(stamps, cable.t_s, np.linalg.norm(velocities, axis=1))
-    random = generator(rig.seed, number, "track")
     spread = (eye.noise_m + eye.noise_s * speeds)[:, None]
-    return Trial(
-        trial=number,
-        action_id=action_id,
-        action=planned.action,
-        tool=rig.log_tool(truth.tool, number),
-        waypoints_s=stamps,
-        waypoints_m=places + spread * random.standard_normal(places.shape),
-    )
+    wrong = spread * generator(rig.seed, number, "track").standard_normal(places.shape)
+    tool = rig.log_tool(truth.tool, number)
+    return Trial(number, action_id, planned.action, tool, stamps, places + wrong)
 
 
 def seen_places(rig: VirtualRig, cable: Motion, stamp_s: np.ndarray) -> np.ndarray:
     """Return where the rig's camera puts the free end in waypoints so stamped, (k, 2)."""
-    for effect in rig.hidden:
-        stamp_s = effect.seen_s(stamp_s)
+    for effect in acting(rig.hidden, "stamps"):
+        stamp_s = effect(stamp_s)
     places = ToolMotion(cable.t_s, cable.end_m).at(stamp_s)[:, :2]
-    for effect in rig.hidden:
-        places = effect.seen_m(places)
+    for effect in acting(rig.hidden, "places"):
+        places = effect(places)
     return places
+
+
+NUDGE_M = 0.001
+CHAOTIC = 10.0  # amplification from which a cast is called chaotic
+
+
+def amplification(rig: VirtualRig, planned: PlannedCast) -> float:
+    """Return how far the resting end moves for a nudge of the free end at the start.
+
+    The nudge is `NUDGE_M` to the left or right, the shift the larger of both, in units of it.
+    """
+    quiet = replace(rig, noise=CastNoise(0.0, 0.0, 0.0, 0.0, 0.0))
+    turns = np.array([0.0, 1.0, -1.0])[:, None] * NUDGE_M / rig.cable.length_m
+    starts = rig.scatter.mean(rig.truth.segments) + turns
+    truths = [quiet.simulate_truth(planned, 0, headings_rad=start) for start in starts]
+    end, *ends = (truth.cable.end_m[-1] for truth in truths)
+    return float(np.linalg.norm(np.array(ends) - end, axis=1).max() / NUDGE_M)
+
+
+def repeat_scatter_m(rig: VirtualRig, planned: PlannedCast, repeats: int) -> float:
+    """Return the average deviation of the resting end over casts that repeat `planned`.
+
+    It is counted as in `measurements.noise_floor`.
+    """
+    casts = [rig.simulate_truth(planned, number).cable for number in range(repeats)]
+    ends = np.array([cable.end_m[-1, :2] for cable in casts])
+    deviations = np.linalg.norm(ends - ends.mean(axis=0), axis=1)
+    return float(deviations.mean() * np.sqrt(repeats / (repeats - 1)))
+
+
+def sensitivities(
+    rig: VirtualRig, casts: Sequence[PlannedCast], repeats: int, progress: Progress = silent
+) -> list[tuple[float, float]]:
+    """Return the amplification of each cast and how far its repeats scatter [m]."""
+    return _side_by_side(partial(_sensitivity, rig, repeats), casts, rig.workers, progress)
+
+
+def _sensitivity(rig: VirtualRig, repeats: int, planned: PlannedCast) -> tuple[float, float]:
+    return amplification(rig, planned), repeat_scatter_m(rig, planned, repeats)
+
+
+def _side_by_side(
+    work: Callable[[Any], Any], parts: Sequence[Any], workers: int, progress: Progress
+) -> list[Any]:
+    found = []
+    for one in parallel_map(work, parts, workers):
+        found.append(one)
+        progress(len(found), len(parts))
+    return found
+
+
+def simulate_reset(
+    rig: VirtualRig, planned: PlannedCast, number: int, settings: ResetSettings
+) -> Motion:
+    """Simulate cast `number` and the reset that follows it; return the reset's motion."""
+    from scipy.interpolate import CubicSpline  # half a second, for those who cast alone
+
+    run, path = rig.begin(planned, number)
+    run.drive(path, moving_s=planned.end_s)
+    length_m, height_m = rig.cable.length_m + rig.truth.endpoint_radius_m, rig.cable.radius_m
+    settings = replace(settings, held_height_m=height_m)
+    motion = plan_reset(run.held[[0, 1, 3]], length_m, r0_m=rig.r0_m, settings=settings)
+    place, yaw, pitch = motion.position_m - [0.0, 0.0, height_m], motion.yaw_rad, -motion.pitch_rad
+    held = CubicSpline(motion.t_s, np.column_stack([place, yaw, pitch]), bc_type="clamped")
+    steps = np.arange(round(motion.t_s[-1] / rig.truth.step_s) + 1) * rig.truth.step_s
+    return run.drive(held(steps), moving_s=float(motion.t_s[-1]))
+
+
+def measure_resets(
+    rig: VirtualRig,
+    casts: Sequence[PlannedCast],
+    settings: ResetSettings,
+    progress: Progress = silent,
+) -> StartScatter:
+    """Simulate each cast and the reset that follows it; return how the cable then lies."""
+    numbered = list(enumerate(casts))
+    headings = _side_by_side(partial(_headings, rig, settings), numbered, rig.workers, progress)
+    return StartScatter(PLACES, np.array(headings))
+
+
+def _headings(
+    rig: VirtualRig, settings: ResetSettings, cast: tuple[int, PlannedCast]
+) -> np.ndarray:
+    number, planned = cast
+    return resting_headings(simulate_reset(rig, planned, number, settings))
+
+
+def resting_headings(motion: Motion) -> np.ndarray:
+    """Return the headings of the resting cable at `PLACES`, (7,) [rad]."""
+    pieces = np.diff(motion.nodes_m[-1, :, :2], axis=0)
+    headings = np.unwrap(np.arctan2(pieces[:, 1], pieces[:, 0]))
+    middles = (np.arange(len(pieces)) + 0.5) / len(pieces)
+    return np.interp(PLACES, middles, headings)
