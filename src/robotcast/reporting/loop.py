@@ -33,6 +33,7 @@ class Loop:
     comparison, diagnosis : what compare and diagnose wrote.
     policies : a policy that learned from each of the two models, None where it was not tested.
     hidden : mechanism → its parameters, what the virtual rig hid; None on another rig.
+    actions : trial → action, of the cable's casts.
     """
 
     before: Tuning
@@ -41,6 +42,7 @@ class Loop:
     diagnosis: Mapping[str, Any]
     policies: tuple[Evaluation, Evaluation] | None
     hidden: Mapping[str, Mapping[str, float]] | None
+    actions: Mapping[int, int]
 
     @property
     def falls(self) -> tuple[float, float]:
@@ -67,17 +69,22 @@ def read_loop(folder: Path, results: Results, hidden: Mapping[str, Any] | None) 
     pair = (after.cable, after.simulator, after.optimizer)
     before = next(t for t in results.tunings if (t.cable, t.simulator, t.optimizer) == pair)
     evaluation, first = folder / "evaluation" / "evaluation.csv", None
+    revised = None
     if evaluation.is_file():
         revised = read_evaluation(evaluation)
         first = results.evaluation(revised.cable, revised.policy, revised.dataset)
+    cable = results.cable(after.cable)
+    measured = cable.measured if cable else None
+    assert measured is not None
     found = {e["effect"]: e["parameters"] for e in hidden["effects"]} if hidden else None
     return Loop(
         before,
         after,
         _read(folder / "comparison" / "comparison.json"),
         _read(folder / "diagnosis" / "diagnosis.json"),
-        (first, revised) if first else None,
+        (first, revised) if first and revised else None,
         found,
+        {trial.trial: trial.action_id for trial in measured.trials},
     )
 
 
@@ -147,7 +154,9 @@ def _paths(loop: Loop) -> Figure:
     order = both.group_by("trial").agg(error=away.sqrt().mean()).sort("error", descending=True)
     figure = Figure(figsize=(9.2, 4.2), dpi=72, layout="constrained")
     panels = figure.subplots(1, SHOWN, sharex=True, sharey=True, squeeze=False)[0]
-    trials = dict.fromkeys(loop.actions[trial] for trial in order["trial"])
+    worst = {loop.actions[trial]: trial for trial in reversed(order["trial"])}  # one an action
+    shown = [trial for trial in order["trial"] if worst[loop.actions[trial]] == trial][:SHOWN]
+    for axes, trial in zip(panels, shown, strict=False):
         path = both.filter(pl.col("trial") == trial)
         lines = (
             (("x", "y"), "o-", BLACK),
