@@ -86,35 +86,26 @@ class BulletRun(Run):
     """
 
     def _lay(self, pose: np.ndarray, lean_rad: np.ndarray) -> None:
-        cable, settings, geometry, step_s = (
-            self._cable,
-            self._settings,
-            self._geometry,
-            self._step_s,
-        )
+        cable, geometry, n = self._cable, self._geometry, self._settings.segments
         values = dict(zip(BulletSimulator.own, self._vectors[0], strict=True))
         tip_kg, rough = values["endpoint_mass_kg"], values["lateral_friction"]
         capsules_kg = values["cable_mass_kg"] * geometry.lengths_m / cable.length_m
         capsules_kg = self._distributed(capsules_kg[None])[0].astype(float)
         points_kg = np.append(capsules_kg, tip_kg).astype(np.float32)
-        friction = np.append(np.full(settings.segments, rough), 1.0)
+        friction = np.append(np.full(n, rough), 1.0)
         friction = values["dynamic_friction"] * friction
         self._points_kg = points_kg[None]
         self._friction_n = (friction * GRAVITY_M_S2).astype(np.float32) * self._points_kg
         self._bending = values["bending_stiffness_n_m2"] / geometry.bends_m
         self._twisting = values["twist_stiffness_n_m2"] / geometry.bends_m
-        springs = self._bending, self._twisting
         masses = geometry.lengths_m, capsules_kg, tip_kg, cable.radius_m
-        fastest = fastest_frequency(*masses, *springs)
-        self._parts = max(1, int(np.ceil(step_s * fastest / STEP_RATE)))
-        self._part_s = step_s / self._parts
+        fastest = fastest_frequency(*masses, self._bending, self._twisting)
+        self._parts = max(1, int(np.ceil(self._step_s * fastest / STEP_RATE)))
+        self._part_s = self._step_s / self._parts
         self._client, self._bodies = physics_client(), []
         self._lay_board(values["dynamic_friction"])
         self._lay_cable(pose[0], float(pose[0, 2] + lean_rad[0]), capsules_kg, values)
-        self._torques, self._bends = (
-            np.empty((settings.segments + 1, 3)),
-            np.empty(settings.segments),
-        )
+        self._torques, self._bends_rad = np.empty((n + 1, 3)), np.empty(n)
         self._look()
 
     def _lay_board(self, friction: float) -> None:
@@ -190,13 +181,14 @@ class BulletRun(Run):
     def fastest_rate(self) -> np.ndarray:
         return np.array([max(np.abs(self._velocity).max(), np.abs(self._turning).max())])
 
+    def _bends(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._bends_rad[None], np.diff(self._turning[:-1, 2])[None]
+
     def keep(self, kept: np.ndarray, active: ActiveEffects) -> None:
         """Go on as before: a run of one simulation that goes on goes on whole."""
 
     def step(self, state: CableState, next_pose: np.ndarray) -> None:
-        stiffness_n_m2 = (self._bending * self._geometry.bends_m)[None]
-        bend_rates = np.diff(self._turning[:-1, 2])[None]
-        moments = self._act(state, stiffness_n_m2, self._bends[None], bend_rates)
+        moments = self._act(state, (self._bending * self._geometry.bends_m)[None])
         for part in range(self._parts):
             if part:
                 self._see_bodies()
@@ -241,7 +233,7 @@ class BulletRun(Run):
         poses = map(self._client.getBasePositionAndOrientation, self._bodies)
         self._position, self._quaternions = (np.array(part) for part in zip(*poses, strict=True))
         springs = self._bending, self._twisting
-        spring_torques(self._quaternions[:-1], *springs, self._torques, self._bends)
+        spring_torques(self._quaternions[:-1], *springs, self._torques, self._bends_rad)
 
 
 def _points(vectors: np.ndarray) -> np.ndarray:

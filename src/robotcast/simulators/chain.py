@@ -131,6 +131,10 @@ class Run(ABC):
     def keep(self, kept: np.ndarray, active: ActiveEffects) -> None:
         """Go on with the simulations numbered `kept` only, in this order."""
 
+    @abstractmethod
+    def _bends(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the hinges' angles [rad] and rates [rad/s], (n_sim, n)."""
+
     def _distributed(self, mass_kg: np.ndarray) -> np.ndarray:
         """Return the segments' masses (n_sim, n) as the effects distribute them."""
         lengths = self._geometry.lengths_m
@@ -140,10 +144,10 @@ class Run(ABC):
             mass_kg = mass_kg * hook(along, **values)
         return mass_kg
 
-    def _act(self, state: CableState, stiffness_n_m2: np.ndarray, *bends: np.ndarray) -> Any:
+    def _act(self, state: CableState, stiffness_n_m2: np.ndarray) -> np.ndarray | None:
         """Add the effects' forces to `state.force_n`; return their moments (n_sim, n), if any.
 
-        The `bends` are the hinges' angles [rad] and rates [rad/s], the stiffness is E I.
+        A resting curvature acts through the stiffness E I of the hinges.
         """
         pushing = list(self._active.each("force"))
         resting, bending = (
@@ -151,6 +155,7 @@ class Run(ABC):
         )
         if not (pushing or resting or bending):
             return None
+        bends = self._bends()
         heading = np.concatenate([state.heading, state.heading[:, :, -1:]], axis=2)
         points = (*state.position_m, *state.velocity_m_s, *state.slip, *heading)
         points = (*points, self._points_kg, self._friction_n, *bends, self._geometry.bends_m)

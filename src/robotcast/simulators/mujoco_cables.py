@@ -177,6 +177,9 @@ class ChainRun(Run):
     def fastest_rate(self) -> np.ndarray:
         return np.abs(self._qvel).max(axis=1)
 
+    def _bends(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._qpos[:, self._hinges], self._qvel[:, self._hinges]
+
     def keep(self, kept: np.ndarray, active: ActiveEffects) -> None:
         self._active, self._vectors = active, self._vectors[kept]
         self._begin(self._qpos[kept], self._qvel[kept])
@@ -188,8 +191,7 @@ class ChainRun(Run):
         wanted = (next_pose - self._qpos[:, :TOOL_DOFS]) / self._step_s
         change = wanted - self._qvel[:, :TOOL_DOFS]
         self._applied[:, :TOOL_DOFS] = change * (TOOL_ARMATURE / self._step_s)
-        bends = self._qpos[:, self._hinges], self._qvel[:, self._hinges]
-        moments = self._act(state, self._stiffness_n_m2, *bends)
+        moments = self._act(state, self._stiffness_n_m2)
         self._damp()
         apply_forces(state.force_n, state.heading, *self._cut, self._qpos, self._applied)
         if moments is not None:
