@@ -9,7 +9,7 @@ from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
 from robotcast.casts.plan import PlanLimits, plan_cast
-from robotcast.effects.effect import Effect
+from robotcast.effects.effect import Effect, Numbers
 from robotcast.measurements.measurement_set import Cable
 from robotcast.simulators.mujoco_cables import ChainSettings, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast, Simulator
@@ -28,7 +28,7 @@ _WIDE = {  # unit, bounds and nominal value
     "axial_stiffness_n": ("N", 1.0, 1e4, 300.0),
 }
 _NUMBERS = ("unit", "lower", "upper", "nominal")
-PARAMETERS = {name: dict(zip(_NUMBERS, wide, strict=True)) for name, wide in _WIDE.items()}
+PARAMETERS: Numbers = {n: dict(zip(_NUMBERS, wide, strict=True)) for n, wide in _WIDE.items()}
 
 MakeSimulator = Callable[..., SegmentedSimulator]
 

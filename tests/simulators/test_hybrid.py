@@ -21,8 +21,8 @@ def simulator(
     *effects: str, cable: Cable = CABLE, step_s: float = 0.003, damping_s: float = 0.02, **kw: int
 ) -> HybridSimulator:
     modulus = {"unit": "Pa", "lower": 1.0, "upper": 1e12, "nominal": 2e5, "scale": "log"}
-    parameters = {"youngs_modulus_pa": modulus}
-    parameters |= {name: SEGMENTED[name] for name in ("friction", "endpoint_mass_kg")}
+    known = {name: SEGMENTED[name] for name in ("friction", "endpoint_mass_kg")}
+    parameters = {"youngs_modulus_pa": modulus, **known}
     settings = ChainSettings(stretches=18, step_s=step_s, stretch_damping_s=damping_s, **kw)
     return HybridSimulator(cable, parameters, settings, [load_effect(name) for name in effects])
 

@@ -82,8 +82,8 @@ def real_dataset(
         raise ValueError("dataset real: no tracked cast is left once the test casts are taken out")
     if casts is not None:
         trials = _first_casts(trials, casts, first, seed)
-    pairs = ((t.action.as_array(), t.endpoint_m) for t in trials)
-    examples = Examples(*map(np.stack, zip(*pairs, strict=True)), np.ones(len(trials)))
+    actions, ends_m = zip(*((t.action.as_array(), t.endpoint_m) for t in trials), strict=True)
+    examples = Examples(np.stack(actions), np.stack(ends_m), np.ones(len(trials)))
     groups = np.array([t.action_id for t in trials])
     training, validation = _split(examples, groups, validation_fraction, seed)
     _refuse_not_finite(examples, lambda row: f"dataset real: trial {trials[row].trial}")

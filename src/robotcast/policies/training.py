@@ -37,10 +37,8 @@ class Fit(ABC):
     def __init__(self, dataset: Dataset, seed: int) -> None:
         self.actions = Normalisation.of(dataset.training.actions)
         self.endpoints = Normalisation.of(dataset.training.endpoints_m)
-        known = {"dataset": dataset.name, "facts": dataset.facts, "seed": seed}
-        self.shared: dict[str, Any] = {  # attributes of a `LearnedModel`
-            **known, "actions": self.actions, "endpoints": self.endpoints
-        }  # fmt: skip
+        self.shared: dict[str, Any] = {"actions": self.actions, "endpoints": self.endpoints}
+        self.shared |= {"dataset": dataset.name, "facts": dataset.facts, "seed": seed}
 
     def tensors(self, examples: Examples, precision: torch.dtype) -> tuple[torch.Tensor, ...]:
         """Return actions (n, 6) and endpoints (n, 2), normalised, and weights (n,)."""

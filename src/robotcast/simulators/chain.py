@@ -149,10 +149,8 @@ class Run(ABC):
 
         A resting curvature acts through the stiffness E I of the hinges.
         """
-        pushing = list(self._active.each("force"))
-        resting, bending = (
-            list(self._active.each(h)) for h in ("rest_curvature", "bending_moment")
-        )
+        hooks = "force", "rest_curvature", "bending_moment"
+        pushing, resting, bending = (list(self._active.each(hook)) for hook in hooks)
         if not (pushing or resting or bending):
             return None
         bends = self._bends()

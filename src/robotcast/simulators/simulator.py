@@ -64,3 +64,4 @@ class Simulator(Protocol):
         their order and units. With `retry`, what diverges is run again, more finely; a search
         that compares many vectors can do without, as a few such runs cost it much.
         """
+        ...
