@@ -128,10 +128,10 @@ def test_a_sweep_over_shards_gives_the_bytes_of_one_run(tmp_path: Path) -> None:
     common += [f"paths.measurements={tmp_path / 'measured'}"]
     common += ["scale.tune.tune_casts=2", "scale.tune.test_casts=1"]
     common += ["scale.generate.grid={theta1: 3, theta2: 3, r2: 2, alpha: 2, vmax: 1}"]
-    shards = ["generate.shards=2", "hydra/launcher=joblib", f"hydra.sweep.dir={tmp_path / 'jobs'}"]
+    shards = ["generate.shards=3", "hydra/launcher=joblib", f"hydra.sweep.dir={tmp_path / 'jobs'}"]
     run("generate", *common, f"paths.simulated={tmp_path / 'whole'}")
-    run("generate", "-m", *common, *shards, "generate.shard=1,0")
-    run("merge_shards", *common, "generate.shards=2", f"paths.simulated={tmp_path / 'merged'}")
+    run("generate", "-m", *common, *shards, "generate.shard=2,0,1")
+    run("merge_shards", *common, "generate.shards=3", f"paths.simulated={tmp_path / 'merged'}")
     for name in ("casts.parquet", "generation.yaml"):
         assert (tmp_path / "merged" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
     facts = yaml.safe_load((tmp_path / "merged" / "generation.yaml").read_text())
