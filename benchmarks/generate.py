@@ -27,8 +27,7 @@ from mujoco.batch import Batch
 from robotcast.casts.plan import PlanLimits, plan_cast
 from robotcast.measurements.measurement_set import Cable
 from robotcast.simulators.chain import ChainGeometry
-from robotcast.simulators.mujoco_cables import SegmentedSimulator
-from robotcast.simulators.mujoco_chain import chain_model
+from robotcast.simulators.mujoco_cables import SegmentedSimulator, chain_model
 from robotcast.simulators.simulator import SimulatedCast
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -13,8 +13,7 @@ import numpy as np
 from robotcast.measurements.measurement_set import Cable, Trial
 from robotcast.simulators.batch import tool_paths
 from robotcast.simulators.chain import GRAVITY_M_S2, TOOL_DOFS, ChainGeometry, capsule_inertia
-from robotcast.simulators.mujoco_cables import SegmentedSettings
-from robotcast.simulators.mujoco_chain import TOOL_ARMATURE, chain_model
+from robotcast.simulators.mujoco_cables import TOOL_ARMATURE, ChainSettings, chain_model
 
 
 class PlainChain:
@@ -25,7 +24,7 @@ class PlainChain:
     trial : whose tool is followed, and at whose times the free end is wanted.
     """
 
-    def __init__(self, cable: Cable, settings: SegmentedSettings, trial: Trial) -> None:
+    def __init__(self, cable: Cable, settings: ChainSettings, trial: Trial) -> None:
         self._cable, self._settings, self._trial = cable, settings, trial
         self._geometry = ChainGeometry.of_cable(
             cable.length_m, settings.segments, settings.stretches

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 import torch
 
-from robotcast.policies.spread import Spread, fit_scatter, held_out_scale
+from robotcast.policies.forward_model import Spread, held_out_scale
+from robotcast.policies.network import fit_scatter
 
 RANDOM = np.random.default_rng(0)
 UNIT = np.array([0.5, 2.0, 1.0])

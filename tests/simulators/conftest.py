@@ -1,6 +1,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,38 +9,36 @@ from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
 from robotcast.casts.plan import PlanLimits, plan_cast
-from robotcast.effects.effect import Effect
-from robotcast.fitting.parameter import Parameter
+from robotcast.effects.effect import Effect, Numbers
 from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.mujoco_cables import SegmentedSettings, SegmentedSimulator
+from robotcast.simulators.mujoco_cables import ChainSettings, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast, Simulator
 
 CONFIGURATION = Path(__file__).resolve().parents[2] / "conf"
 EFFECTS = OmegaConf.load(CONFIGURATION / "effects.yaml").effects
 CABLE = Cable("cable", 0.63, 0.008, 0.0045, 0.02)
-PARAMETERS = (
-    Parameter("friction", "1", 0.0, 1.0, 0.28),
-    Parameter("cable_mass_kg", "kg", 1e-9, 1.0, 0.008),
-    Parameter("endpoint_mass_kg", "kg", 0.0, 1.0, 0.02),
-    Parameter("joint_friction_n_m", "N m", 0.0, 1.0, 1e-6),
-    Parameter("bending_stiffness_n_m2", "N m²", 0.0, 10.0, 3e-5),
-    Parameter("bending_damping_s", "s", 0.0, 10.0, 0.15),
-    Parameter("grip_stiffness", "1", 0.0, 10.0, 1.0),
-    Parameter("axial_stiffness_n", "N", 1.0, 1e4, 300.0),
-)
+_WIDE = {  # unit, bounds and nominal value
+    "friction": ("1", 0.0, 1.0, 0.28),
+    "cable_mass_kg": ("kg", 1e-9, 1.0, 0.008),
+    "endpoint_mass_kg": ("kg", 0.0, 1.0, 0.02),
+    "joint_friction_n_m": ("N m", 0.0, 1.0, 1e-6),
+    "bending_stiffness_n_m2": ("N m²", 0.0, 10.0, 3e-5),
+    "bending_damping_s": ("s", 0.0, 10.0, 0.15),
+    "grip_stiffness": ("1", 0.0, 10.0, 1.0),
+    "axial_stiffness_n": ("N", 1.0, 1e4, 300.0),
+}
+_NUMBERS = ("unit", "lower", "upper", "nominal")
+PARAMETERS: Numbers = {n: dict(zip(_NUMBERS, wide, strict=True)) for n, wide in _WIDE.items()}
 
 MakeSimulator = Callable[..., SegmentedSimulator]
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_simulator() -> MakeSimulator:
-    """Make the simulator with some nominal values and settings replaced."""
+    """Make the simulator with wide bounds and some settings replaced."""
 
-    def make(values: dict[str, float] | None = None, **settings: float) -> SegmentedSimulator:
-        parameters = [
-            p.at(values[p.name]) if values and p.name in values else p for p in PARAMETERS
-        ]
-        return SegmentedSimulator(CABLE, parameters, SegmentedSettings(**settings))  # type: ignore[arg-type]
+    def make(**settings: Any) -> SegmentedSimulator:
+        return SegmentedSimulator(CABLE, PARAMETERS, ChainSettings(**settings))
 
     return make
 
@@ -47,16 +46,16 @@ def make_simulator() -> MakeSimulator:
 @pytest.fixture(scope="session")
 def casts() -> list[SimulatedCast]:
     """Casts of several speeds and shapes, watched every 100 ms until they rest."""
-    return _made(6, slowest_m_s=0.7, fastest_m_s=1.4)
+    return make_casts(6, slowest_m_s=0.7, fastest_m_s=1.4)
 
 
 @pytest.fixture(scope="session")
 def fast_casts() -> list[SimulatedCast]:
     """Casts that crack like whips."""
-    return _made(20, slowest_m_s=1.4, fastest_m_s=2.2)
+    return make_casts(20, slowest_m_s=1.4, fastest_m_s=2.2)
 
 
-def _made(n: int, *, slowest_m_s: float, fastest_m_s: float) -> list[SimulatedCast]:
+def make_casts(n: int, *, slowest_m_s: float, fastest_m_s: float) -> list[SimulatedCast]:
     random = np.random.default_rng(3)
     made = []
     for _ in range(n):

@@ -1,18 +1,30 @@
 """What every effect of conf/effects.yaml must do inside every simulator."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 from hydra.errors import InstantiationException
 
 from robotcast.casts.tool_motion import ToolMotion
-from robotcast.simulators.bullet import BulletSimulator
+from robotcast.simulators.bullet import BulletSettings, BulletSimulator
 from robotcast.simulators.mujoco_cables import HybridSimulator, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast
-from tests.simulators.conftest import EFFECTS, configured, load_effect, nominal
+from tests.simulators.conftest import (
+    CABLE,
+    EFFECTS,
+    configured,
+    load_effect,
+    make_casts,
+    nominal,
+)
 
 NAMES = sorted(EFFECTS)
+(CAST,) = (
+    replace(cast, factors={"vmax": 2.0, "order": 1.0})
+    for cast in make_casts(1, slowest_m_s=0.7, fastest_m_s=1.4)
+)
 TUNED = {kind.name: kind.tunes for kind in (SegmentedSimulator, HybridSimulator, BulletSimulator)}
 SLOW = {BulletSimulator.name: pytest.mark.slow}
 NOT_OFFERED = {kind: {*tunes} for kind, tunes in TUNED.items()}
@@ -31,30 +43,29 @@ def test_the_library_is_complete() -> None:
     assert len(NAMES) >= 23
 
 
+@cache
+def without_effects(kind: str) -> np.ndarray:
+    simulator = configured(kind)
+    return simulator.simulate([CAST], nominal(simulator)).waypoints_m[0]
+
+
 @pytest.mark.parametrize(("kind", "name"), OFFERED)
-def test_null_changes_no_bit_and_a_probe_moves_the_end(
-    kind: str, name: str, casts: list[SimulatedCast]
-) -> None:
+def test_null_changes_no_bit_and_a_probe_moves_the_end(kind: str, name: str) -> None:
     """Also beside other values in one batch: the first vector is null, the second is not."""
-    bare, with_effect = configured(kind), configured(kind, name)
-    own = with_effect.parameters[len(bare.parameters) :]
-    null = nominal(with_effect)
-    probe = nominal(with_effect, **{p.name: p.probes[-1] for p in own if p.null is not None})
-    fast = [replace(cast, factors={"vmax": 2.0, "order": 1.0}) for cast in casts[:2]]
-    expected = bare.simulate(fast, nominal(bare)).waypoints_m[0]
-    got = with_effect.simulate(fast, np.vstack([null, probe])).waypoints_m
-    np.testing.assert_array_equal(got[0], expected)
-    assert np.nanmax(np.abs(got[1] - expected)) > 1e-4
+    simulator = configured(kind, name)
+    own = [p for p in simulator.parameters if p.name.startswith(name)]
+    null = nominal(simulator)
+    probe = nominal(simulator, **{p.name: p.probes[-1] for p in own if p.null is not None})
+    got = simulator.simulate([CAST], np.vstack([null, probe])).waypoints_m
+    np.testing.assert_array_equal(got[0], without_effects(kind))
+    assert np.nanmax(np.abs(got[1] - got[0])) > 1e-4
 
 
 @pytest.mark.parametrize("kind", TUNED)
-def test_all_effects_at_null_change_no_bit(kind: str, casts: list[SimulatedCast]) -> None:
-    bare = configured(kind)
+def test_all_effects_at_null_change_no_bit(kind: str) -> None:
     loaded = configured(kind, *[name for name in NAMES if name not in NOT_OFFERED[kind]])
-    np.testing.assert_array_equal(
-        loaded.simulate(casts[:2], nominal(loaded)).waypoints_m,
-        bare.simulate(casts[:2], nominal(bare)).waypoints_m,
-    )
+    got = loaded.simulate([CAST], nominal(loaded)).waypoints_m[0]
+    np.testing.assert_array_equal(got, without_effects(kind))
 
 
 @pytest.mark.parametrize(("kind", "name"), [(k, n) for k, names in TUNED.items() for n in names])
@@ -65,14 +76,14 @@ def test_an_effect_that_the_simulator_tunes_is_not_offered(kind: str, name: str)
 
 def test_an_effect_that_a_simulator_cannot_carry_is_refused() -> None:
     """One of a user's own, which acts through the hook of `bending_damping`."""
-    bullet, own = configured(BulletSimulator.name), load_effect("bending_damping")
-    assert isinstance(bullet, BulletSimulator)
+    own = load_effect("bending_damping")
     own.name = "hot_rubber"
+    parameters = {name: {} for name in BulletSimulator.own}
     with pytest.raises(ValueError, match=r"hot_rubber acts through damping_time.*cannot carry"):
-        BulletSimulator(bullet.cable, bullet.parameters, bullet.settings, [own])
+        BulletSimulator(CABLE, parameters, BulletSettings(), [own])
 
 
-def test_a_slipped_cable_reaches_as_much_farther(casts: list[SimulatedCast]) -> None:
+def test_a_slipped_cable_reaches_as_much_farther() -> None:
     """In fast casts only, whatever the arm does; a cast whose speed nobody knows is not one."""
     simulator, still = configured("segmented", "cable_slip"), np.zeros((2, 3))
     at_rest = ToolMotion(np.array([0.0, 1.0]), still)
@@ -85,20 +96,18 @@ def test_a_slipped_cable_reaches_as_much_farther(casts: list[SimulatedCast]) -> 
     np.testing.assert_allclose(reach[1], reach[2], atol=1e-6)
 
 
-def test_friction_that_drifts_grows_with_the_order_of_the_cast(
-    casts: list[SimulatedCast],
-) -> None:
+def test_friction_that_drifts_grows_with_the_order_of_the_cast() -> None:
     """The first cast is as without, the last as with so much more friction everywhere."""
     bare, drifting = configured("segmented"), configured("segmented", "friction_drift")
     friction = bare.parameters[0].nominal
-    first, last = (replace(casts[0], factors={"order": order}) for order in (0.0, 1.0))
+    first, last = (replace(CAST, factors={"order": order}) for order in (0.0, 1.0))
     got = drifting.simulate([first, last], nominal(drifting, **{"friction_drift.k": 0.5}))
     for seen, own in zip(got.waypoints_m[0], (friction, 1.5 * friction), strict=True):
-        alike = bare.simulate([casts[0]], nominal(bare, friction=own)).waypoints_m[0, 0]
+        alike = bare.simulate([CAST], nominal(bare, friction=own)).waypoints_m[0, 0]
         np.testing.assert_allclose(seen, alike, atol=1e-3)
 
 
-def test_a_lens_that_distorts_is_undone(casts: list[SimulatedCast]) -> None:
+def test_a_lens_that_distorts_is_undone() -> None:
     lens, rng = load_effect("lens_distortion"), np.random.default_rng(0)
     places = rng.uniform(0.3, 1.2, (1, 20, 2))
     given = {"k": np.array([[-0.1]]), "x0": np.array([[0.8]]), "y0": np.array([[0.1]])}

@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 
 from robotcast.casts.tool_motion import ToolMotion
-from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
-from robotcast.simulators.mujoco_cables import (
-    HybridSimulator,
-    SegmentedSettings,
-    SegmentedSimulator,
-)
-from robotcast.simulators.mujoco_chain import ChainSettings
+from robotcast.simulators.mujoco_cables import ChainSettings, HybridSimulator, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast
 from tests.simulators.conftest import CABLE, configured, load_effect, nominal
 from tests.simulators.conftest import PARAMETERS as SEGMENTED
@@ -26,11 +20,9 @@ DENSITY = CABLE.mass_kg / CABLE.length_m  # kg/m
 def simulator(
     *effects: str, cable: Cable = CABLE, step_s: float = 0.003, damping_s: float = 0.02, **kw: int
 ) -> HybridSimulator:
-    parameters = (
-        Parameter("youngs_modulus_pa", "Pa", 1.0, 1e12, 2e5, scale="log"),
-        Parameter("friction", "1", 0.0, 1.0, 0.28),
-        Parameter("endpoint_mass_kg", "kg", 0.0, 1.0, 0.02),
-    )
+    modulus = {"unit": "Pa", "lower": 1.0, "upper": 1e12, "nominal": 2e5, "scale": "log"}
+    known = {name: SEGMENTED[name] for name in ("friction", "endpoint_mass_kg")}
+    parameters = {"youngs_modulus_pa": modulus, **known}
     settings = ChainSettings(stretches=18, step_s=step_s, stretch_damping_s=damping_s, **kw)
     return HybridSimulator(cable, parameters, settings, [load_effect(name) for name in effects])
 
@@ -127,7 +119,7 @@ def test_a_rod_too_thin_to_stretch_moves_as_the_segmented_cable(
     thin = Cable("thin", CABLE.length_m, CABLE.mass_kg, 5e-4, CABLE.endpoint_mass_kg)
     bending = 2e-4
     rod = simulator("bending_damping", cable=thin, step_s=0.001)
-    chain = SegmentedSimulator(thin, SEGMENTED, SegmentedSettings(step_s=0.001))
+    chain = SegmentedSimulator(thin, SEGMENTED, ChainSettings(step_s=0.001))
     modulus = bending / (0.25 * np.pi * thin.radius_m**4)
     expected = chain.simulate(
         casts,

@@ -264,6 +264,8 @@ class Selection:
 
         The library's fit may have ended in a valley, so that none was tried.
         """
+        if self.found.library is None:  # there are no candidates
+            return self.found
         if all(len(effects) == len(self._fixed) for effects in self.found.early):
             self._refit_size(1)
         for effects in self._finalists(1):

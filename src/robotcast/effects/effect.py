@@ -7,7 +7,7 @@ no bit: add 0, multiply by 1.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,14 +17,14 @@ from robotcast.measurements.measurement_set import Cable
 
 Memory = dict[str, np.ndarray]
 Values = dict[str, np.ndarray]
+Numbers = Mapping[str, Mapping[str, Any]]  # of parameters by name, as conf/ has them
 
 
 @dataclass(frozen=True)
 class CableMotion:
     """A batch of cables at one instant, as effects see it, whatever simulator moves them.
 
-    Points run from the hand to the free end: one for every piece of cable, at its centre, then
-    the endpoint. Arrays of them are (n_sim, n_points).
+    Points (n_sim, n_points) run from the hand to the free end: the pieces' centres, the endpoint.
     """
 
     cable: Cable  # what its owner measured of it
@@ -62,97 +62,73 @@ class CableMotion:
         spread[:, -1:] = values
         return spread
 
+    def along_slip(self, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return vectors of a size (n_sim, n_points) the way that points slide."""
+        return size * self.slip_x, size * self.slip_y
+
 
 class Effect:
     """One effect with its parameters.
 
-    Attributes
-    ----------
-    name : its id: its key in conf/effects.yaml, in reports and in `diagnosis.json`.
-    text : what it is, in a few words.
-    parameters : in the order in which they stand in parameter vectors.
-    depends_on : None, or of a flexible field that stands for any mechanism, what it depends on.
-    factor : what is known of a cast that `in_cast` asks for.
+    Its `name` is its key in conf/effects.yaml and in reports; `text` says what it is in a few
+    words; a flexible field that stands for any mechanism `depends_on` something; `factor` is what
+    is known of a cast that `in_cast` asks for.
     """
 
     factor = ""
 
     def __init__(
-        self,
-        name: str,
-        text: str,
-        parameters: Mapping[str, Mapping[str, Any]],
-        depends_on: str | None = None,
+        self, name: str, text: str, parameters: Numbers, depends_on: str | None = None
     ) -> None:
-        self.name = name
-        self.text = text
+        self.name, self.text, self.depends_on = name, text, depends_on
         self.parameters = tuple(_parameter(own, given) for own, given in parameters.items())
-        self.depends_on = depends_on
         if not any(p.null is not None for p in self.parameters):
             raise ValueError(f"effect {name}: one of its parameters needs a null value")
 
-    def in_cast(self, factor: np.ndarray, **values: np.ndarray) -> Values:
-        """Return the values with which the effect acts in casts where `factor` (n_sim, 1) holds.
+    def in_cast(self, factor: np.ndarray, **values: np.ndarray) -> Any:
+        """Return what the other hooks get for parameters in casts where `factor` (n_sim, 1) holds.
 
-        The other hooks get them in place of the parameters. NaN where the factor is not known.
+        It is NaN where it is not known.
         """
-        raise NotImplementedError
 
-    def force(self, cable: CableMotion, **values: np.ndarray) -> tuple[Any, Any]:
+    def force(self, cable: CableMotion, **values: np.ndarray) -> Any:
         """Return the x and y forces [N] on every point, each (n_sim, n_points) or broadcast."""
-        raise NotImplementedError
 
-    def mass_factor(self, along: np.ndarray, **values: np.ndarray) -> np.ndarray:
-        """Return what the cable's mass per length is multiplied by, (n_sim, n_segments).
+    def mass_factor(self, along: np.ndarray, **values: np.ndarray) -> Any:
+        """Return factors of the mass per length; `along` (n_segments,) is −1 to 1 at the end."""
 
-        `along` (n_segments,) is −1 at the hand and 1 at the free end.
-        """
-        raise NotImplementedError
-
-    def rest_curvature(self, cable: CableMotion, **values: np.ndarray) -> np.ndarray:
+    def rest_curvature(self, cable: CableMotion, **values: np.ndarray) -> Any:
         """Return the curvature [1/m] at which the bending springs rest, (n_sim, n_hinges)."""
-        raise NotImplementedError
 
-    def bending_moment(self, cable: CableMotion, **values: np.ndarray) -> np.ndarray:
+    def bending_moment(self, cable: CableMotion, **values: np.ndarray) -> Any:
         """Return a further moment [N m] in every hinge, (n_sim, n_hinges)."""
-        raise NotImplementedError
 
-    def damping_time(self, **values: np.ndarray) -> np.ndarray:
-        """Return η [s] of a further moment E I η dκ/dt in every hinge, (n_sim, 1).
+    def damping_time(self, **values: np.ndarray) -> Any:
+        """Return η [s] of a further moment E I η dκ/dt in every hinge (Kelvin–Voigt), (n_sim, 1).
 
-        The retardation time of a Kelvin–Voigt material. As a bending moment it would have to be
-        weak: a step that takes damping at its beginning diverges where it is strong. Simulators
-        that carry this hook integrate it implicitly.
+        As a bending moment it would have to be weak: a step that takes damping at its beginning
+        diverges where it is strong. Simulators that carry this hook integrate it implicitly.
         """
-        raise NotImplementedError
 
-    def extra_length(self, **values: np.ndarray) -> np.ndarray:
-        """Return by how much [m] the cable that is dragged is longer, (n_sim, 1).
-
-        Its mass stays what it is; simulators whose cable does not stretch cannot carry it.
-        """
-        raise NotImplementedError
+    def extra_length(self, **values: np.ndarray) -> Any:
+        """Return by how much [m] the dragged cable is longer, its mass the same, (n_sim, 1)."""
 
     def held_pose(
         self, pose: np.ndarray, memory: Memory, step_s: float, **values: np.ndarray
-    ) -> np.ndarray:
+    ) -> Any:
         """Return where the held end is when the log says `pose` (n_sim, 3), once every step.
 
-        `memory` is empty at the first step and keeps arrays whose first axis is n_sim.
+        `memory`, empty at the first step, keeps arrays whose first axis is n_sim.
         """
-        raise NotImplementedError
 
-    def seen(self, points_m: np.ndarray, **values: np.ndarray) -> np.ndarray:
+    def seen(self, points_m: np.ndarray, **values: np.ndarray) -> Any:
         """Return where the camera says that points (n_sim, k, 2) are."""
-        raise NotImplementedError
 
-    def unseen(self, points_m: np.ndarray, **values: np.ndarray) -> np.ndarray:
+    def unseen(self, points_m: np.ndarray, **values: np.ndarray) -> Any:
         """Return the points (n_sim, k, 2) that `seen` would put at `points_m`."""
-        raise NotImplementedError
 
-    def seen_at(self, times_s: np.ndarray, **values: np.ndarray) -> np.ndarray:
+    def seen_at(self, times_s: np.ndarray, **values: np.ndarray) -> Any:
         """Return when that happened which is stamped `times_s` (n_sim, k)."""
-        raise NotImplementedError
 
     def acts_through(self, hook: str) -> bool:
         """Tell whether this effect overrides the hook."""
@@ -174,18 +150,14 @@ def _parameter(name: str, numbers: Mapping[str, Any]) -> Parameter:
 
 def parameters_of(effects: Sequence[Effect]) -> tuple[Parameter, ...]:
     """Return the parameters of all effects, named effect.parameter."""
-    return tuple(
-        p.named(f"{effect.name}.{p.name}") for effect in effects for p in effect.parameters
-    )
+    return tuple(replace(p, name=f"{e.name}.{p.name}") for e in effects for p in e.parameters)
 
 
 class ActiveEffects:
     """Runs the hooks of several effects one after another, over a batch of simulations.
 
-    Parameters
-    ----------
-    values : ndarray of shape (n_sim, n), of all parameters of all effects in order.
-    factors : what is known of the cast that each simulation is of, by name.
+    The `values` (n_sim, n) are of all parameters of all effects in order; `factors` are known of
+    the cast that each simulation is of, by name.
     """
 
     def __init__(
@@ -209,16 +181,10 @@ class ActiveEffects:
     def keep(self, kept: np.ndarray) -> "ActiveEffects":
         """Return the same for the simulations numbered `kept` only, in this order."""
         fewer = ActiveEffects((), np.empty((0, 0)))
-
-        def rows(arrays: Values) -> Values:
-            return {name: array[kept] for name, array in arrays.items()}
-
-        fewer._acting = [(effect, rows(values), rows(m)) for effect, values, m in self._acting]
+        for effect, *arrays in self._acting:
+            values, memory = ({name: a[kept] for name, a in of.items()} for of in arrays)
+            fewer._acting.append((effect, values, memory))
         return fewer
-
-    def has(self, hook: str) -> bool:
-        """Tell whether any effect acts through the hook."""
-        return any(effect.acts_through(hook) for effect, *_ in self._acting)
 
     def each(self, hook: str) -> Iterator[tuple[Callable[..., Any], Values, Memory]]:
         """Yield the hook, the values and the memory of every effect that acts through it."""
@@ -232,20 +198,9 @@ class ActiveEffects:
             pose = hook(pose, memory, step_s, **values)
         return pose
 
-    def seen(self, points_m: np.ndarray) -> np.ndarray:
-        """Return where the camera says that points (n_sim, k, 2) are."""
-        for hook, values, _ in self.each("seen"):
-            points_m = hook(points_m, **values)
-        return points_m
-
-    def unseen(self, points_m: np.ndarray) -> np.ndarray:
-        """Return what the camera would put at `points_m` (n_sim, k, 2)."""
-        for hook, values, _ in reversed(list(self.each("unseen"))):
-            points_m = hook(points_m, **values)
-        return points_m
-
-    def seen_at(self, times_s: np.ndarray) -> np.ndarray:
-        """Return when that happened which is stamped `times_s` (n_sim, k)."""
-        for hook, values, _ in self.each("seen_at"):
-            times_s = hook(times_s, **values)
-        return times_s
+    def through(self, hook: str, array: np.ndarray) -> np.ndarray:
+        """Pass points or times through `seen`, `seen_at` or, the last effect first, `unseen`."""
+        acting = list(self.each(hook))
+        for change, values, _ in reversed(acting) if hook == "unseen" else acting:
+            array = change(array, **values)
+        return array

@@ -5,67 +5,51 @@ force may depend on says what the missing effect depends on. A field is a sum of
 with one strength each, an acceleration in m/s², so that heavy and light parts feel it alike.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from robotcast.effects.effect import CableMotion, Effect
 
 Forces = tuple[np.ndarray, np.ndarray]
-STRONGEST_M_S2 = 4.0
-PROBE_M_S2 = 0.25
+Floats = Sequence[float]
 PRIOR_SD = 0.1  # of the range: what no cast passes stays where it is
 
 
 class _Field(Effect):
     """A field with numbered strengths c0, c1, …; `endpoint` makes it act there alone."""
 
-    def __init__(
-        self,
-        name: str,
-        text: str,
-        n: int,
-        depends_on: str,
-        *,
-        endpoint: bool = False,
-        unit: str = "m/s²",
-        most: float = STRONGEST_M_S2,
-        probe: float = PROBE_M_S2,
-    ) -> None:
-        strength = {"unit": unit, "lower": -most, "upper": most, "null_at": 0.0}
-        strength |= {"probes": [probe], "prior_sd": PRIOR_SD}
-        super().__init__(name, text, {f"c{k}": strength for k in range(n)}, depends_on)
+    unit, strongest, probe = "m/s²", 4.0, 0.25
+
+    def __init__(self, name: str, text: str, n: int, of: str, endpoint: bool = False) -> None:
+        strength = {"unit": self.unit, "lower": -self.strongest, "upper": self.strongest}
+        strength |= {"null_at": 0.0, "probes": [self.probe], "prior_sd": PRIOR_SD}
+        super().__init__(name, text, {f"c{k}": strength for k in range(n)}, of)
         self.endpoint = endpoint
 
-    def acts_on(self, cable: CableMotion) -> np.ndarray:
+    def _masses(self, cable: CableMotion) -> np.ndarray:
         """Return the masses that the field accelerates."""
         return cable.on_endpoint(cable.mass_kg[:, -1:]) if self.endpoint else cable.mass_kg
+
+    def _strengths(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        return np.concatenate([values[p.name] for p in self.parameters], axis=1)
 
 
 class PlaceField(_Field):
     """An acceleration that depends on where a point is: Gaussian bumps on a grid."""
 
     def __init__(
-        self,
-        name: str,
-        text: str,
-        x_m: Sequence[float],
-        y_m: Sequence[float],
-        width_m: float,
-        endpoint: bool = False,
+        self, name: str, text: str, x_m: Floats, y_m: Floats, width_m: float, endpoint: bool = False
     ) -> None:
         self.x_m, self.y_m = (np.asarray(at, np.float32) for at in (x_m, y_m))
         self.width_m = width_m
-        super().__init__(name, text, 2 * len(x_m) * len(y_m), "place", endpoint=endpoint)
+        super().__init__(name, text, 2 * len(x_m) * len(y_m), "place", endpoint)
 
     def force(self, cable: CableMotion, **values: np.ndarray) -> Forces:
-        strengths = np.concatenate([values[p.name] for p in self.parameters], axis=1)
-        if not self.endpoint:
-            x, y = self._accelerations(cable.x, cable.y, strengths)
-            return cable.mass_kg * x, cable.mass_kg * y
-        x, y = self._accelerations(cable.x[:, -1:], cable.y[:, -1:], strengths)
-        mass = cable.mass_kg[:, -1:]
-        return cable.on_endpoint(mass * x), cable.on_endpoint(mass * y)
+        where = slice(-1, None) if self.endpoint else slice(None)
+        at, mass = (cable.x[:, where], cable.y[:, where]), cable.mass_kg[:, where]
+        x, y = (mass * part for part in self._accelerations(*at, self._strengths(values)))
+        return (cable.on_endpoint(x), cable.on_endpoint(y)) if self.endpoint else (x, y)
 
     def at(self, points_m: np.ndarray, strengths: np.ndarray) -> np.ndarray:
         """Return the accelerations (m, 2) at points (m, 2)."""
@@ -94,9 +78,8 @@ class PlaceResistanceField(PlaceField):
     """
 
     def force(self, cable: CableMotion, **values: np.ndarray) -> Forces:
-        strengths = np.concatenate([values[p.name] for p in self.parameters], axis=1)
-        dry, viscous = self._accelerations(cable.x, cable.y, strengths)
-        mass = self.acts_on(cable)
+        dry, viscous = self._accelerations(cable.x, cable.y, self._strengths(values))
+        mass = self._masses(cable)
         x = dry * cable.slip_x + viscous * cable.vx
         y = dry * cable.slip_y + viscous * cable.vy
         return -mass * x, -mass * y
@@ -109,26 +92,19 @@ class PlaceResistanceField(PlaceField):
 class AlongMotionField(_Field):
     """A deceleration against the motion that depends on speed or on time: hats on a grid."""
 
-    def __init__(
-        self, name: str, text: str, of: str, at: Sequence[float], endpoint: bool = False
-    ) -> None:
+    def __init__(self, name: str, text: str, of: str, at: Floats, endpoint: bool = False) -> None:
         if of not in ("speed", "time"):
             raise ValueError(f"field {name}: of must be speed or time, got {of}")
         self.at_values = np.asarray(at, dtype=float)
-        super().__init__(name, text, len(at), of, endpoint=endpoint)
+        super().__init__(name, text, len(at), of, endpoint)
 
     def force(self, cable: CableMotion, **values: np.ndarray) -> Forces:
-        if self.depends_on == "time":
-            argument = np.full((1, 1), cable.time_s)
-        else:
-            argument = np.hypot(cable.vx, cable.vy)
+        timed = self.depends_on == "time"
+        argument = np.full((1, 1), cable.time_s) if timed else np.hypot(cable.vx, cable.vy)
         size = np.zeros_like(cable.vx)
-        for k in range(len(self.at_values)):
-            hat = np.zeros(len(self.at_values))
-            hat[k] = 1
+        for k, hat in enumerate(np.eye(len(self.at_values))):
             size += values[f"c{k}"] * np.interp(argument, self.at_values, hat).astype(np.float32)
-        drag = -size * self.acts_on(cable)
-        return drag * cable.slip_x, drag * cable.slip_y
+        return cable.along_slip(-size * self._masses(cable))
 
 
 class HeadingField(_Field):
@@ -142,7 +118,7 @@ class HeadingField(_Field):
         cosine, sine = cable.tx**2 - cable.ty**2, 2 * cable.tx * cable.ty
         drag = -(values["c1"] * cosine + values["c2"] * sine)
         lift = -values["c0"] * across
-        mass = self.acts_on(cable)
+        mass = self._masses(cable)
         x = drag * cable.slip_x - lift * cable.ty + values["c3"] * cable.tx
         y = drag * cable.slip_y + lift * cable.tx + values["c3"] * cable.ty
         return mass * (x - values["c4"] * cable.ty), mass * (y + values["c4"] * cable.tx)
@@ -152,10 +128,10 @@ class EndpointField(_Field):
     """A force on the endpoint alone that depends on nothing else: constant, dry, viscous."""
 
     def __init__(self, name: str, text: str) -> None:
-        super().__init__(name, text, 4, "endpoint", endpoint=True)
+        super().__init__(name, text, 4, "endpoint", True)
 
     def force(self, cable: CableMotion, **values: np.ndarray) -> Forces:
-        mass = self.acts_on(cable)
+        mass = self._masses(cable)
         x = values["c0"] - values["c2"] * cable.slip_x - values["c3"] * cable.vx
         y = values["c1"] - values["c2"] * cable.slip_y - values["c3"] * cable.vy
         return mass * x, mass * y
@@ -164,9 +140,11 @@ class EndpointField(_Field):
 class BendingField(_Field):
     """A resting curvature that depends on the curvature: constant, square and cube of it."""
 
+    unit, strongest, probe = "1/m", 20.0, 1.0
+
     def __init__(self, name: str, text: str, curvature_per_m: float) -> None:
         self.curvature_per_m = curvature_per_m
-        super().__init__(name, text, 3, "bending", unit="1/m", most=20.0, probe=1.0)
+        super().__init__(name, text, 3, "bending")
 
     def rest_curvature(self, cable: CableMotion, **values: np.ndarray) -> np.ndarray:
         ratio = cable.curvature / self.curvature_per_m

@@ -14,20 +14,12 @@ EDGE = 0.02  # of a range, from which members keep clear
 
 
 def ensemble_start(
-    residuals: Residuals,
-    members: np.ndarray,
-    trials: np.ndarray,
-    updates: int,
-    seed: int,
+    residuals: Residuals, members: np.ndarray, trials: np.ndarray, updates: int, seed: int
 ) -> np.ndarray:
     """Return the unit vector (n,) at which an ensemble centres, to start a fit from.
 
-    It takes n_members simulations of every trial for each update.
-
-    Parameters
-    ----------
-    members : ndarray of shape (n_members, n), unit vectors all over where the answer may lie.
-    trials : numbers of the trials that are looked at, (m,).
+    The `members` (n_members, n) are unit vectors all over where the answer may lie. Each update
+    takes n_members simulations of every one of the numbered trials (m,).
     """
     rng = np.random.default_rng(seed)
     for _ in range(updates):
@@ -49,8 +41,7 @@ def _moved(members: np.ndarray, missed: np.ndarray, rng: np.random.Generator) ->
 def _bounded(missed: np.ndarray) -> np.ndarray:
     """Return residuals (n_members, m, D) as (n_members, m D); no trial counts for more than 1.
 
-    Half of that is what the trial in the middle is off by: far away all trials pull, nearer by
-    those that tip over another way no longer do.
+    The median one counts half: far away all pull, nearer by those that tip over no longer do.
     """
     unit = median_miss(missed)
     size = np.sqrt(max(1.0, unit) ** 2 + (missed**2).sum(axis=-1))

@@ -11,7 +11,6 @@ the noise.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -34,20 +33,12 @@ the sum of squares of a trial is its mean square; 0 past its samples. All are fi
 
 @dataclass(frozen=True)
 class Fit:
-    """Where a fit ended.
+    """Where a fit ended."""
 
-    Attributes
-    ----------
-    vector : ndarray of shape (n,), in [0, 1].
-    loss : mean over trials of ½ ln(1 + mean square).
-    residual : ndarray of shape (n_trials, D).
-    jacobian : ndarray of shape (n_trials, D, n), of the residuals, near `vector`.
-    """
-
-    vector: np.ndarray
-    loss: float
-    residual: np.ndarray
-    jacobian: np.ndarray
+    vector: np.ndarray  # (n,), in [0, 1]
+    loss: float  # mean over trials of ½ ln(1 + mean square)
+    residual: np.ndarray  # (n_trials, D)
+    jacobian: np.ndarray  # (n_trials, D, n), of the residuals, near the vector
 
     @property
     def weights(self) -> np.ndarray:
@@ -61,28 +52,19 @@ class Stepping:
 
     Trials without it, made up by the model itself, lead along narrow curved valleys. Shorter
     differences and several steps for each Jacobian follow those.
-
-    Attributes
-    ----------
-    least_unit : noises, see `miss_unit`.
-    nearer : times the median miss: below the noise, differences are no longer than that.
-    most : steps for one Jacobian, which each step after the first corrects (Broyden 1965).
-    central : whether the first differences are taken on both sides of the start.
     """
 
-    least_unit: float = 1.0
-    nearer: float = 2.0
-    most: int = 1
-    central: bool = True
+    least_unit: float = 1.0  # noises, see `miss_unit`
+    nearer: float = 2.0  # median misses: below the noise, differences are no longer than that
+    most: int = 1  # steps for one Jacobian, which those after the first correct (Broyden 1965)
+    central: bool = True  # whether the first differences are taken on both sides of the start
 
 
 @dataclass(frozen=True)
 class Prior:
-    """What is expected of the parameters before any trial; it holds what the trials do not tell.
+    """What is expected of the parameters (n,) before any trial, in units of their ranges.
 
-    Attributes
-    ----------
-    mean, sd : ndarrays of shape (n,), in units of the parameters' ranges.
+    It holds what the trials do not tell.
     """
 
     mean: np.ndarray
@@ -101,15 +83,12 @@ def trial_weights(residual: np.ndarray, scale: float = 1.0) -> np.ndarray:
 
 def difference_steps(parameters: Sequence[Parameter]) -> np.ndarray:
     """Return the finite-difference step of every parameter, in units of its range."""
-    return np.array([_difference(p) for p in parameters])
-
-
-def _difference(parameter: Parameter) -> float:
-    if parameter.null is None or not parameter.probes:
-        return DIFFERENCE
-    null, probes = np.asarray(parameter.null), np.asarray(parameter.probes)
-    reach = np.abs(parameter.to_unit(probes) - parameter.to_unit(null))
-    return float(0.25 * reach.max())
+    steps = np.full(len(parameters), DIFFERENCE)
+    for k, p in enumerate(parameters):
+        if p.null is not None and p.probes:
+            null, probes = p.to_unit(np.asarray(p.null)), p.to_unit(np.asarray(p.probes))
+            steps[k] = 0.25 * np.abs(probes - null).max()
+    return steps
 
 
 def fit_robustly(
@@ -125,36 +104,24 @@ def fit_robustly(
     prior: Prior | None = None,
     stepping: Stepping = Stepping(),
 ) -> Fit:
-    """Minimise the loss from `start` (n,), inside [0, 1].
+    """Minimise the loss over the numbered trials (m,) from `start` (n,), inside [0, 1].
 
-    No iterations only look at the start, and take its slopes.
-
-    Parameters
-    ----------
-    steps : differences of the first Jacobian, (n,).
-    trials : numbers of the trials that the fit sees, (m,).
-    known : a fit of these trials that ended at `start`; its Jacobian serves the first step.
-    like : a fit of other trials that ended there; its curvature tells how far to take differences.
-    free : bool (n,), which parameters may change; all by default.
-    prior : about `start`, as wide as the ranges, by default.
-    stepping : how it goes; by default as suits trials with noise.
+    The `steps` (n,) are the differences of the first Jacobian, unless a fit of these trials that
+    ended at the start is `known`, or a fit of other trials is `like` it: its curvature tells how
+    far to take them. All parameters are `free` (n,) by default, the prior is about the start, as
+    wide as the ranges. No iterations only look at the start, and take its slopes.
     """
     free = np.ones(len(start), bool) if free is None else free
     prior = prior or Prior(start, np.ones(len(start)))
-    looked = partial(
-        _differentiated,
-        residuals,
-        steps=steps,
-        trials=trials,
-        free=free,
-        prior=prior,
-        stepping=stepping,
-    )
-    best = known or looked(like, start)
+    rows = _differences(start, np.diag(steps)[free], stepping.central)
+    if like is not None:
+        rows = _downhill(like, free, stepping.nearer)
+    best = known or _differentiated(residuals, rows, trials, prior, stepping)
     small = 0
     for iteration in range(iterations if free.any() else 0):
         if iteration:
-            best = looked(best, start)
+            rows = _downhill(best, free, stepping.nearer)
+            best = _differentiated(residuals, rows, trials, prior, stepping)
         unit = miss_unit(best.residual, stepping.least_unit)
         first = before = _whole_loss(best.residual[None], best.vector[None], prior, unit)[0]
         behind = best
@@ -166,7 +133,8 @@ def fit_robustly(
             losses = _whole_loss(values, tried, prior, unit)
             chosen = int(np.argmin(losses))
             if losses[chosen] < before:
-                best = _moved(best, tried[chosen], values[chosen])
+                loss = float(trial_losses(values[chosen]).mean())
+                best = Fit(tried[chosen], loss, values[chosen], best.jacobian)
             if losses[chosen] > before * (1 - PAYS):
                 break
             before = losses[chosen]
@@ -174,10 +142,6 @@ def fit_robustly(
         if small == 2:
             break
     return best
-
-
-def _moved(fit: Fit, vector: np.ndarray, residual: np.ndarray) -> Fit:
-    return replace(fit, vector=vector, residual=residual, loss=float(trial_losses(residual).mean()))
 
 
 def _corrected(behind: Fit, fit: Fit) -> Fit:
@@ -188,23 +152,9 @@ def _corrected(behind: Fit, fit: Fit) -> Fit:
 
 
 def _differentiated(
-    residuals: Residuals,
-    last: Fit | None,
-    start: np.ndarray,
-    steps: np.ndarray,
-    trials: np.ndarray,
-    free: np.ndarray,
-    prior: Prior,
-    stepping: Stepping,
+    residuals: Residuals, rows: np.ndarray, trials: np.ndarray, prior: Prior, stepping: Stepping
 ) -> Fit:
-    """Return a fit with a fresh Jacobian, at the best of the points that it took."""
-    axes = np.diag(steps)[free]
-    if last is not None:
-        rows = _downhill(last, free, stepping.nearer)
-    elif stepping.central:
-        rows = np.vstack([start, start + axes, start - axes])
-    else:
-        rows = np.vstack([start, np.where(start + axes > 1, start - axes, start + axes)])
+    """Return a fit with the slopes about the first of `rows` (m, n), at the best of them."""
     rows = np.clip(rows, 0.0, 1.0)
     values = residuals(rows, trials)
     losses = _whole_loss(values, rows, prior, miss_unit(values[0], stepping.least_unit))
@@ -214,11 +164,17 @@ def _differentiated(
     return Fit(rows[chosen], loss, values[chosen], found)
 
 
+def _differences(start: np.ndarray, axes: np.ndarray, central: bool) -> np.ndarray:
+    """Return the start and others (m, n), inside the range where on one side only."""
+    if central:
+        return np.vstack([start, start + axes, start - axes])
+    return np.vstack([start, np.where(start + axes > 1, start - axes, start + axes)])
+
+
 def _downhill(last: Fit, free: np.ndarray, nearer: float) -> np.ndarray:
     """Return a fit's vector, and others (1 + n_free, n) one axis of the curvature away from it.
 
-    On the side where the loss falls, so that the fit may go on from there; on the other side
-    where that lies out of the range.
+    On the side where the loss falls, unless that lies out of the range.
     """
     axes = noise_axes(last, free, nearer)
     weighted = last.jacobian * last.weights[:, None, None]
@@ -231,12 +187,9 @@ def _downhill(last: Fit, free: np.ndarray, nearer: float) -> np.ndarray:
 
 
 def slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the slopes (n_trials, D, n) of residuals at the first of some vectors.
+    """Return the slopes (n_trials, D, n) at the first of some vectors (n_vectors, n) close by.
 
-    Parameters
-    ----------
-    vectors : ndarray of shape (n_vectors, n), the first and others about it.
-    values : ndarray of shape (n_vectors, n_trials, D), their residuals.
+    Their residuals are the `values` (n_vectors, n_trials, D).
     """
     apart = vectors[1:] - vectors[0]
     moved = (values[1:] - values[0]).reshape(len(apart), -1)
@@ -260,8 +213,7 @@ def noise_axes(fit: Fit, free: np.ndarray, nearer: float = Stepping.nearer) -> n
     Where a fit misses much less than the noise, as it may a made-up truth, they are shorter.
     """
     weights = fit.weights
-    curvature = _curvature(fit, weights)[np.ix_(free, free)]
-    values, vectors = np.linalg.eigh(curvature)
+    values, vectors = np.linalg.eigh(curvature(fit, weights)[np.ix_(free, free)])
     moved = np.clip(nearer * median_miss(fit.residual), LEAST, 1.0)
     lengths = moved * np.sqrt(weights.sum() / np.maximum(values, 1e-9))
     axes = np.zeros((len(values), len(fit.vector)))
@@ -273,9 +225,8 @@ def miss_unit(residual: np.ndarray, least: float = 1.0) -> float:
     """Return the unit in which a step judges misses: the noise, or the median miss far away.
 
     Judged by the noise alone, all trials would be outliers far from the answer, and none would
-    pull (graduated non-convexity, Blake and Zisserman 1987). Trials without noise, made up by the
-    model itself, may be judged by less than one noise: else the last of them to tip over outweighs
-    all that come nearer.
+    pull (graduated non-convexity, Blake and Zisserman 1987). Without noise, `least` is smaller:
+    else the last trial to tip over outweighs all that come nearer.
     """
     return max(least, median_miss(residual))
 
@@ -285,7 +236,9 @@ def median_miss(residual: np.ndarray) -> float:
     return float(np.sqrt(np.median((residual**2).sum(axis=-1))))
 
 
-def _curvature(fit: Fit, weights: np.ndarray) -> np.ndarray:
+def curvature(fit: Fit, weights: np.ndarray | None = None) -> np.ndarray:
+    """Return the curvature of the loss (n, n), in units of the noise over the ranges."""
+    weights = fit.weights if weights is None else weights
     weighted = fit.jacobian * weights[:, None, None]
     return np.einsum("idn,idm->nm", weighted, fit.jacobian)
 
@@ -301,10 +254,10 @@ def _proposals(fit: Fit, prior: Prior, free: np.ndarray, unit: float) -> np.ndar
     weighted = fit.jacobian * weights[:, None, None]
     slope = np.einsum("idn,id->n", weighted, fit.residual)
     slope += (fit.vector - prior.mean) / prior.sd**2
-    curvature = _curvature(fit, weights) + np.diag(1 / prior.sd**2)
-    curvature, slope = curvature[np.ix_(free, free)], slope[free]
+    bend = curvature(fit, weights) + np.diag(1 / prior.sd**2)
+    bend, slope = bend[np.ix_(free, free)], slope[free]
     proposals = np.tile(fit.vector, (len(DAMPINGS), 1))
     for row, damping in zip(proposals, DAMPINGS, strict=True):
-        step = np.linalg.solve(curvature + damping * np.diag(np.diag(curvature)), slope)
+        step = np.linalg.solve(bend + damping * np.diag(np.diag(bend)), slope)
         row[free] -= step
     return np.clip(proposals, 0.0, 1.0)

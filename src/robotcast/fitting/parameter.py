@@ -1,7 +1,7 @@
 """A number of a model that fitting may change."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -9,29 +9,20 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a model with what fitting needs to know of it.
-
-    Attributes
-    ----------
-    scale : "log" when the parameter is searched by its logarithm.
-    frozen : held at `nominal` when True.
-    null : of an effect's strength, the value at which the effect does nothing.
-    probes : of an effect's parameter, values at which a first look simulates it: sizes that
-        would matter of a strength, places to try of the others.
-    prior_sd : standard deviation that a fit expects before any measurement, of the range: about
-        its null, of a strength.
-    """
+    """One parameter of a model with what fitting needs to know of it."""
 
     name: str
     unit: str
     lower: float
     upper: float
     nominal: float
-    scale: Literal["linear", "log"] = "linear"
-    frozen: bool = False
-    null: float | None = None
+    scale: Literal["linear", "log"] = "linear"  # "log" is searched by its logarithm
+    frozen: bool = False  # held at its nominal value
+    null: float | None = None  # of an effect's strength, where the effect does nothing
+    # of an effect's parameter, values at which a first look simulates it: sizes that would matter
+    # of a strength, places to try of the others
     probes: tuple[float, ...] = ()
-    prior_sd: float = 1.0
+    prior_sd: float = 1.0  # of the range, expected before any measurement, of a strength about null
 
     def __post_init__(self) -> None:
         if not self.lower <= self.nominal <= self.upper or self.lower >= self.upper:
@@ -53,11 +44,3 @@ class Parameter:
         if self.scale == "log":
             return self.lower * np.exp(unit * math.log(self.upper / self.lower))
         return self.lower + unit * (self.upper - self.lower)
-
-    def at(self, value: float) -> "Parameter":
-        """Return the parameter with another nominal value."""
-        return replace(self, nominal=value)
-
-    def named(self, name: str) -> "Parameter":
-        """Return the parameter with another name."""
-        return replace(self, name=name)

@@ -2,13 +2,7 @@
 
 import numpy as np
 
-from robotcast.fitting.least_squares import Fit
-
-
-def curvature(fit: Fit) -> np.ndarray:
-    """Return the curvature of the loss (n, n), in units of the noise over the ranges."""
-    weighted = fit.jacobian * fit.weights[:, None, None]
-    return np.einsum("idn,idm->nm", weighted, fit.jacobian)
+from robotcast.fitting.least_squares import Fit, curvature
 
 
 def bread(fit: Fit, sd: np.ndarray) -> np.ndarray:
@@ -19,10 +13,7 @@ def bread(fit: Fit, sd: np.ndarray) -> np.ndarray:
 def sandwich(fit: Fit, inverse: np.ndarray, groups: np.ndarray) -> np.ndarray:
     """Return standard errors (n,) with groups of trials as clusters (Liang and Zeger 1986).
 
-    Parameters
-    ----------
-    inverse : ndarray of shape (n, n), see `bread`.
-    groups : int ndarray of shape (n_trials,), numbered from 0.
+    The `inverse` (n, n) is that of `bread`; `groups` (n_trials,) are numbered from 0.
     """
     by_group = _scores(fit, groups)
     n, p = by_group.shape
@@ -34,8 +25,7 @@ def optimism(fit: Fit, inverse: np.ndarray, groups: np.ndarray) -> float:
     """Return by how much the loss, summed over trials, is too small for having been fitted.
 
     What further trials of the same kind will miss more than those fitted to, for a model that is
-    a little wrong (Takeuchi 1976; Akaike's number of parameters where it is not). Arguments as
-    in `sandwich`.
+    a little wrong (Takeuchi 1976; Akaike's number of parameters where it is not).
     """
     by_group = _scores(fit, groups)
     return float(np.trace(inverse @ by_group.T @ by_group))

@@ -30,17 +30,14 @@ _MOVED = _GRID[:4]  # v_max stays: the grids know two values of it, and no model
 
 @dataclass(frozen=True)
 class Choice:
-    """What a policy does for one target; places are of shape (2,).
-
-    `spread_m` are the standard deviations that the model expects of a cast's endpoint about the
-    predicted one, `nearest_m` is the predicted endpoint of all candidates that is nearest to the
-    target, be that cast as wild as it may; NaN of a policy that has none.
-    """
+    """What a policy does for one target; places are of shape (2,), NaN where it tells none."""
 
     target_m: np.ndarray
     action: Action
     predicted_m: np.ndarray
+    # standard deviations that the model expects of the endpoint about the predicted one
     spread_m: np.ndarray = field(default_factory=lambda: np.full(2, np.nan))
+    # the predicted endpoint nearest to the target of all candidates, be that cast as wild as it may
     nearest_m: np.ndarray = field(default_factory=lambda: np.full(2, np.nan))
 
     @property
@@ -73,16 +70,14 @@ def choose_actions(
     """Choose the candidate whose cast is expected to miss least, for every target.
 
     The paper's policy is π(s) = argmin |f_forw(a) − s|. Among thousands of candidates many are
-    predicted to end at the target, and some of them are whip-like casts that end anywhere. What
-    a cast misses by is expected to be |f_forw(a) − s|² + |σ(a)|² in the mean square, with the
-    spread σ that the model expects; the least of that is chosen.
+    predicted to end at the target, and some of them are whip-like casts that end anywhere. The
+    expected mean square miss |f_forw(a) − s|² + |σ(a)|² is least for the chosen one, σ its spread.
 
-    The `candidates` (n, 6) are what the arm can do, mirrored or not (`feasible_actions`); the
-    targets are of shape (k, 2); `caution` is the weight of |σ|², 0 for the paper's policy.
-
-    Candidates come to rest mostly on one half of the board. A target on the other half gets the
-    mirror image of the cast chosen for its mirror image (paper, "Parameterized Actions"); so the
-    candidates are predicted once, in one batch, whatever the number of targets.
+    The `candidates` (n, 6) are what the arm can do, mirrored or not; the targets are of shape
+    (k, 2); `caution` is the weight of |σ|², 0 for the paper's policy. Candidates come to rest
+    mostly on one half of the board. A target on the other half gets the mirror image of the cast
+    chosen for its mirror image (paper, "Parameterized Actions"); so the candidates are predicted
+    once, in one batch, whatever the number of targets.
     """
     if not len(candidates):
         raise ValueError("there is no candidate action to choose from")
@@ -92,12 +87,10 @@ def choose_actions(
     away = np.square(predicted - (targets_m * flips)[:, None]).sum(axis=2)
     scatter = _scatter(model, candidates, away, caution) if caution and len(away) else 0.0
     rows, nearest_m = (away + scatter).argmin(axis=1), predicted[away.argmin(axis=1)] * flips
-    choices = []
-    for target, flip, row, nearest in zip(targets_m, flips, rows, nearest_m, strict=True):
-        action = Action.from_array(candidates[row])
-        chosen = action.mirrored() if flip[1] < 0 else action
-        choices.append(Choice(target, chosen, predicted[row] * flip, nearest_m=nearest))
-    return choices
+    chosen = [Action.from_array(candidate) for candidate in candidates[rows]]
+    chosen = [a.mirrored() if f < 0 else a for a, f in zip(chosen, flips[:, 1], strict=True)]
+    ends_m = zip(targets_m, chosen, predicted[rows] * flips, nearest_m, strict=True)
+    return [Choice(target, a, end, nearest_m=nearest) for target, a, end, nearest in ends_m]
 
 
 def _scatter(
@@ -105,8 +98,8 @@ def _scatter(
 ) -> np.ndarray:
     """Return `caution` times |σ|² of every candidate that a target may want, (n,), else infinity.
 
-    A candidate that is predicted to miss by more than another one does with its scatter is never
-    the best, so that most need not be asked for theirs; `away` (k, n) are squares of misses.
+    One that is predicted to miss by more than another does with its scatter is never the best, so
+    that most need not be asked for theirs; `away` (k, n) are squares of misses.
     """
     scatter = np.full(len(candidates), np.inf)
 
@@ -159,8 +152,7 @@ def refine_choices(
 ) -> list[Choice]:
     """Move every choice towards its target by damped Gauss–Newton steps of least change.
 
-    A step is taken only where it lowers the predicted miss and the new action and its mirror image
-    are `feasible`: the predicted miss never rises, and the safe set is never left.
+    A step is taken only where it lowers the predicted miss and the new action is `feasible`.
     """
     if not choices:
         return []
@@ -204,8 +196,8 @@ def _steps(
     slopes = model.slopes(actions)
     along = slopes[:, :, _MOVED] + slopes[:, :, [_R1]] * _r1_slopes(actions, about)[:, None]
     along = along * about.spacing[_MOVED]
-    part = _least_change(along, wanted_m)
     here, lowest, highest = actions[:, _MOVED], lower[:, _MOVED], upper[:, _MOVED]
+    part = _least_change(along, wanted_m)
     for _ in _MOVED:
         held = ((here >= highest) & (part > 0)) | ((here <= lowest) & (part < 0))
         along = np.where(held[:, None], 0.0, along)
@@ -237,8 +229,7 @@ def _r1_slopes(actions: np.ndarray, about: Neighbourhood) -> np.ndarray:
 class CastAndPull:
     """The analytic baseline (paper, "Baseline Policies"): a turned reset, then a slow pull.
 
-    The reset lays the cable along the ray to the target; the pull draws it in. Targets nearer than
-    the arm may pull, or beside the largest angle, are missed.
+    The reset lays the cable along the ray to the target; the pull draws it in, as far as it may.
     """
 
     land_r_m: float  # where the swing of the reset sets the held end down
@@ -251,8 +242,8 @@ class CastAndPull:
         choices = []
         for target in targets_m:
             angle = max(-self.angle_rad, min(self.angle_rad, math.atan2(target[1], target[0])))
-            wanted = math.hypot(*target) - cable.length_m
-            held = max(self.r_min_m, min(self.land_r_m, wanted))
+            held = min(self.land_r_m, math.hypot(*target) - cable.length_m)
+            held = max(self.r_min_m, held)
             ray = np.array([math.cos(angle), math.sin(angle)])
             action = pull_action(angle, self.land_r_m, held, self.pull_m_s)
             choices.append(Choice(target, action, (held + cable.length_m) * ray))

@@ -19,14 +19,11 @@ from robotcast.measurements.measurement_set import MeasurementSet, Trial
 
 @dataclass(frozen=True)
 class Examples:
-    """Actions (n, 6), in the order and units of `ACTION_COLUMNS`, and the endpoints they led to.
+    """Actions, the endpoints they led to, and how much each counts in the loss."""
 
-    `endpoints_m` is of shape (n, 2), `weights` in the loss of shape (n,).
-    """
-
-    actions: np.ndarray
-    endpoints_m: np.ndarray
-    weights: np.ndarray
+    actions: np.ndarray  # (n, 6), in the order and units of `ACTION_COLUMNS`
+    endpoints_m: np.ndarray  # (n, 2)
+    weights: np.ndarray  # (n,)
 
     def __len__(self) -> int:
         return len(self.actions)
@@ -57,17 +54,13 @@ class Examples:
 
 @dataclass(frozen=True)
 class Dataset:
-    """What one forward model is fitted to.
-
-    `calibration` casts tell how far casts end from the model: the measured ones of the validation
-    part, where it holds any, else all of it. `facts` tell policy.yaml how the dataset was made.
-    """
+    """What one forward model is fitted to."""
 
     name: str
     training: Examples
     validation: Examples
-    calibration: Examples
-    facts: Mapping[str, Any] = field(default_factory=dict)
+    calibration: Examples  # tell how far casts end from the model: of validation, measured if any
+    facts: Mapping[str, Any] = field(default_factory=dict)  # how it was made, for policy.yaml
 
 
 def real_dataset(
@@ -84,37 +77,29 @@ def real_dataset(
     With a number of `casts`, so many are taken action by action, fewer contained in more, and the
     trials `first` before others: where a simulator was tuned to those, the policy has seen no more.
     """
-    out = set(leave_out)
-    trials = [t for t in measurements.trials if t.trial not in out and len(t.waypoints_m) > 0]
+    trials = [t for t in measurements.trials if t.trial not in leave_out and len(t.waypoints_m)]
     if not trials:
         raise ValueError("dataset real: no tracked cast is left once the test casts are taken out")
     if casts is not None:
         trials = _first_casts(trials, casts, first, seed)
-    examples = Examples(
-        np.stack([t.action.as_array() for t in trials]),
-        np.stack([t.endpoint_m for t in trials]),
-        np.ones(len(trials)),
-    )
+    actions, ends_m = zip(*((t.action.as_array(), t.endpoint_m) for t in trials), strict=True)
+    examples = Examples(np.stack(actions), np.stack(ends_m), np.ones(len(trials)))
     groups = np.array([t.action_id for t in trials])
     training, validation = _split(examples, groups, validation_fraction, seed)
     _refuse_not_finite(examples, lambda row: f"dataset real: trial {trials[row].trial}")
-    facts = {
-        "cable": measurements.cable.name,
-        "real_casts": len(trials),
-        "left_out_casts": len(measurements.trials) - len(trials),
-    }
+    left_out = len(measurements.trials) - len(trials)
+    facts = {"cable": measurements.cable.name, "real_casts": len(trials)}
+    facts |= {"left_out_casts": left_out}
     return Dataset("real", training, validation, validation, facts)
 
 
 def _first_casts(
     trials: Sequence[Trial], casts: int, first: Collection[int], seed: int
 ) -> list[Trial]:
-    """Draw `casts` casts, action by action; refuse a number that there is not."""
     if not 0 < casts <= len(trials):
         raise ValueError(f"dataset real: asked for {casts} casts, {len(trials)} are to be had")
-    rng = np.random.default_rng(np.random.SeedSequence((seed, 4)))
-    order = rng.permutation(np.unique([t.action_id for t in trials])).tolist()
-    early = {t.action_id for t in trials if t.trial in set(first)}
+    order = _rng(seed, 4).permutation(np.unique([t.action_id for t in trials])).tolist()
+    early = {t.action_id for t in trials if t.trial in first}
 
     def rank(t: Trial) -> tuple[bool, int, int]:
         return t.action_id not in early, order.index(t.action_id), t.trial
@@ -122,12 +107,15 @@ def _first_casts(
     return sorted(sorted(trials, key=rank)[:casts], key=lambda t: t.trial)
 
 
+def _rng(*seeds: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(seeds))
+
+
 def simulated_dataset(path: Path, *, validation_fraction: float, seed: int) -> Dataset:
     """Make D_sim from the casts.parquet that generate wrote."""
-    examples = read_simulated(path)
-    made = path.with_name("generation.yaml")
+    examples, made = read_simulated(path), path.with_name("generation.yaml")
     generation = yaml.safe_load(made.read_text(encoding="utf-8")) if made.exists() else {}
-    facts = {name: generation[name] for name in ("cable",) if name in generation}
+    facts = {name: value for name, value in generation.items() if name == "cable"}
     training, validation = _split(examples, np.arange(len(examples)), validation_fraction, seed)
     facts["simulated_casts"] = len(examples)
     return Dataset("simulated", training, validation, validation, facts)
@@ -138,12 +126,11 @@ def read_simulated(path: Path) -> Examples:
     if not path.exists():
         raise FileNotFoundError(f"{path} is missing: run the generate stage first")
     table = pl.read_parquet(path)
-    missing = [c for c in (*ACTION_COLUMNS, "x", "y") if c not in table.columns]
-    if missing:
-        raise ValueError(f"{path}: column {missing[0]} is missing")
-    actions = table.select(ACTION_COLUMNS).to_numpy().astype(float)
-    endpoints = table.select("x", "y").to_numpy().astype(float)
-    examples = Examples(actions, endpoints, np.ones(len(actions)))
+    for column in (*ACTION_COLUMNS, "x", "y"):
+        if column not in table.columns:
+            raise ValueError(f"{path}: column {column} is missing")
+    actions, ends = (table.select(c).to_numpy().astype(float) for c in (ACTION_COLUMNS, ("x", "y")))
+    examples = Examples(actions, ends, np.ones(len(actions)))
     _refuse_not_finite(examples, lambda row: f"{path}: row {row}")
     return examples
 
@@ -159,10 +146,9 @@ def mixed_dataset(
 ) -> Dataset:
     """Make D_real ∪ D_sim with D_real upsampled and weighted higher.
 
-    Real casts are duplicated at random until they make `real_fraction` of the training examples
-    (paper: 30 to 40 %); one that is already larger stays as it is. Each real example, duplicate
-    or not, weighs `real_weight` in the loss, a simulated one 1. In the validation part the real
-    casts carry by weight what the training part gives them by number and weight.
+    Real casts are duplicated at random until they make at least `real_fraction` of the training
+    examples (paper: 30 to 40 %). Each weighs `real_weight` in the loss, a simulated one 1. In the
+    validation part they carry by weight what the training part gives them by number and weight.
     """
     if not 0 < real_fraction < 1:
         raise ValueError(f"dataset mixed: real_fraction must be in (0, 1), got {real_fraction}")
@@ -171,17 +157,13 @@ def mixed_dataset(
     refuse_other_cables(real, simulated)
     n_real, n_simulated = len(real.training), len(simulated.training)
     wanted = max(n_real, round(n_simulated * real_fraction / (1 - real_fraction)))
-    rng = np.random.default_rng(np.random.SeedSequence((seed, 1)))
-    rows = np.concatenate([np.arange(n_real), rng.integers(n_real, size=wanted - n_real)])
+    again = _rng(seed, 1).integers(n_real, size=wanted - n_real)
+    rows = np.concatenate([np.arange(n_real), again])
     upsampled = real.training.take(rows).weighted(real_weight)
     share = real_weight * (wanted / n_simulated) * len(simulated.validation) / len(real.validation)
-    facts = {
-        **simulated.facts,
-        **real.facts,
-        "real_examples_after_upsampling": wanted,
-        "real_fraction": round(wanted / (wanted + n_simulated), 4),
-        "real_weight": real_weight,
-    }
+    facts = {**simulated.facts, **real.facts, "real_examples_after_upsampling": wanted}
+    fraction = round(wanted / (wanted + n_simulated), 4)
+    facts |= {"real_fraction": fraction, "real_weight": real_weight}
     training = simulated.training.joined(upsampled)
     validation = simulated.validation.joined(real.validation.weighted(share))
     return Dataset("mixed", training, validation, real.calibration, facts)
@@ -197,17 +179,14 @@ def refuse_other_cables(*datasets: Dataset) -> None:
 
 
 def folds(real: Dataset, count: int, *, seed: int) -> Iterator[tuple[Dataset, Examples]]:
-    """Hold out every cast of D_real once, repeats of an action together.
+    """Yield the rest of D_real and the casts held out: each once, repeats of an action together.
 
-    Yields the rest, with a validation part as large, and the casts held out. There are `count`
-    folds, or as many as there are actions; none of fewer than three, which could not leave two.
+    There are `count` folds, or as many as actions; none of fewer than three, which leave not two.
     """
     casts = real.training.joined(real.validation)
     groups = casts.action_groups()
-    n_groups = groups.max() + 1
-    count = min(count, n_groups) if n_groups > 2 else 0
-    rng = np.random.default_rng(np.random.SeedSequence((seed, 5)))
-    order = rng.permutation(n_groups)[groups]
+    count = min(count, n_groups) if (n_groups := groups.max() + 1) > 2 else 0
+    order = _rng(seed, 5).permutation(n_groups)[groups]
     fraction = len(real.validation) / len(casts)
     for fold in range(count):
         out = order % count == fold
@@ -218,7 +197,7 @@ def folds(real: Dataset, count: int, *, seed: int) -> Iterator[tuple[Dataset, Ex
 def _split(
     examples: Examples, groups: np.ndarray, fraction: float, seed: int
 ) -> tuple[Examples, Examples]:
-    """Split into training and validation, keeping each group of `groups` (n,) on one side."""
+    """Split into training and validation, each of the `groups` (n,) on one side."""
     if not 0 < fraction < 1:
         raise ValueError(f"validation_fraction must be in (0, 1), got {fraction}")
     names = np.unique(groups)
@@ -226,7 +205,6 @@ def _split(
         raise ValueError(
             f"a dataset needs at least 2 different actions to hold some out, got {len(names)}"
         )
-    rng = np.random.default_rng(np.random.SeedSequence((seed, 0)))
     n_held = min(max(1, round(fraction * len(names))), len(names) - 1)
-    held = np.isin(groups, rng.permutation(names)[:n_held])
+    held = np.isin(groups, _rng(seed, 0).permutation(names)[:n_held])
     return examples.take(~held), examples.take(held)

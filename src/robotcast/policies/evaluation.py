@@ -3,8 +3,9 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import polars as pl
 import yaml
 
 from robotcast.casts.action import action_factors
-from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
+from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.policies.choosing import Choice
 from robotcast.policies.forward_model import ForwardModel
@@ -60,11 +61,9 @@ def execute_choices(
 
     The casts lie in a session of their own under `sessions`, named after the chosen actions and
     `settings`, all else that decides what the rig does: a killed evaluation goes on where it was,
-    another policy or another rig starts a new session, and no cast is ever replaced. `plan` makes
-    the motion of an action.
+    another policy or another rig starts a new session, and no cast is ever replaced.
     """
-    numbered = list(enumerate(choices, _FIRST_TARGET_ID))
-    actions = [(number, choice.action) for _ in range(repeats) for number, choice in numbered]
+    actions = [(n, choice.action) for n, choice in enumerate(choices, _FIRST_TARGET_ID)] * repeats
     decided = b"".join(choice.action.as_array().tobytes() for choice in choices)
     decided += (settings + yaml.safe_dump(rig.facts())).encode()
     folder = sessions / hashlib.sha256(decided).hexdigest()[:12]
@@ -84,45 +83,20 @@ def execute_choices(
         away_m = np.linalg.norm(end - choices[target].target_m)
         return f"target {target}, {away_m * 100:.1f} cm off"
 
-    filmed = _RestOnly(rig, rig.name, rig.cable, rig.r0_m, rig.workers)
+    same = {n: getattr(rig, n) for n in ("name", "cable", "r0_m", "workers", "facts")}
+    filmed: Any = SimpleNamespace(**same, cast=partial(rig.cast, rest_only=True))  # the rest alone
     done = collect_casts(filmed, actions, folder, limits, progress, plan=plan, describe=describe)
     ends_m = np.full((len(choices), repeats, 2), np.nan)
     lost = {}
     for place, request in enumerate(number_requests(actions)):
         repeat, target = divmod(place, len(choices))
         end = done.failed.get(request.number) or rest(request)
-        if isinstance(end, str):
-            lost[target, repeat] = end
-        else:
-            ends_m[target, repeat] = end
+        (lost if isinstance(end, str) else ends_m)[target, repeat] = end
     return Executed(ends_m, lost)
 
 
-@dataclass(frozen=True)
-class _RestOnly:
-    """A rig that films only where its casts come to rest."""
-
-    rig: Rig
-    name: str
-    cable: Cable
-    r0_m: float
-    workers: int
-
-    def facts(self) -> dict[str, Any]:
-        return self.rig.facts()
-
-    def cast(
-        self, planned: PlannedCast, number: int, folder: Path, *, rest_only: bool = True
-    ) -> None:
-        self.rig.cast(planned, number, folder, rest_only=True)
-
-
 def executed_table(subject: Subject, choices: Sequence[Choice], executed: Executed) -> pl.DataFrame:
-    """Return evaluation.csv for executed casts; a lost cast has no endpoint and no error.
-
-    `spread_x`, `spread_y` are the standard deviations that the model expects about
-    `predicted_x`, `predicted_y` [m].
-    """
+    """Return evaluation.csv for executed casts; a lost cast has no endpoint and no error."""
     return _table(subject, "executed", range(len(choices)), choices, executed.ends_m)
 
 

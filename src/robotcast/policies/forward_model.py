@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, Self
 
@@ -22,10 +23,14 @@ from safetensors.torch import load_file, save_file
 
 from robotcast.files import atomic_file, write_text
 from robotcast.policies.datasets import Examples
-from robotcast.policies.spread import DOUBT_ALONE, Spread
 
 WEIGHTS_FILE, HISTORY_FILE, DESCRIPTION_FILE = "weights.safetensors", "training.csv", "policy.yaml"
 ROWS_AT_ONCE = 1024  # what one core works on at a time: its intermediate results stay in cache
+_TINY = 1e-12
+_WITHIN = 0.6827  # part of a normal distribution within one standard deviation
+_DOUBT_POWERS = np.linspace(0.0, 1.0, 5)  # that are tried
+_SLOPE_POWERS = np.linspace(0.0, 1.25, 6)
+_PRIOR_MEAN, _PRIOR_DEVIATION = 0.5, 0.5  # of both powers
 
 Tensors = dict[str, torch.Tensor]
 TensorFunction = Callable[[torch.Tensor], torch.Tensor]
@@ -43,9 +48,7 @@ class Epoch:
 
 def best_epoch(history: Sequence[Epoch]) -> Epoch:
     """Return the pass with the lowest loss on held-out casts, the first of equals."""
-    return min(
-        history, key=lambda e: math.inf if math.isnan(e.validation_loss) else e.validation_loss
-    )
+    return min(history, key=lambda e: (math.isnan(e.validation_loss), e.validation_loss))
 
 
 class ForwardModel(Protocol):
@@ -89,22 +92,96 @@ class Normalisation:
         return normalised * self.scale + self.mean
 
 
-@dataclass(frozen=True, kw_only=True)
-class LearnedModel(ABC):
-    """A network or a Gaussian process in normalised units.
+def slope_size(slopes: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """Return |S| (n,) [m] of slopes (n, 2, d) for actions in units of `unit` (d,)."""
+    return np.linalg.norm(slopes * unit, axis=(1, 2))
 
-    `actions` and `endpoints` are normalised as the training examples were; `history` has one
-    entry a pass, of which the best gave the weights; `size` of the spread is set on held-out casts.
+
+def held_out_scale(misses_m: np.ndarray, relative: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the spread [m] that a relative spread of 1 means, for x and y, (2,).
+
+    So that 68 % of the held-out casts, by `weights` (n,), have `misses_m` (n, 2) below their
+    spread, `relative` (n,) of which is what the model expects. The quantile is the next larger
+    one that n casts have (Vovk et al. 2005): few make a model say too much, not too little.
+    """
+    ratios = np.abs(misses_m) / relative[:, None]
+    order = np.argsort(ratios, axis=0, kind="stable")
+    part = np.cumsum(weights[order], axis=0) / weights.sum()
+    wanted = min(1.0, _WITHIN * (1 + 1 / len(ratios))) - 1e-12
+    found = [order[np.searchsorted(part[:, c], wanted), c] for c in (0, 1)]
+    return ratios[found, [0, 1]]
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Standard deviations scale · d^p |S|^q of an endpoint, for a doubt d and a slope S.
+
+    A model doubts where its examples scattered or were few. And wherever the endpoint moves far
+    with the action, S = ∂endpoint/∂action, a model that is a little wrong, and chance in the arm,
+    the cable and the board, move it far too: how far a cast ends from its prediction follows the
+    slope more than the doubt, above all of a network that learned from few casts.
     """
 
+    unit: np.ndarray  # (d,), in which S takes the numbers of an action
+    powers: np.ndarray  # p and q
+    least: np.ndarray  # doubt and slope [m] of the casts it was set on: nothing calmer is believed
+    scale: np.ndarray  # (2,), for x and y
+
+    def __call__(self, doubt: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+        """Return standard deviations (n, 2) [m] of a model's doubt (n,) and slopes (n, 2, d)."""
+        return self._relative(doubt, slope_size(slopes, self.unit))[:, None] * self.scale
+
+    def _relative(self, doubt: np.ndarray, slope_m: np.ndarray) -> np.ndarray:
+        (p, q), (least, least_m) = self.powers, self.least
+        return np.maximum(doubt, least) ** p * np.maximum(slope_m, least_m) ** q
+
+    @classmethod
+    def of(
+        cls,
+        misses_m: np.ndarray,
+        doubt: np.ndarray,
+        slopes: np.ndarray,
+        unit: np.ndarray,
+        weights: np.ndarray,
+    ) -> "Spread":
+        """Set a spread on held-out casts with `misses_m` (n, 2) and `weights` (n,).
+
+        The powers make Laplace's likelihood largest; few casts move them little from a half each.
+        """
+        part = weights / weights.sum()
+        slope_m, sizes_m = slope_size(slopes, unit), np.linalg.norm(misses_m, axis=1)
+        least = np.maximum([doubt.min(), slope_m.min()], _TINY)
+
+        def relative(powers: tuple[float, float]) -> np.ndarray:
+            return cls(unit, np.array(powers), least, np.ones(2))._relative(doubt, slope_m)
+
+        def loss(powers: tuple[float, float]) -> float:
+            found = relative(powers)
+            level = max(float(part @ (sizes_m / found)), _TINY)
+            misfit = 2 * float(part @ np.log(found) + np.log(level))
+            prior = sum((p - _PRIOR_MEAN) ** 2 for p in powers) / (2 * _PRIOR_DEVIATION**2)
+            return len(part) * misfit + prior
+
+        powers = min(product(_DOUBT_POWERS.tolist(), _SLOPE_POWERS.tolist()), key=loss)
+        scale = held_out_scale(misses_m, relative(powers), weights)
+        return cls(unit, np.array(powers), least, scale)
+
+
+DOUBT_ALONE = Spread(np.ones(1), np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.ones(2))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnedModel(ABC):
+    """A network or a Gaussian process in normalised units."""
+
     precision: ClassVar[torch.dtype]
-    actions: Normalisation
+    actions: Normalisation  # of the training examples, as of the endpoints
     endpoints: Normalisation
     dataset: str
     facts: Mapping[str, object]
     seed: int
-    history: tuple[Epoch, ...]
-    size: Spread = DOUBT_ALONE
+    history: tuple[Epoch, ...]  # one entry a pass, of which the best gave the weights
+    size: Spread = DOUBT_ALONE  # set on held-out casts
 
     @abstractmethod
     def mean(self, rows: torch.Tensor) -> torch.Tensor:
@@ -126,8 +203,9 @@ class LearnedModel(ABC):
     def predict(self, actions: np.ndarray) -> np.ndarray:
         return self.endpoints.undo(self._apply(self.mean, actions))
 
-    def spread(self, actions: np.ndarray) -> np.ndarray:
-        return self.size(self.doubt(actions), self.slopes(actions))
+    def spread(self, actions: np.ndarray, slopes: np.ndarray | None = None) -> np.ndarray:
+        """See `ForwardModel`; `slopes` where they are known already."""
+        return self.size(self.doubt(actions), self.slopes(actions) if slopes is None else slopes)
 
     def doubt(self, actions: np.ndarray) -> np.ndarray:
         """Return how unsure the model itself is of actions (n, d), (n,), up to a factor."""
@@ -145,8 +223,16 @@ class LearnedModel(ABC):
         return slopes * self.endpoints.scale[:, None] / self.actions.scale
 
     def _apply(self, function: TensorFunction, actions: np.ndarray) -> np.ndarray:
-        rows = torch.from_numpy(self.actions.apply(actions)).to(self.precision)
-        return in_parts(function, rows).numpy().astype(float)
+        """Apply a function to normalised actions part by part, on as many cores as torch has.
+
+        Parts are always cut alike and each is worked out by one thread, so the result has the
+        same bits whatever the number of cores. Threads: a choice takes a fraction of the second
+        that processes would need to begin.
+        """
+        parts = torch.from_numpy(self.actions.apply(actions)).to(self.precision).split(ROWS_AT_ONCE)
+        n, one = torch.get_num_threads(), torch.inference_mode()(function)
+        with reproducible_torch(0), ThreadPoolExecutor(n, "", torch.set_num_threads, (1,)) as pool:
+            return torch.cat(list(pool.map(one, parts))).numpy().astype(float)
 
     def calibrated(self, casts: Examples) -> Self:
         """Return the model with the spread that held-out `casts` show."""
@@ -164,18 +250,14 @@ class LearnedModel(ABC):
         text = io.StringIO()
         pl.DataFrame([vars(e) for e in self.history]).write_csv(text, float_precision=6)
         write_text(folder / HISTORY_FILE, text.getvalue())
-        best, actions, endpoints = (
-            best_epoch(self.history),
-            _lists(self.actions),
-            _lists(self.endpoints),
-        )
+        best, actions, ends = best_epoch(self.history), self.actions, self.endpoints
         description = {
             **settings,
             "dataset": self.dataset,
             "seed": self.seed,
             "spread": _lists(self.size),
             "examples": dict(self.facts),
-            "normalisation": {"actions": actions, "endpoints_m": endpoints},
+            "normalisation": {"actions": _lists(actions), "endpoints_m": _lists(ends)},
             "epochs": len(self.history),
             "best_epoch": best.epoch,
             "validation_median_m": round(best.validation_median_m, 6),
@@ -223,8 +305,8 @@ def _arrays(numbers: Mapping[str, Any]) -> dict[str, np.ndarray]:
 def reproducible_torch(seed: int) -> Iterator[None]:
     """Make torch give the same bytes on any number of cores; its global state is put back.
 
-    On one thread every sum on the CPU has one order, so `torch.use_deterministic_algorithms` has
-    nothing to add; it would import torch's compiler, which takes seconds.
+    On one thread every sum on the CPU has one order; `torch.use_deterministic_algorithms` has
+    nothing to add, and would import torch's compiler, which takes seconds.
     """
     threads = torch.get_num_threads()
     with torch.random.fork_rng(devices=[]):
@@ -234,23 +316,3 @@ def reproducible_torch(seed: int) -> Iterator[None]:
             yield
         finally:
             torch.set_num_threads(threads)
-
-
-def in_parts(function: TensorFunction, rows: torch.Tensor) -> torch.Tensor:
-    """Apply a function to the rows (n, …) of a tensor, part by part, on as many cores as torch has.
-
-    Parts are always cut alike and each is worked out by one thread, so the result has the same
-    bits whatever the number of cores.
-    """
-
-    def one(part: torch.Tensor) -> torch.Tensor:
-        with torch.inference_mode():  # holds for the thread that enters it
-            return function(part)
-
-    parts = rows.split(ROWS_AT_ONCE)
-    workers = min(torch.get_num_threads(), len(parts))
-    with reproducible_torch(0):
-        if workers <= 1:
-            return torch.cat([one(part) for part in parts])
-        with ThreadPoolExecutor(workers) as pool:
-            return torch.cat(list(pool.map(one, parts)))

@@ -31,12 +31,12 @@ _STEPS_A_PASS = 4  # judging the held-out casts costs half as much as a step
 class GaussianProcess(LearnedModel):
     """A fitted process with a Matérn 5/2 kernel, in normalised units; x and y share the kernel.
 
-    In double precision, because where casts hardly scatter, the mean of an exact process, one
-    with every training action among its points, is a small difference of large numbers.
+    In double precision, because where casts hardly scatter, the mean of an exact process is a
+    small difference of large numbers.
     """
 
     precision = torch.float64
-    exact: bool
+    exact: bool  # whether every training action is among the points
     points: torch.Tensor  # (m, d)
     lengths: torch.Tensor  # (d,), of the kernel
     variance: torch.Tensor  # (), of the function
@@ -60,7 +60,7 @@ class GaussianProcess(LearnedModel):
         return torch.sqrt(left.clamp_min(0.0) + self.noise)
 
     def stored(self) -> tuple[dict[str, Any], Tensors]:
-        kind = "exact Gaussian process" if self.exact else "sparse Gaussian process"
+        kind = f"{'exact' if self.exact else 'sparse'} Gaussian process"
         tensors = {n: value for n, value in vars(self).items() if isinstance(value, torch.Tensor)}
         return {"kind": kind, "inducing_points": len(self.points)}, tensors
 
@@ -81,29 +81,8 @@ def matern(rows: torch.Tensor, points: torch.Tensor, lengths: torch.Tensor) -> t
     return (1 + root + apart / 3) * torch.exp(-root)
 
 
-@dataclass(frozen=True, kw_only=True)
-class GaussianProcessLearner(Learner):
-    """Fits a process, exact up to so many training actions, sparse beyond.
-
-    A pass is four steps of Adam on the bound of all examples; the `inducing` points of a sparse
-    process move with them.
-    """
-
-    name, kind = "gp", GaussianProcess
-    positive = ("exact_up_to", "inducing", *Learner.positive)
-    exact_up_to: int
-    inducing: int
-
-    def begin(self, dataset: Dataset, seed: int) -> "_ProcessFit":
-        return _ProcessFit(self, dataset, seed)
-
-    def shortened(self, passes: int) -> "GaussianProcessLearner":
-        """Full steps come near their end long before mini-batches do: a quarter is enough."""
-        return super().shortened(math.ceil(passes / 4))
-
-
 class _ProcessFit(Fit):
-    def __init__(self, learner: GaussianProcessLearner, dataset: Dataset, seed: int) -> None:
+    def __init__(self, learner: Any, dataset: Dataset, seed: int) -> None:
         super().__init__(dataset, seed)
         self.examples = self.tensors(dataset.training.merged(), torch.float64)
         points = torch.unique(self.examples[0], dim=0)
@@ -117,14 +96,13 @@ class _ProcessFit(Fit):
         self.optimizer = torch.optim.Adam(moved, lr=learner.learning_rate)
 
     def one_pass(self, number: int) -> float:
-        value = 0.0
+        loss = torch.zeros(())
         for _ in range(_STEPS_A_PASS):
             self.optimizer.zero_grad(set_to_none=True)
             loss = -self.process.bound(*self.examples)
             loss.backward()
             self.optimizer.step()
-            value = loss.item()
-        return value
+        return loss.item()
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
         return self.model(()).predict(actions)
@@ -134,11 +112,26 @@ class _ProcessFit(Fit):
         return GaussianProcess(exact=self.exact, history=history, **tensors, **self.shared)
 
 
-class _Process(nn.Module):
-    """Kernel, noise and inducing points: what training moves.
+@dataclass(frozen=True, kw_only=True)
+class GaussianProcessLearner(Learner):
+    """Fits a process, exact up to so many training actions, sparse beyond.
 
-    Its functions are of actions (n, 6), endpoints (n, 2), both normalised, and weights (n,).
+    A pass is four steps of Adam on the bound of all examples; the `inducing` points of a sparse
+    process move with them.
     """
+
+    name, kind, begin = "gp", GaussianProcess, _ProcessFit
+    positive = ("exact_up_to", "inducing", *Learner.positive)
+    exact_up_to: int
+    inducing: int
+
+    def shortened(self, passes: int) -> "GaussianProcessLearner":
+        """Full steps come near their end long before mini-batches do: a quarter is enough."""
+        return super().shortened(math.ceil(passes / 4))
+
+
+class _Process(nn.Module):
+    """Kernel, noise and inducing points; of actions (n, 6), endpoints (n, 2), weights (n,)."""
 
     def __init__(self, points: torch.Tensor, *, moving: bool) -> None:
         super().__init__()
@@ -146,8 +139,7 @@ class _Process(nn.Module):
         base.initialize(lengthscale=_FIRST_LENGTH)
         self.kernel = ScaleKernel(base).double()
         self.points = nn.Parameter(points.clone(), requires_grad=moving)
-        start = np.log(np.expm1(_FIRST_NOISE))
-        self.raw_noise = nn.Parameter(torch.tensor(start, dtype=torch.float64))
+        self.raw_noise = nn.Parameter(torch.tensor(np.log(np.expm1(_FIRST_NOISE))))
 
     @property
     def noise(self) -> torch.Tensor:
@@ -188,11 +180,10 @@ class _Process(nn.Module):
         }
 
     def _factors(self, *examples: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        """Return the Cholesky factors that the bound and the posterior share.
+        """Return what the bound and the posterior share, of weights w, endpoints y and noise σ².
 
-        For weights w, endpoints y and noise σ²: L (m, m) of the kernel of the inducing points;
-        L⁻¹ k(points, actions) (m, n) with columns a; the factor (m, m) of B = I + Σ w a aᵀ / σ²;
-        and its inverse times Σ w a y / σ² (m, 2).
+        L (m, m), the Cholesky factor of the points' kernel; L⁻¹ k(points, actions) (m, n) with
+        columns a; the factor of B = I + Σ w a aᵀ / σ²; its inverse times Σ w a y / σ² (m, 2).
         """
         actions, ends, weights = examples
         own = self.kernel(self.points).to_dense()

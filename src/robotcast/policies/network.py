@@ -14,27 +14,74 @@ from torch.optim.swa_utils import AveragedModel
 
 from robotcast.policies.datasets import Dataset
 from robotcast.policies.forward_model import Epoch, LearnedModel, Tensors
-from robotcast.policies.spread import Scatter, fit_scatter
 from robotcast.policies.training import Fit, Learner
 
 _ROWS_AT_ONCE = 8192
 _AVERAGED_PASSES = 5
 _PRIOR_PRECISION = 1.0  # of the last layer's weights: as much as one example with features of 1
 _DOUBT = "doubt/root", "doubt/scatter_weights", "doubt/scatter_bounds"
+_DIRECTIONS = 32  # of the features that a scatter is fitted in, at most
+_EXAMPLES_A_DIRECTION = 50  # at least: few casts show one scatter for all
+_ROUNDS = 100
+_LARGEST_RATIO = 5.0  # of a miss to its scatter in one round, so that rounds settle
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """The scatter of casts about a model, up to a factor: log-linear in the model's features."""
+
+    weights: torch.Tensor  # (h + 1,), of the features and of a constant
+    bounds: torch.Tensor  # (2,), logarithms among the examples: nothing beyond is believed
+
+    def __call__(self, features: torch.Tensor) -> torch.Tensor:
+        """Return the scatter (n,) where a model has features (n, h)."""
+        logarithm = features @ self.weights[:-1] + self.weights[-1]
+        return torch.exp(logarithm.clamp(self.bounds[0], self.bounds[1]))
+
+
+def fit_scatter(features: torch.Tensor, misses: torch.Tensor, weights: torch.Tensor) -> Scatter:
+    """Fit the scatter to the sizes of a model's `misses` (n,) by Laplace's distribution.
+
+    A few wild casts do not sway it as squares would. The `features` (n, h), in double precision,
+    are reduced to their leading principal components, one for every so many examples; in these,
+    scaled to unit variance, Fisher's information is the unit matrix.
+    """
+    weights = weights / weights.sum()
+    mean = weights @ features
+    centred = features - mean
+    variances, axes = torch.linalg.eigh((weights[:, None] * centred).T @ centred)
+    used = min(_DIRECTIONS, len(features) // _EXAMPLES_A_DIRECTION)
+    leading = variances.argsort(descending=True)[:used]
+    leading = leading[variances[leading] > 1e-9 * variances.max()]
+    basis = axes[:, leading] / variances[leading].sqrt()
+    directions = centred @ basis
+    sizes = misses / (weights @ misses).clamp_min(1e-12)
+    along = torch.zeros(len(leading), dtype=features.dtype)
+    level = torch.zeros((), dtype=features.dtype)
+    for _ in range(_ROUNDS):
+        ratio = (sizes / torch.exp(level + directions @ along)).clamp_max(_LARGEST_RATIO)
+        surplus = weights * (ratio - 1)
+        step, lift = directions.T @ surplus, surplus.sum()
+        along, level = along + step, level + lift
+        if max(step.abs().sum(), lift.abs()) < 1e-6:
+            break
+    turned = basis @ along
+    logarithms = level + directions @ along
+    bounds = torch.stack([logarithms.min(), logarithms.max()])
+    return Scatter(torch.cat([turned, (level - mean @ turned)[None]]), bounds)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Network(LearnedModel):
-    """A fitted network.
+    """A fitted network, about which casts scatter.
 
     Its last layer taken alone is Bayesian linear regression (MacKay 1992): the variance of a
     prediction grows by φᵀ A⁻¹ φ for features φ (h,) unlike those of the training examples.
-    `root` (h + 1, h + 1) is R with A⁻¹ = Rᵀ R; casts `scatter` about the network.
     """
 
     precision = torch.float32
     layers: nn.Sequential
-    root: torch.Tensor
+    root: torch.Tensor  # (h + 1, h + 1), R with A⁻¹ = Rᵀ R
     scatter: Scatter
 
     def mean(self, rows: torch.Tensor) -> torch.Tensor:
@@ -59,25 +106,6 @@ class Network(LearnedModel):
         return cls(layers=layers, root=root, scatter=Scatter(*scatter), **shared)
 
 
-@dataclass(frozen=True, kw_only=True)
-class NetworkLearner(Learner):
-    """Trains a network with layers of widths `hidden` by Adam on mini-batches.
-
-    The learning rate falls to zero along a cosine over all `passes`. Errors beyond `outlier_m`
-    count linearly instead of squared: whip-like casts amplify small differences, and the few that
-    no smooth function explains must not bend the others.
-    """
-
-    name, kind = "nn", Network
-    positive = ("batch_size", *Learner.positive)
-    hidden: Sequence[int]
-    batch_size: int
-    weight_decay: float
-
-    def begin(self, dataset: Dataset, seed: int) -> "_NetworkFit":
-        return _NetworkFit(self, dataset, seed)
-
-
 class _NetworkFit(Fit):
     """The network in training, and its weights averaged over the last few passes.
 
@@ -85,7 +113,7 @@ class _NetworkFit(Fit):
     jump from pass to pass, and those that hit a few held-out casts best are no better on others.
     """
 
-    def __init__(self, learner: NetworkLearner, dataset: Dataset, seed: int) -> None:
+    def __init__(self, learner: Any, dataset: Dataset, seed: int) -> None:
         super().__init__(dataset, seed)
         self.learner, self.seed = learner, seed
         even = dataset.training.weighted(1 / dataset.training.weights.mean())
@@ -138,10 +166,26 @@ class _NetworkFit(Fit):
             unit = torch.eye(len(precision), dtype=torch.float64)
             lower = torch.linalg.cholesky(precision + _PRIOR_PRECISION * unit)
             root = torch.linalg.solve_triangular(lower, unit, upper=False).float()
-        scatter = Scatter(scatter.weights.float(), scatter.bounds.float())
-        return Network(
-            layers=layers, root=root.clone(), scatter=scatter, history=history, **self.shared
-        )
+        doubt = {
+            "root": root.clone(),
+            "scatter": Scatter(*(t.float() for t in vars(scatter).values())),
+        }
+        return Network(layers=layers, history=history, **doubt, **self.shared)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkLearner(Learner):
+    """Trains a network with layers of widths `hidden` by Adam on mini-batches.
+
+    The learning rate falls to zero along a cosine over all `passes`. Errors beyond `outlier_m`
+    count linearly instead of squared: few whip-like casts must not bend the others.
+    """
+
+    name, kind, begin = "nn", Network, _NetworkFit
+    positive = ("batch_size", *Learner.positive)
+    hidden: Sequence[int]
+    batch_size: int
+    weight_decay: float
 
 
 def make_layers(hidden: Sequence[int]) -> nn.Sequential:

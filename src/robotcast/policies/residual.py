@@ -7,15 +7,14 @@ and a Gaussian process learns what D_real leaves of it (residual physics: Zeng e
 
 Its inputs are the action, where the networks let the cast end and how that end moves with the
 action; its numbers are at the maximum of the marginal likelihood (Rasmussen and Williams 2006,
-chapters 2 and 5). Casts are not equally sure: the networks know where their own examples scattered
-and how far the endpoint moves with the action, and with it whatever chance does to the arm. What
-casts that are predicted from the others say of that makes the few that nothing explains count
-little.
+chapters 2 and 5). Casts are not equally sure: the networks know where their examples scattered and
+how far the endpoint moves with the action; the few casts that nothing explains count little.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +31,12 @@ from robotcast.policies.forward_model import (
     LearnedModel,
     Normalisation,
     best_epoch,
+    held_out_scale,
     read_description,
     reproducible_torch,
+    slope_size,
 )
 from robotcast.policies.gaussian_process import GaussianProcess, matern
-from robotcast.policies.spread import held_out_scale, slope_size
 from robotcast.policies.training import Learner
 from robotcast.progress import Progress, silent
 
@@ -50,59 +50,37 @@ _LEAST_M = 1e-4  # what is never known of a cast
 _FIRST_LOGS = math.log(2.0), 0.0, -2.0  # of lengths, variance and factors of the noise
 _LOG_BOUNDS = (-2.0, 6.0), (-8.0, 6.0), (-24.0, 6.0)
 
-
-@dataclass(frozen=True)
-class Ensemble:
-    """The mean of models: what one training gets wrong by chance, it hardly does.
-
-    Hansen and Salamon 1990, "Neural Network Ensembles".
-    """
-
-    members: tuple[LearnedModel, ...]
-
-    def predict(self, actions: np.ndarray) -> np.ndarray:
-        return np.mean([m.predict(actions) for m in self.members], axis=0)
-
-    def spread(self, actions: np.ndarray) -> np.ndarray:
-        return np.sqrt(np.mean([m.spread(actions) ** 2 for m in self.members], axis=0))
-
-    def slopes(self, actions: np.ndarray) -> np.ndarray:
-        return np.mean([m.slopes(actions) for m in self.members], axis=0)
+Base = tuple[LearnedModel, ...]
+"""Members of an ensemble: their mean errs less by chance than each (Hansen and Salamon 1990)."""
 
 
 @dataclass(frozen=True)
 class Residual:
-    """A base model and its correction.
+    """A base of several models, taken as their mean, and its correction.
 
-    The `process` is of departures from the base [m], given what `_features` returns. Casts of one
-    action scatter by √(least² + (of_spread |σ|)² + (of_slope |S|)²), σ the spread that the base
-    expects, S its slope for actions in units of their spread. `scale` (2,) are standard deviations
-    of x and y in units of both together; `left_out_median_m` is the median miss of a cast
-    predicted from other actions; `facts` are of D_sim and D_real.
+    Casts of one action scatter by √(least² + (of_spread |σ|)² + (of_slope |S|)²), σ the spread that
+    the base expects, S its slope for actions in units of their spread.
     """
 
-    base: Ensemble
-    process: GaussianProcess
+    base: Base
+    process: GaussianProcess  # of departures from the base [m], given what `_features` returns
     of_spread: float
     of_slope: float
-    scale: np.ndarray
-    left_out_median_m: float
-    facts: Mapping[str, Any]
+    scale: np.ndarray  # (2,), standard deviations of x and y in units of both together
+    left_out_median_m: float  # the median miss of a cast predicted from other actions
+    facts: Mapping[str, Any]  # of D_sim and D_real
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
-        features = _features(self.base, actions)
+        features, _ = _features(self.base, actions)
         return features[:, 6:8] + self.process.predict(features)
 
     def spread(self, actions: np.ndarray) -> np.ndarray:
-        doubt = self.process.doubt(_features(self.base, actions))
-        doubt_m = doubt * self.process.endpoints.scale[0]
-        return np.hypot(doubt_m, self.noise_m(actions))[:, None] * self.scale
-
-    def noise_m(self, actions: np.ndarray) -> np.ndarray:
-        """Return how far casts scatter in one coordinate, (n,) [m], up to a common factor."""
-        terms_m = _noise_terms(self.base, actions, self.process.actions.scale[:6])
+        features, slopes = _features(self.base, actions)
+        terms_m = _noise_terms(self.base, actions, slopes, self.process.actions.scale[:6])
         parts = _LEAST_M, self.of_spread * terms_m[:, 0], self.of_slope * terms_m[:, 1]
-        return np.sqrt(sum(np.square(part) for part in parts))
+        noise_m = np.sqrt(sum(np.square(part) for part in parts))
+        doubt_m = self.process.doubt(features) * self.process.endpoints.scale[0]
+        return np.hypot(doubt_m, noise_m)[:, None] * self.scale
 
     def slopes(self, actions: np.ndarray) -> np.ndarray:
         # By differences: the process hears of the base's slopes, and networks' move in steps.
@@ -113,14 +91,14 @@ class Residual:
 
     def save(self, folder: Path) -> None:
         """Write every model into a folder of its own and, last, policy.yaml."""
-        for number, member in enumerate(self.base.members):
+        for number, member in enumerate(self.base):
             member.save(folder / _BASE / str(number))
         self.process.save(folder / _CORRECTION)
-        history = self.base.members[0].history  # each network keeps its own
+        history = self.base[0].history  # each network keeps its own
         description = {
             "kind": "residual",
             "dataset": "mixed",
-            "members": len(self.base.members),
+            "members": len(self.base),
             "noise": {"of_spread": self.of_spread, "of_slope": self.of_slope},
             "spread": self.scale.tolist(),
             "examples": dict(self.facts),
@@ -129,6 +107,26 @@ class Residual:
             "validation_median_m": round(self.left_out_median_m, 6),
         }
         write_text(folder / DESCRIPTION_FILE, yaml.safe_dump(description, sort_keys=False))
+
+
+def _features(base: Base, actions: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Return the inputs of the process, (n, 20): actions, the base's endpoints and its slopes.
+
+    And the slopes (n, 2, 6) of every member, which its spread rests on too.
+    """
+    slopes = [member.slopes(actions) for member in base]
+    ends_m = np.mean([member.predict(actions) for member in base], axis=0)
+    mean = np.mean(slopes, axis=0).reshape(len(actions), -1)
+    return np.concatenate([actions, ends_m, mean], axis=1), slopes
+
+
+def _noise_terms(
+    base: Base, actions: np.ndarray, slopes: list[np.ndarray], unit: np.ndarray
+) -> np.ndarray:
+    """Return |σ| and |S| of `Residual`, (n, 2) [m]."""
+    squares = [m.spread(actions, own) ** 2 for m, own in zip(base, slopes, strict=True)]
+    spread_m = np.linalg.norm(np.sqrt(np.mean(squares, axis=0)), axis=1)
+    return np.stack([spread_m, slope_size(np.mean(slopes, axis=0), unit)], axis=1)
 
 
 @dataclass(frozen=True)
@@ -151,31 +149,30 @@ class ResidualLearner:
         unfinished: Path | None = None,
         progress: Progress = silent,
     ) -> Residual:
-        """Learn both. The correction learns from the casts that D_real holds out too.
+        """Learn both, the correction from the casts that D_real holds out too.
 
         The file `unfinished` is of the member in training (see `Learner.fit`); those before it
         are trained anew after a kill.
         """
         refuse_other_cables(real, simulated)
         members = []
+
+        def of_all(number: int, done: int, total: int, note: str = "") -> None:
+            progress(number * total + done, self.members * total, note)
+
         for number in range(self.members):
-
-            def of_all(done: int, total: int, note: str = "", before: int = number) -> None:
-                progress(before * total + done, self.members * total, note)
-
             own = int(np.random.SeedSequence((seed, 6, number)).generate_state(1)[0])
-            member = self.member.fit(simulated, seed=own, unfinished=unfinished, progress=of_all)
-            members.append(member)
+            how: Any = {"unfinished": unfinished, "progress": partial(of_all, number)}
+            members.append(self.member.fit(simulated, seed=own, **how))
         casts = real.training.joined(real.validation)
-        facts = {**simulated.facts, **real.facts}
-        return corrected(Ensemble(tuple(members)), casts, facts, seed=seed)
+        return corrected(tuple(members), casts, {**simulated.facts, **real.facts}, seed=seed)
 
     def load(self, folder: Path) -> Residual:
         """Read back what `Residual.save` wrote."""
         description = read_description(folder)
         members = range(description["members"])
         return Residual(
-            base=Ensemble(tuple(self.member.load(folder / _BASE / str(k)) for k in members)),
+            base=tuple(self.member.load(folder / _BASE / str(k)) for k in members),
             process=GaussianProcess.load(folder / _CORRECTION),
             **description["noise"],
             scale=np.array(description["spread"]),
@@ -184,14 +181,14 @@ class ResidualLearner:
         )
 
 
-def corrected(base: Ensemble, casts: Examples, facts: Mapping[str, Any], *, seed: int) -> Residual:
+def corrected(base: Base, casts: Examples, facts: Mapping[str, Any], *, seed: int) -> Residual:
     """Learn how `casts` depart from where `base` lets them end; none is held out."""
-    features = _features(base, casts.actions)
+    features, slopes = _features(base, casts.actions)
     departures_m = casts.endpoints_m - features[:, 6:8]
     inputs = Normalisation.of(features)
     rms_m = max(float(np.sqrt(departures_m.var(axis=0).mean())), _LEAST_M)
     outputs = Normalisation(departures_m.mean(axis=0), np.full(2, rms_m))
-    terms_m = _noise_terms(base, casts.actions, inputs.scale[:6])
+    terms_m = _noise_terms(base, casts.actions, slopes, inputs.scale[:6])
     typical_m = np.maximum(np.sqrt(np.square(terms_m).mean(axis=0)), _LEAST_M)
     with reproducible_torch(seed):
         likelihood = _Likelihood(
@@ -221,34 +218,19 @@ def corrected(base: Ensemble, casts: Examples, facts: Mapping[str, Any], *, seed
     return Residual(base, process, of_spread, of_slope, scale, median_m, facts)
 
 
-def _features(base: Ensemble, actions: np.ndarray) -> np.ndarray:
-    """Return the inputs of the process, (n, 20): actions, the base's endpoints and its slopes."""
-    slopes = base.slopes(actions).reshape(len(actions), -1)
-    return np.concatenate([actions, base.predict(actions), slopes], axis=1)
-
-
-def _noise_terms(base: Ensemble, actions: np.ndarray, unit: np.ndarray) -> np.ndarray:
-    """Return |σ| and |S| of `Residual`, (n, 2) [m]."""
-    spread_m = np.linalg.norm(base.spread(actions), axis=1)
-    return np.stack([spread_m, slope_size(base.slopes(actions), unit)], axis=1)
-
-
 @dataclass(frozen=True)
 class _Likelihood:
-    """Of departures (n, 2) at inputs (n, d), both normalised.
+    """Of departures at inputs, both normalised.
 
-    Its logarithms (d + 3,) are of the lengths and the variance of the kernel, and of the factors
-    of the noise `terms` (n, 2), squares of |σ| and |S|. The variance of the noise is `least` or
-    more, and `lightness` (n,) times as large for casts of less weight. Casts of one action share a
-    number in `groups` (n,).
+    Its logarithms (d + 3,) are of lengths and variance of the kernel and of factors of the noise.
     """
 
-    inputs: torch.Tensor
-    departures: torch.Tensor
-    terms: torch.Tensor
-    lightness: torch.Tensor
-    groups: np.ndarray
-    least: float
+    inputs: torch.Tensor  # (n, d)
+    departures: torch.Tensor  # (n, 2)
+    terms: torch.Tensor  # (n, 2), of the noise: squares of |σ| and |S|
+    lightness: torch.Tensor  # (n,), by what the noise of casts of less weight is larger
+    groups: np.ndarray  # (n,), casts of one action share a number
+    least: float  # variance of the noise
 
     def maximized(self) -> tuple[torch.Tensor, torch.Tensor, float]:
         """Fit, and weigh casts by how far they miss, by turns.
@@ -258,11 +240,9 @@ class _Likelihood:
         counts = self.inputs.shape[1], 1, 2
         logs, bounds = np.repeat(_FIRST_LOGS, counts), np.repeat(_LOG_BOUNDS, counts, axis=0)
         inflation, loss = torch.ones(len(self.inputs), dtype=torch.float64), 0.0
-        options = {"maxfun": _EVALUATIONS}
+        options = {"jac": True, "bounds": bounds, "options": {"maxfun": _EVALUATIONS}}
         for _ in range(_ROUNDS):
-            best = minimize(
-                self._loss, logs, args=(inflation,), jac=True, bounds=bounds, options=options
-            )
+            best = minimize(self._loss, logs, args=(inflation,), **options)
             logs, loss = best.x, float(best.fun)
             _, misses, variances = self.posterior(torch.from_numpy(logs), inflation)
             ratio = misses.square().sum(dim=1) / variances
@@ -292,8 +272,7 @@ class _Likelihood:
     ) -> tuple[dict[str, Any], torch.Tensor, torch.Tensor]:
         """Return the tensors of `GaussianProcess`, and misses (n, 2) and variances (n,) of casts.
 
-        Every action in turn is predicted from all others, in closed form (Rasmussen and Williams
-        2006, equation 5.12, for one cast of each).
+        Every action in turn is predicted from all others (Rasmussen and Williams 2006, eq. 5.12).
         """
         lower = torch.linalg.cholesky(self._covariance(logs, inflation))
         known = torch.cholesky_inverse(lower).contiguous()  # row-major, as a file holds it

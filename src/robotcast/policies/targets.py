@@ -44,11 +44,7 @@ def rest_side(endpoints_m: np.ndarray) -> float:
 
 
 def read_targets(path: Path, board: Board) -> np.ndarray:
-    """Read one target a row, columns x and y [m] in the robot base's frame, as (k, 2).
-
-    Columns with other names are ignored. Raises ValueError, naming the row, for what is no
-    finite number or lies off the board.
-    """
+    """Read one target a row, columns x and y [m] in the robot base's frame, as (k, 2)."""
     if not path.is_file():
         raise ValueError(f"{path}: there is no such file; expected a table of targets")
     table = read_table(path, ("x", "y"))
@@ -56,23 +52,20 @@ def read_targets(path: Path, board: Board) -> np.ndarray:
     if not len(x):
         raise ValueError(f"{path}: holds no target")
     length, half = board.length_m, board.width_m / 2
+    board_is = f"x from 0 to {length:g} m and y from {-half:g} to {half:g} m"
     table.refuse_where(
         (x < 0) | (x > length) | (np.abs(y) > half),
-        lambda row: (
-            f"({x[row]:g}, {y[row]:g}) m lies off the board, x from 0 to {length:g} m and "
-            f"y from {-half:g} to {half:g} m"
-        ),
+        lambda row: f"({x[row]:g}, {y[row]:g}) m lies off the board, {board_is}",
     )
     return np.stack([x, y], axis=1)
 
 
 def spread_targets(endpoints_m: np.ndarray, count: int, board: Board) -> np.ndarray:
-    """Spread `count` targets evenly over the well-populated reachable area of the usual half.
+    """Spread `count` targets (count, 2) over the well-populated reachable area of the usual half.
 
     They depend on `endpoints_m` (n, 2) of D_sim alone, so every policy of a cable is tested on the
-    same ones, and no random number enters: cells of 5 cm that hold enough endpoints are clustered
-    by Lloyd's algorithm, started from farthest points. Returns (count, 2) [m], ordered by angle
-    about the robot base.
+    same ones: cells of 5 cm that hold enough endpoints are clustered by Lloyd's algorithm, started
+    from farthest points; no random number enters. Ordered by angle about the robot base.
     """
     side = rest_side(endpoints_m)
     usual = (endpoints_m[:, 1] * side > 0) & board.holds(endpoints_m)
@@ -115,9 +108,9 @@ def tool_sector(actions: np.ndarray) -> Sector:
 
 def _populated_cells(points: np.ndarray) -> np.ndarray:
     """Return the centres (m, 2) of cells that hold at least a quarter of the usual number."""
-    cells, counts = np.unique(np.floor(points / _CELL_M).astype(int), axis=0, return_counts=True)
-    if not len(cells):
+    if not len(points):
         return np.empty((0, 2))
+    cells, counts = np.unique(np.floor(points / _CELL_M).astype(int), axis=0, return_counts=True)
     apart = np.abs(cells[:, None] - cells).max(axis=2)
     around = ((apart <= 1) * counts).sum(axis=1)
     return (cells[around >= 0.25 * np.median(around)] + 0.5) * _CELL_M
@@ -135,27 +128,23 @@ def _farthest_points(cells: np.ndarray, count: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ErrorParts:
-    """Root mean squares of the parts of a policy's errors, in the unit of the endpoints.
+    """Root mean squares of the parts of a policy's errors, in the unit of the endpoints."""
 
-    `repeatability` is how far repeats of one action scatter about their mean (aleatoric), which
-    no model can lower; `model` how far that mean lies from the target (epistemic).
-    """
-
-    repeatability: float
-    model: float
+    repeatability: float  # how far repeats scatter about their mean, which no model can lower
+    model: float  # how far that mean lies from the target
 
     @property
     def repeatability_share(self) -> float:
         """The part of the mean square error that is repeatability, from 0 to 1."""
-        total = self.repeatability**2 + self.model**2
-        return self.repeatability**2 / total if total > 0 else 0.0
+        own, total = self.repeatability**2, self.repeatability**2 + self.model**2
+        return own / total if total > 0 else 0.0
 
 
 def error_parts(ends: Sequence[np.ndarray], targets: Sequence[np.ndarray]) -> ErrorParts | None:
     """Split the mean square error at targets that were cast at more than once; None without any.
 
     `ends` are of shape (repeats, 2), one a target; `targets` of shape (2,). The scatter of the
-    mean itself is taken off the model's part, so that few repeats do not count as a worse model.
+    mean itself is taken off the model's part.
     """
     scattered, missed = [], []
     for points, target in zip(ends, targets, strict=True):
@@ -163,9 +152,8 @@ def error_parts(ends: Sequence[np.ndarray], targets: Sequence[np.ndarray]) -> Er
             scattered.append(points.var(axis=0, ddof=1).sum())
             away = np.square(points.mean(axis=0) - target).sum()
             missed.append(away - scattered[-1] / len(points))
-    if not scattered:
-        return None
-    return ErrorParts(float(np.sqrt(np.mean(scattered))), float(np.sqrt(max(np.mean(missed), 0.0))))
+    means = (float(np.sqrt(max(np.mean(part), 0.0))) for part in (scattered, missed) if part)
+    return ErrorParts(*means) if scattered else None
 
 
 def median_interval(errors: Sequence[np.ndarray], level: float = 0.95) -> tuple[float, float]:
@@ -174,8 +162,7 @@ def median_interval(errors: Sequence[np.ndarray], level: float = 0.95) -> tuple[
     `errors` are of shape (repeats,), one a target. Whole targets are drawn, with all their
     repeats: casts at one target fail together.
     """
-    random = np.random.default_rng(_BOOTSTRAP_SEED)
-    filled = [e for e in errors if len(e)]
+    random, filled = np.random.default_rng(_BOOTSTRAP_SEED), [e for e in errors if len(e)]
     draws = (random.integers(len(filled), size=len(filled)) for _ in range(_BOOTSTRAP_DRAWS))
     medians = [np.median(np.concatenate([filled[k] for k in drawn])) for drawn in draws]
     low, high = np.percentile(medians, [50 * (1 - level), 50 * (1 + level)])

@@ -3,6 +3,7 @@
 import hashlib
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -24,7 +25,6 @@ from robotcast.policies.forward_model import (
 from robotcast.progress import Progress, silent
 from robotcast.source import source_digest
 
-_ROOM = "policies"
 _KEPT_EVERY = 5  # passes between two states on disk
 
 
@@ -37,13 +37,8 @@ class Fit(ABC):
     def __init__(self, dataset: Dataset, seed: int) -> None:
         self.actions = Normalisation.of(dataset.training.actions)
         self.endpoints = Normalisation.of(dataset.training.endpoints_m)
-        self.shared: dict[str, Any] = {  # attributes of a `LearnedModel`
-            "actions": self.actions,
-            "endpoints": self.endpoints,
-            "dataset": dataset.name,
-            "facts": dataset.facts,
-            "seed": seed,
-        }
+        self.shared: dict[str, Any] = {"actions": self.actions, "endpoints": self.endpoints}
+        self.shared |= {"dataset": dataset.name, "facts": dataset.facts, "seed": seed}
 
     def tensors(self, examples: Examples, precision: torch.dtype) -> tuple[torch.Tensor, ...]:
         """Return actions (n, 6) and endpoints (n, 2), normalised, and weights (n,)."""
@@ -69,29 +64,22 @@ class Fit(ABC):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Learner(ABC):
-    """One way to make a forward model: what conf/policy/*.yaml configures.
-
-    There are `passes` over the examples at most, and `patience` without a better held-out loss;
-    held-out misses beyond `outlier_m` count less and less when passes are compared.
-    """
+class Learner:
+    """One way to make a forward model: what conf/policy/*.yaml configures."""
 
     name: ClassVar[str]
     kind: ClassVar[type[LearnedModel]]
+    begin: ClassVar[Callable[..., Fit]]  # (learner, dataset, seed) → a model to be trained
     positive: ClassVar[tuple[str, ...]] = ("learning_rate", "outlier_m", "passes", "patience")
     learning_rate: float
-    outlier_m: float
-    passes: int
-    patience: int
+    outlier_m: float  # held-out misses beyond it count less and less when passes are compared
+    passes: int  # over the examples, at most
+    patience: int  # passes without a better held-out loss
 
     def __post_init__(self) -> None:
         for name in self.positive:
             if (value := getattr(self, name)) <= 0:
                 raise ValueError(f"policy {self.name}: {name} must be positive, got {value}")
-
-    @abstractmethod
-    def begin(self, dataset: Dataset, seed: int) -> Fit:
-        """Return a model that is to be trained on `dataset.training`."""
 
     def fit(
         self,
@@ -103,12 +91,12 @@ class Learner(ABC):
     ) -> LearnedModel:
         """Train until the loss on `dataset.validation` stops falling; keep the best pass.
 
-        The same dataset and seed give the same bytes. A training that was killed goes on from the
-        file `unfinished`, which is removed at the end, and gives the same bytes too; None keeps
-        none, and what another training left is not used.
+        The same dataset and seed give the same bytes, also when a training that was killed goes on
+        from the file `unfinished`, which is removed at the end. What another left is not used.
         """
         with reproducible_torch(seed):
-            fit, fingerprint = self.begin(dataset, seed), _fingerprint(dataset, self, seed)
+            fit = type(self).begin(self, dataset, seed)
+            fingerprint = _fingerprint(dataset, self, seed)
             history, best = _resume(fit, unfinished, fingerprint)
             for number in range(len(history) + 1, self.passes + 1):
                 if history and number - best_epoch(history).epoch > self.patience:
@@ -145,8 +133,8 @@ def held_out_loss(
 ) -> tuple[float, float]:
     """Return the loss by which passes are compared, and the median miss [m].
 
-    The loss is the weighted mean of Cauchy's function log(1 + (miss / outlier)²): the few
-    whip-like casts, which no smooth function explains, must not decide which pass is the best.
+    It is the weighted mean of Cauchy's function log(1 + (miss / outlier)²): the few whip-like
+    casts, which no smooth function explains, must not decide which pass is the best.
     """
     misses_m = np.linalg.norm(predicted_m - held_out.endpoints_m, axis=1)
     costs = np.log1p((misses_m / outlier_m) ** 2)
@@ -154,7 +142,7 @@ def held_out_loss(
 
 
 def _fingerprint(dataset: Dataset, learner: Learner, seed: int) -> str:
-    digest = hashlib.sha256(f"{dataset.name} {learner} {seed} {source_digest(_ROOM)}".encode())
+    digest = hashlib.sha256(f"{dataset.name} {learner} {seed} {source_digest('policies')}".encode())
     for part in (dataset.training, dataset.validation):
         for array in vars(part).values():
             digest.update(np.ascontiguousarray(array).tobytes())

@@ -1,24 +1,25 @@
 """Casts × parameter vectors in batches, in MuJoCo and in PyBullet alike.
 
-A model of the cable says how a batch of simulations starts and how it makes one step. Everything
-else is the same for all models and stands here: the tool's path, the free end's path as the camera
-sees it, when a simulation is over, which is run again more finely, and the processes.
+A `Run` of cables makes the steps. All else is the same for all models and stands here: the tool's
+path, the free end's as the camera sees it, when a simulation is over, which is run again more
+finely, and the processes.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Generic, Protocol, TypeVar
+from functools import partial
+from typing import Any, ClassVar
 
 import numpy as np
 
 from robotcast.casts.tool_motion import ToolMotion
-from robotcast.effects.effect import ActiveEffects, Effect, parameters_of
+from robotcast.effects.effect import ActiveEffects, Effect, Numbers, parameters_of
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable
 from robotcast.processes import PATIENCE_S, cores, parallel_map
 from robotcast.progress import Progress, silent
-from robotcast.simulators.chain import CableState
+from robotcast.simulators.chain import Run
 from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast
 
 CHECK_EVERY = 25  # steps between looks for runs that rest or diverge
@@ -28,37 +29,12 @@ REST_SPEED_M_S = 0.01  # slower than this everywhere, once the tool has stopped,
 DIVERGED_RATE = 1e4  # rad/s or m/s: no cable moves like that
 
 
-class Run(Protocol):
-    """One batch of simulations under way."""
-
-    def state(self) -> CableState:
-        """Return the mass points of the simulations."""
-        ...
-
-    def fastest_rate(self) -> np.ndarray:
-        """Return the largest generalised speed of each simulation, (n_sim,)."""
-        ...
-
-    def step(self, state: CableState, next_pose: np.ndarray) -> None:
-        """Advance one step; the tool reaches `next_pose` (n_sim, 3) at its end."""
-        ...
-
-    def keep(self, kept: np.ndarray, active: ActiveEffects) -> None:
-        """Go on with the simulations numbered `kept` only, in this order."""
-        ...
-
-
-Start = Callable[[np.ndarray, np.ndarray, np.ndarray, ActiveEffects], Run]
-"""Makes a run in which every cable is straight and at rest, from the tool's poses (n_sim, 3), the
-angles from the tools' yaws to the cables (n_sim,) [rad], parameters (n_sim, n_parameters) and the
-effects, of which it applies what acts on the cable."""
-
-
 @dataclass(frozen=True)
 class Settings:
     """Numerical settings of every simulator, not tuned."""
 
     segments: int = 18  # of the cable, as in the paper's segmented one
+    stretches: int = 0  # of the segments
     step_s: float = 0.004  # runs that diverge with it are run again with half of it
     sliding_speed_m_s: float = 0.01  # ε of the slip v/√(v² + ε²) of regularised Coulomb friction
     batch_size: int = 512  # simulations stepped side by side
@@ -66,50 +42,35 @@ class Settings:
     patience_s: float = PATIENCE_S  # a process that takes longer over one batch hangs
 
 
-SettingsT = TypeVar("SettingsT", bound=Settings)
+class BatchSimulator:
+    """A simulator of a cable that runs in batches; a model says what is declared here.
 
-
-class BatchSimulator(Generic[SettingsT]):
-    """A simulator that runs in batches; a model names its parameters and how its runs start.
-
-    Attributes
-    ----------
-    name : of the simulator.
-    own : the names of its own parameters, in order.
-    tunes : the effects that are parameters of the simulator already.
-    lacks : the hooks through which no effect can act in it.
-    few : as many simulations are run here rather than in other processes.
+    Its `parameters` are numbers by name: what a `Parameter` has, or in place of its bounds and
+    nominal value `weighed` and `spread`: the cable's attribute that is the nominal value, searched
+    from nominal / spread to nominal · spread.
     """
 
     name: str
-    own: ClassVar[tuple[str, ...]]
-    tunes: ClassVar[tuple[str, ...]] = ()
-    lacks: ClassVar[tuple[str, ...]] = ()
-    few: ClassVar[int] = 8
+    run: ClassVar[Callable[..., Run]]  # what steps a batch, a class
+    own: ClassVar[tuple[str, ...]]  # names of its own parameters, in order
+    tunes: ClassVar[tuple[str, ...]] = ()  # effects that are parameters of the simulator already
+    lacks: ClassVar[tuple[str, ...]] = ()  # hooks through which no effect can act in it
+    few: ClassVar[int] = 8  # as many simulations are run here rather than in other processes
 
     def __init__(
-        self,
-        cable: Cable,
-        parameters: Sequence[Parameter],
-        settings: SettingsT,
-        effects: Sequence[Effect] = (),
+        self, cable: Cable, parameters: Numbers, settings: Any, effects: Sequence[Effect] = ()
     ) -> None:
-        names = tuple(p.name for p in parameters)
-        if names != self.own:
-            raise ValueError(f"{self.name} simulator: expected parameters {self.own}, got {names}")
-        twice = [effect.name for effect in effects if effect.name in self.tunes]
-        if twice:
+        if (found := tuple(parameters)) != self.own:
+            raise ValueError(f"{self.name} simulator: expected parameters {self.own}, got {found}")
+        if twice := [effect.name for effect in effects if effect.name in self.tunes]:
             raise ValueError(f"{self.name} simulator: {', '.join(twice)} is a parameter of its own")
         deaf = [(e.name, hook) for e in effects for hook in self.lacks if e.acts_through(hook)]
         if deaf:
             said = ", ".join(f"{name} acts through {hook}" for name, hook in deaf)
             raise ValueError(f"{self.name} simulator: {said}, which it cannot carry")
-        self.parameters = (*parameters, *parameters_of(effects))
+        own = [_parameter(name, dict(numbers), cable) for name, numbers in parameters.items()]
+        self.parameters = (*own, *parameters_of(effects))
         self.cable, self.settings, self.effects = cable, settings, tuple(effects)
-
-    def start(self, step_s: float) -> Start:
-        """Return what starts a batch that is stepped by `step_s`."""
-        raise NotImplementedError
 
     def simulate(
         self,
@@ -136,8 +97,9 @@ class BatchSimulator(Generic[SettingsT]):
             done = diverged.size - len(left)
             workers = 1 if len(left) <= self.few else cores(self.settings.processes)
             dealt = _dealt(left, self.settings.batch_size, workers)
-            batches = (self._batch(step_s, sent, vectors, pairs) for pairs in dealt)
-            found = parallel_map(_run_batch, batches, workers, self.settings.patience_s)
+            work = partial(_run_batch, type(self).run, self.cable, self.settings, step_s)
+            batches = (self._batch(sent, vectors, pairs) for pairs in dealt)
+            found = parallel_map(work, batches, workers, self.settings.patience_s)
             for (cast, vector), (seen_m, lost) in zip((d.T for d in dealt), found, strict=True):
                 diverged[vector, cast] = lost
                 waypoints[vector, cast, : seen_m.shape[1]] = seen_m
@@ -147,13 +109,25 @@ class BatchSimulator(Generic[SettingsT]):
         return Prediction(waypoints, diverged)
 
     def _batch(
-        self, step_s: float, casts: Sequence[SimulatedCast], vectors: np.ndarray, pairs: np.ndarray
+        self, casts: Sequence[SimulatedCast], vectors: np.ndarray, pairs: np.ndarray
     ) -> "_Batch":
         chosen, which = np.unique(pairs[:, 0], return_inverse=True)
         values, n = vectors[pairs[:, 1]], len(self.own)
         active = ActiveEffects(self.effects, values[:, n:], [casts[k].factors for k in pairs[:, 0]])
-        used = [casts[k] for k in chosen]
-        return _Batch(self.start(step_s), step_s, used, which, values[:, :n], active)
+        return [casts[k] for k in chosen], which, values[:, :n], active
+
+
+_Batch = tuple[Sequence[SimulatedCast], np.ndarray, np.ndarray, ActiveEffects]
+"""Different casts; of which of them each simulation is, (n_sim,); parameters; and effects."""
+
+
+def _parameter(name: str, numbers: dict[str, Any], cable: Cable) -> Parameter:
+    if "weighed" in numbers:
+        nominal, spread = float(getattr(cable, numbers.pop("weighed"))), numbers.pop("spread")
+        if nominal <= 0:
+            raise ValueError(f"parameter {name}: the cable's own value must be > 0, got {nominal}")
+        numbers |= {"lower": nominal / spread, "upper": nominal * spread, "nominal": nominal}
+    return Parameter(name=name, **numbers)
 
 
 def _dealt(pairs: np.ndarray, most: int, parts: int) -> list[np.ndarray]:
@@ -163,34 +137,22 @@ def _dealt(pairs: np.ndarray, most: int, parts: int) -> list[np.ndarray]:
     return [pairs[first::n] for first in range(n)]
 
 
-@dataclass(frozen=True)
-class _Batch:
-    """Simulations that are stepped side by side, with all that a process needs for them."""
-
-    start: Start
-    step_s: float
-    casts: Sequence[SimulatedCast]  # different ones
-    which: np.ndarray  # (n_sim,), of which of them each simulation is
-    vectors: np.ndarray  # (n_sim, n), the parameters of the simulator
-    active: ActiveEffects
-
-
-def _run_batch(batch: _Batch) -> tuple[np.ndarray, np.ndarray]:
+def _run_batch(
+    run_of: Callable[..., Run], cable: Cable, settings: Any, step_s: float, batch: _Batch
+) -> tuple[np.ndarray, np.ndarray]:
     """Step the simulations of a batch to their ends.
 
-    Returns
-    -------
-    waypoints_m : ndarray of shape (n_sim, k_max, 2), as seen; NaN past a cast's own waypoints
-        and where a run diverged.
-    diverged : bool ndarray of shape (n_sim,).
+    Returns their waypoints (n_sim, k_max, 2) as seen, NaN past a cast's own and where a run
+    diverged; and which of them did, (n_sim,) of bool.
     """
-    casts, which, step_s, active = batch.casts, batch.which, batch.step_s, batch.active
-    happened_s = active.seen_at(_padded_times(casts)[which])
+    casts, which, vectors, active = batch
+    happened_s = active.through("seen_at", _padded_times(casts)[which])
     last = np.ceil(np.nanmax(happened_s, axis=1) / step_s - 1e-9).astype(int)
     tool_end = np.array([cast.tool.t_s[-1] / step_s for cast in casts])[which]
     tools = tool_paths([cast.tool for cast in casts], np.arange(last.max() + 2) * step_s)
     pose = active.held_pose(tools[0, which], step_s)
-    run = batch.start(pose, _leans(casts, which, pose, active), batch.vectors, active)
+    lean_rad = _leans(casts, which, pose, active)
+    run = run_of(cable, settings, step_s, pose, lean_rad, vectors, active)
     path = np.empty((last.max() + 1, 2, len(which)), np.float32)
     ended = np.full(len(which), -1)  # the step at which each simulation ended, −1 under way
     diverged = np.zeros(len(which), dtype=bool)
@@ -218,7 +180,7 @@ def _run_batch(batch: _Batch) -> tuple[np.ndarray, np.ndarray]:
             run.step(state, kept.held_pose(tools[step + 1, which[running]], step_s))
     for i, final in enumerate(ended):
         path[final + 1 :, :, i] = path[final, :, i]
-    waypoints_m = active.seen(_at_times(path, happened_s, step_s))
+    waypoints_m = active.through("seen", _at_times(path, happened_s, step_s))
     waypoints_m[diverged] = np.nan
     return waypoints_m, diverged
 
@@ -234,12 +196,9 @@ def _padded_times(casts: Sequence[Cast]) -> np.ndarray:
 def _leans(
     casts: Sequence[Cast], which: np.ndarray, pose: np.ndarray, active: ActiveEffects
 ) -> np.ndarray:
-    """Return the angles [rad] from the held ends' yaws to where the free ends lie, (n_sim,).
-
-    0 where the free end was not seen before the tool moved.
-    """
+    """Return the angles [rad] from the held ends' yaws to the free ends, (n_sim,); 0 if unseen."""
     seen_m = [np.full(2, np.nan) if c.start_m is None else c.start_m for c in casts]
-    start_m = active.unseen(np.array(seen_m, float)[which][:, None])[:, 0]
+    start_m = active.through("unseen", np.array(seen_m, float)[which][:, None])[:, 0]
     x, y, yaw = pose.T
     lean = np.arctan2(start_m[:, 1] - y, start_m[:, 0] - x) - yaw
     return np.nan_to_num(np.arctan2(np.sin(lean), np.cos(lean)), nan=0.0)
@@ -260,9 +219,8 @@ def _at_times(path: np.ndarray, times_s: np.ndarray, step_s: float) -> np.ndarra
 def tool_paths(tools: Sequence[ToolMotion], times_s: np.ndarray) -> np.ndarray:
     """Return the poses of many tools at the same times (n,), (n, n_tools, 3).
 
-    Cubics between the samples whose slopes there are central differences; at rest before the
-    first and after the last sample. They are local, unlike a spline: what a cast gets does not
-    depend on the casts it is batched with.
+    Cubics between the samples whose slopes there are central differences, and that are local,
+    unlike a spline; at rest before the first and after the last sample.
     """
     paths = np.empty((len(times_s), len(tools), 3))
     for path, tool in zip(paths.swapaxes(0, 1), tools, strict=True):

@@ -7,6 +7,7 @@ be generated anywhere, in any order.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -45,19 +46,19 @@ def generate_casts(
     reach_m: np.ndarray | None = None,
     progress: Progress = silent,
 ) -> Generated:
-    """Simulate the planned casts of `actions` (n, 6) under one parameter vector.
+    """Simulate the casts that `plan` makes of `actions` (n, 6) under one parameter vector.
 
-    Parameters
-    ----------
-    plan : actions (m, 6) → their planned casts.
-    settle_s : how long after the tool should stop the endpoint is read at the latest; a cable
-        that rests earlier is not simulated further.
-    follow : the motion that an arm is commanded → the one it makes (`Following.motion`).
-    reach_m : (2,), where the free end lies from the tool before the cast, `mean_reach` of casts
-        that were measured; None starts the cable along the tool's yaw.
+    The endpoint is read `settle_s` after the tool should stop at the latest; a cable that rests
+    earlier is not simulated further. `follow` turns the motion that an arm is commanded into the
+    one it makes (`Following.motion`). Before the cast the free end lies `reach_m` (2,) from the
+    tool, `mean_reach` of casts that were measured; None starts the cable along the tool's yaw.
     """
     endpoints_m = np.empty((len(actions), 2))
     diverged = np.empty(len(actions), dtype=bool)
+
+    def of_all(first: int, done: int, total: int, note: str = "") -> None:
+        progress(first + done, len(actions), note)
+
     for first in range(0, len(actions), ACTIONS_AT_ONCE):
         part = slice(first, first + ACTIONS_AT_ONCE)
         casts = []
@@ -65,11 +66,7 @@ def generate_casts(
             tool, last_s = follow(planned.tool), np.array([planned.end_s + settle_s])
             start_m = None if reach_m is None else tool.pose[0, :2] + reach_m
             casts.append(SimulatedCast(tool, last_s, start_m, action_factors(action)))
-
-        def partly(done: int, total: int, note: str = "", first: int = first) -> None:
-            progress(first + done, len(actions), note)
-
-        prediction = simulator.simulate(casts, vector, progress=partly)
+        prediction = simulator.simulate(casts, vector, progress=partial(of_all, first))
         endpoints_m[part] = prediction.waypoints_m[0, :, 0]
         diverged[part] = prediction.diverged[0]
     return Generated(actions, endpoints_m, diverged)
@@ -92,7 +89,6 @@ class Shard:
     of: int
 
     def __post_init__(self) -> None:
-        """Raise ValueError where there is no such part."""
         if not 0 <= self.number < self.of:
             raise ValueError(f"of {self.of} shards there is none numbered {self.number}")
 
@@ -116,14 +112,12 @@ def write_d_sim(folder: Path, generated: Generated, facts: dict[str, Any]) -> No
 
 
 def merge_shards(folders: Sequence[Path], folder: Path) -> dict[str, Any]:
-    """Write one D_sim from the folders of all its shards, in their order; return its facts.
-
-    Raises
-    ------
-    FileNotFoundError : a shard is missing.
-    ValueError : the shards come from different simulators, grids or limits.
-    """
-    read = [_facts(path) for path in folders]
+    """Write one D_sim from the folders of all its shards, in their order; return its facts."""
+    read = []
+    for path in folders:
+        if not (path / FACTS).exists():
+            raise FileNotFoundError(f"{path / FACTS} is missing: generate this shard first")
+        read.append(yaml.safe_load((path / FACTS).read_text(encoding="utf-8")))
     for path, facts in zip(folders, read, strict=True):
         if facts["subject"] != read[0]["subject"]:
             raise ValueError(
@@ -135,13 +129,6 @@ def merge_shards(folders: Sequence[Path], folder: Path) -> dict[str, Any]:
     tables = [pl.read_parquet(path / CASTS) for path in folders]
     _write(folder, pl.concat(tables, rechunk=True), merged)
     return merged
-
-
-def _facts(folder: Path) -> dict[str, Any]:
-    path = folder / FACTS
-    if not path.exists():
-        raise FileNotFoundError(f"{path} is missing: generate this shard first")
-    return yaml.safe_load(path.read_text(encoding="utf-8"))
 
 
 def _write(folder: Path, casts: pl.DataFrame, facts: dict[str, Any]) -> None:
