@@ -4,11 +4,10 @@ import base64
 import re
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup, escape
 
-from robotcast.reporting.names import effect_name, thousands
-from robotcast.reporting.numbers import error, number, odds, p_value, quantity, share
+from robotcast.reporting import names
 
 _SYMBOLS = {
     "π_R2S2R": "<i>π</i><sub>R2S2R</sub>",
@@ -26,9 +25,14 @@ def render(template: str, **given: Any) -> str:
     return _TEMPLATES.get_template(template).render(**given)
 
 
-def block(template: str, name: str, *given: Any, **named: Any) -> Markup:
-    """Return a fragment of a page, written by a macro of a template."""
+def block(template: str, name: str, *given: Any, **named: Any) -> Any:
+    """Return what a macro of a template writes: escaped Markup in HTML, plain text elsewhere."""
     return getattr(_TEMPLATES.get_template(template).module, name)(*given, **named)
+
+
+def caption(name: str, *given: Any) -> str:
+    """Return what stands below a table or figure, on one line."""
+    return re.sub("[ \n]+", " ", block("captions.txt", name, *given)).strip()
 
 
 def _symbols(text: str) -> Markup:
@@ -37,20 +41,16 @@ def _symbols(text: str) -> Markup:
 
 _TEMPLATES = Environment(
     loader=PackageLoader("robotcast.reporting", "template"),
-    autoescape=True,
+    autoescape=select_autoescape(),
     undefined=StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,
 )
-_TEMPLATES.filters.update(
-    base64=lambda content: base64.b64encode(content).decode(),
-    symbols=_symbols,
-    effect_name=effect_name,
-    error=error,
-    number=number,
-    odds=odds,
-    p_value=p_value,
-    quantity=quantity,
-    share=share,
-    thousands=thousands,
-)
+_WRITTEN = (
+    "error", "number", "odds", "p_value", "quantity", "share", "thousands",
+    "cable_name", "effect_name", "policy_label", "rig_name", "rig_names",
+)  # fmt: skip
+_TEMPLATES.globals.update({name: getattr(names, name) for name in _WRITTEN})
+_TEMPLATES.filters.update({name: getattr(names, name) for name in _WRITTEN})
+_TEMPLATES.filters["symbols"] = _symbols
+_TEMPLATES.filters["base64"] = lambda content: base64.b64encode(content).decode()

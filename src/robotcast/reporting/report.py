@@ -22,8 +22,8 @@ from robotcast.reporting.names import (
     rig_names,
     thousands,
 )
-from robotcast.reporting.page import render
-from robotcast.reporting.results import CableData, Evaluation, Results, Tuning
+from robotcast.reporting.page import caption, render
+from robotcast.reporting.results import CableData, Evaluation, Results
 from robotcast.reporting.revisions_page import comparable
 from robotcast.reporting.style import style, svg
 from robotcast.reporting.table import Table
@@ -64,14 +64,12 @@ class Report:
     ----------
     tables : by name.
     figures : section of the page → its figures.
-    run : (what, text) pairs of what was run.
     """
 
     results: Results
     facts: RunFacts
     tables: dict[str, Table]
     figures: dict[str, list[PageFigure]]
-    run: list[tuple[str, str]]
 
     def html(self) -> str:
         """Return the page, one HTML file that needs nothing else."""
@@ -79,14 +77,15 @@ class Report:
             "report.html",
             cables=", ".join(cable_name(c.name) for c in self.results.cables),
             rigs=self.results.rigs,
-            rig_names=rig_names(self.results.rigs),
+            rigs_named=rig_names(self.results.rigs),
             scale=self.facts.scale,
             policies={e.policy for e in self.results.evaluations if len(e.casts)},
             predicted=any(e.kind == "predicted" for e in self.results.evaluations),
             glance=glance(self.results),
             tables=self.tables,
             figures=self.figures,
-            run=self.run,
+            facts=self.facts,
+            results=self.results,
         )
 
 
@@ -117,7 +116,7 @@ def make_report(results: Results, facts: RunFacts) -> Report:
             "cables": _cable_figures(results),
             "parts": _part_figures(results),
         }
-    return Report(results, facts, {t.name: t for t in tables}, figures, _run(results, facts))
+    return Report(results, facts, {t.name: t for t in tables}, figures)
 
 
 def _tuning_figures(results: Results) -> list[PageFigure]:
@@ -125,32 +124,17 @@ def _tuning_figures(results: Results) -> list[PageFigure]:
     for cable in results.cables:
         tuning = results.best_tuning(cable.name)
         paths = tuning.test_paths if tuning else None
-        if tuning is None or paths is None or not cable.measured:
-            continue
-        figures.append(
-            PageFigure(
-                f"overlay_{tuning.cable}_{tuning.slug}",
-                f"{cable_name(tuning.cable)}, {tuning.method}: measured and simulated paths",
-                "The tuned simulator that does best on this cable. Five held-out casts from the "
-                "best to the worst by average waypoint error, seen from above; grey lines join "
-                "waypoints of the same time, 100 ms apart. "
-                f"Measured on the {rig_name(tuning.facts.get('rig', ''))}.",
-                svg(overlay_figure(tuning, paths, cable.measured.cable.length_m)),
-            )
-        )
+        if tuning is not None and paths is not None and cable.measured:
+            name = f"overlay_{tuning.cable}_{tuning.slug}"
+            title = f"{cable_name(tuning.cable)}, {tuning.method}: measured and simulated paths"
+            told = caption("overlay", rig_name(tuning.facts.get("rig", "")))
+            drawn = svg(overlay_figure(tuning, paths, cable.measured.cable.length_m))
+            figures.append(PageFigure(name, title, told, drawn))
     traced = [t for t in results.tunings if t.trace is not None]
     if traced:
         floors = {c.name: c.floor.waypoint_percent for c in results.cables if c.floor}
-        figures.append(
-            PageFigure(
-                "tuning_trace",
-                "How tuning went",
-                "The best error found so far against the casts simulated for it, on the casts "
-                "that each simulator is tuned to; dotted, the noise floor that repeats of one "
-                "action show.",
-                svg(trace_figure(traced, floors)),
-            )
-        )
+        told, drawn = caption("tuning_trace"), svg(trace_figure(traced, floors))
+        figures.append(PageFigure("tuning_trace", "How tuning went", told, drawn))
     return figures
 
 
@@ -159,19 +143,11 @@ def _revision_figures(results: Results) -> list[PageFigure]:
     figures = []
     for cable in results.cables:
         tried = [r for r in comparable(cable.revisions) if any(one.effects for one in r.revisions)]
-        for number, rungs in enumerate(tried, start=1):
-            one = rungs.revisions[0]
-            figures.append(
-                PageFigure(
-                    f"revisions_{cable.name}" + (f"_{number}" if number > 1 else ""),
-                    f"{cable_name(cable.name)}: the error of every revision of the model",
-                    f"Bars: average waypoint error on {one.heldout_casts} held-out casts after "
-                    f"tuning on {one.tuning_casts} others, ± one standard error, and how far it "
-                    "fell from the base model; diamonds, what the diagnosis predicted; green, the "
-                    f"noise floor. Measured on the {rig_name(one.rig)}.",
-                    svg(rungs.figure()),
-                )
-            )
+        title = f"{cable_name(cable.name)}: the error of every revision of the model"
+        for number, of in enumerate(tried, start=1):
+            name = f"revisions_{cable.name}" + (f"_{number}" if number > 1 else "")
+            told, drawn = caption("revisions", of.revisions[0]), svg(of.figure())
+            figures.append(PageFigure(name, title, told, drawn))
     return figures
 
 
@@ -180,14 +156,8 @@ def _policy_figures(results: Results) -> list[PageFigure]:
     if not ordered:
         return []
     floors = {c.name: c.floor.final_percent for c in results.cables if c.floor}
-    errors = PageFigure(
-        "errors",
-        "Errors of every cast",
-        "One point a cast; line and number the median, bar the quartiles; dashed, the "
-        f"noise floor of the rest position. {rig_names(results.rigs).capitalize()}.",
-        svg(errors_figure(ordered, floors)),
-    )
-    figures = [errors]
+    told, drawn = caption("errors", rig_names(results.rigs)), svg(errors_figure(ordered, floors))
+    figures = [PageFigure("errors", "Errors of every cast", told, drawn)]
     executed = [e for e in ordered if e.kind == "executed"]
     for cable in dict.fromkeys(e.cable for e in executed):
         several = [e for e in executed if e.cable == cable]
@@ -202,15 +172,11 @@ def _cable_figures(results: Results) -> list[PageFigure]:
 
 
 def _part_figures(results: Results) -> list[PageFigure]:
-    cast = _executed(results)
+    cast = _in_order(_executed(results))
     if not cast:
         return []
-    caption = (
-        "One disc a target; its colour and number are the median error of the casts at it, in % "
-        f"of cable length. {rig_names(results.rigs).capitalize()}."
-    )
-    drawn = svg(board_errors_figure(_in_order(cast)))
-    return [PageFigure("board_errors", "Where on the board policies miss", caption, drawn)]
+    told, drawn = caption("board_errors", rig_names(results.rigs)), svg(board_errors_figure(cast))
+    return [PageFigure("board_errors", "Where on the board policies miss", told, drawn)]
 
 
 def _executed(results: Results) -> list[Evaluation]:
@@ -226,15 +192,9 @@ def _targets(
     results: Results, evaluations: Sequence[Evaluation], name: str, title: str
 ) -> PageFigure:
     """Draw targets, and where casts at them came to rest, over the reachable area."""
-    rigs = rig_names(tuple(sorted({e.rig for e in evaluations})))
-    return PageFigure(
-        name,
-        f"{title}: targets and endpoints",
-        f"Stars are targets, dots of the same colour where the free end came to rest on the "
-        f"{rigs}; dashed lines lead from the mean endpoint to the target. Grey, where tuned "
-        "simulation brings the free end to rest; yellow, the sector swept by the robot’s hand.",
-        svg(targets_figure(evaluations, [results.cable(e.cable) for e in evaluations])),
-    )
+    cables = [results.cable(e.cable) for e in evaluations]
+    told, drawn = caption("targets", evaluations), svg(targets_figure(evaluations, cables))
+    return PageFigure(name, f"{title}: targets and endpoints", told, drawn)
 
 
 def glance(results: Results) -> list[dict[str, str]]:
@@ -275,48 +235,3 @@ def _pair(first: float | None, second: float | None) -> str:
 
 def _percent(value: float | None) -> str:
     return "–" if value is None else f"{value:.1f}%"
-
-
-def _run(results: Results, facts: RunFacts) -> list[tuple[str, str]]:
-    """Return what a run was as rows (what, text)."""
-    rows = [
-        ("Rig", rig_names(results.rigs)),
-        ("Scale", facts.scale),
-        ("Seed", str(facts.seed)),
-        *facts.sizes,
-    ]
-    for cable in results.cables:
-        if cable.measured is not None:
-            trials, lost = cable.measured.trials, len(cable.tracking.get("lost", ()))
-            actions = len({trial.action_id for trial in trials})
-            more = f"; {thousands(lost)} more lost in tracking" if lost else ""
-            text = f"{thousands(len(trials))} casts of {thousands(actions)} actions{more}"
-            rows.append((f"Measured, {cable_name(cable.name)}", text))
-    rows += [(f"Tuned, {cable_name(t.cable)}", _tuned(t)) for t in results.tunings]
-    for (cable, folder), policy in results.policies.items():
-        name = policy_label(*folder.rsplit("-", 1))
-        given = {k: v for k, v in policy["examples"].items() if k not in ("cable", "mixtures")}
-        examples = ", ".join(f"{k.replace('_', ' ')} {v}" for k, v in given.items())
-        rows.append(
-            (
-                f"Trained, {cable_name(cable)}",
-                f"{name}: {examples}; best after {policy['best_epoch']} of {policy['epochs']} "
-                f"passes, median error on validation {1000 * policy['validation_median_m']:.0f} mm",
-            )
-        )
-    return rows
-
-
-def _tuned(tuning: Tuning) -> str:
-    """Return what a tuning was, and what to know before trusting its parameters."""
-    facts = tuning.facts
-    bounds = [name for name, p in facts.get("parameters", {}).items() if p.get("at_bound")]
-    vague, lost = facts.get("certainty", {}).get("vague"), facts.get("diverged_casts")
-    doubts = [
-        f"{thousands(lost)} diverged" if lost else "",
-        f"at a bound: {', '.join(bounds)}" if bounds else "",
-        f"hardly told by the casts: {', '.join(vague)}" if vague else "",
-        "" if "certainty" in facts else "too few casts to say how well these tell the parameters",
-    ]
-    casts = f"{tuning.method}: {thousands(facts.get('simulated_casts', 0))} simulated casts"
-    return "; ".join([f"{casts}, seed {facts.get('seed', '–')}", *filter(None, doubts)])

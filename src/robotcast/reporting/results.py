@@ -63,6 +63,11 @@ class Tuning:
         return self.facts.get("errors", {}).get(split, {}).get(metric)
 
     @property
+    def at_bounds(self) -> list[str]:
+        """The parameters that the search left at a bound."""
+        return [name for name, p in self.facts.get("parameters", {}).items() if p.get("at_bound")]
+
+    @property
     def test_paths(self) -> pl.DataFrame | None:
         """Measured and simulated waypoints of the held-out casts whose run did not diverge."""
         if self.predictions is None:
@@ -123,41 +128,36 @@ class Evaluation:
         """Repeatability and model in the error, in % of cable length; None without repeats."""
         if self.kind != "executed" or self.casts.is_empty():
             return None
-        found = [(xy * self._per_metre, t * self._per_metre) for _, t, xy in self._by_target]
-        return error_parts([xy for xy, _ in found], [t for _, t in found])
+        scale, by_target = self._per_metre, endpoints_by_target(self.casts)
+        return error_parts(
+            [xy * scale for _, _, xy in by_target], [t * scale for _, t, _ in by_target]
+        )
 
     @property
     def expected_percent(self) -> float | None:
         """Median root mean square distance from its prediction that the model expects of a cast."""
-        if self._spread_m is None:
-            return None
-        return float(np.median(np.linalg.norm(self._spread_m, axis=1))) * self._per_metre
+        spread = self._each(pl.col("spread_x").pow(2) + pl.col("spread_y").pow(2))
+        return None if spread is None else float(np.median(np.sqrt(spread))) * self._per_metre
 
     @property
     def within_expected(self) -> float | None:
         """Share of the casts that came to rest in the ellipse where the model expects 95 %."""
-        if self._spread_m is None:
-            return None
-        away = (
-            self.casts.select("x", "y").to_numpy()
-            - self.casts.select("predicted_x", "predicted_y").to_numpy()
+        x, y = (
+            ((pl.col(k) - pl.col(f"predicted_{k}")) / pl.col(f"spread_{k}")).pow(2) for k in "xy"
         )
-        return float((np.square(away / self._spread_m).sum(axis=1) <= _WITHIN_95).mean())
+        away = self._each(x + y)
+        return None if away is None else float((away <= _WITHIN_95).mean())
 
-    @property
-    def _spread_m(self) -> np.ndarray | None:
-        """Standard deviations (n, 2) that the model expects; None where it says nothing."""
-        columns = ("spread_x", "spread_y")
-        if self.casts.is_empty() or self.casts[columns[0]].is_null().any():
+    def _each(self, expression: pl.Expr) -> np.ndarray | None:
+        """Return a number of every cast; None where the model says nothing of its spread."""
+        if self.casts.is_empty() or self.casts["spread_x"].is_null().any():
             return None
-        return self.casts.select(columns).to_numpy()
+        return self.casts.select(expression).to_series().to_numpy()
 
     @property
     def median_interval(self) -> tuple[float, float] | None:
         """The 95 % interval of the median error, in % of cable length; None without casts."""
-        if self.casts.is_empty():
-            return None
-        return median_interval(list(self.errors_by_target.values()))
+        return median_interval([*self.errors_by_target.values()]) if len(self.casts) else None
 
     def change_from(self, other: "Evaluation") -> tuple[float, float, float]:
         """Return by how much of itself the median error changed from another policy's.
@@ -177,20 +177,21 @@ class Evaluation:
 
     @property
     def errors_by_target(self) -> dict[tuple[float, float], np.ndarray]:
-        """Target (x, y) [m] → errors (repeats,) in % of cable length."""
+        """Target (x, y) [m] → errors (repeats,) in % of cable length.
+
+        Of recorded casts the prediction is judged, not where the cast ended; each is a target.
+        """
+        if self.kind == "executed":
+            pairs = [(target, xy) for _, target, xy in endpoints_by_target(self.casts)]
+        else:
+            ends, targets = (
+                self.casts.select(f"{of}_x", f"{of}_y").to_numpy() for of in ("predicted", "target")
+            )
+            pairs = list(zip(targets, ends[:, None], strict=True))
         return {
             (float(x), float(y)): np.linalg.norm(xy - (x, y), axis=1) * self._per_metre
-            for _, (x, y), xy in self._by_target
+            for (x, y), xy in pairs
         }
-
-    @property
-    def _by_target(self) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        if self.kind == "executed":
-            return endpoints_by_target(self.casts)
-        # of recorded casts the prediction is judged, not where the cast ended
-        ends = self.casts.select("predicted_x", "predicted_y").to_numpy()
-        targets = self.casts.select("target_x", "target_y").to_numpy()
-        return [(k, t, e[None]) for k, (t, e) in enumerate(zip(targets, ends, strict=True))]
 
     @property
     def _per_metre(self) -> float:
@@ -244,15 +245,14 @@ class Results:
 
     def best_tuning(self, cable: str) -> Tuning | None:
         """Return the tuned simulator with the least average error on held-out casts of a cable."""
-        of = [(t.error("test", "waypoint_percent"), t) for t in self.tunings if t.cable == cable]
-        known = [(error, t) for error, t in of if error is not None]
-        return min(known, key=lambda pair: pair[0], default=(0, None))[1]
+        of = {t.error("test", "waypoint_percent"): t for t in self.tunings if t.cable == cable}
+        return of[min(known)] if (known := [e for e in of if e is not None]) else None
 
     def best_policy(self, cable: str) -> Evaluation | None:
         """Return the policy whose casts on a rig ended nearest to the targets, by the median."""
-        cast = [e for e in self.evaluations if e.cable == cable and e.kind == "executed"]
-        known = [(e.median_percent, e) for e in cast if e.median_percent is not None]
-        return min(known, key=lambda pair: pair[0], default=(0, None))[1]
+        executed = [e for e in self.evaluations if e.cable == cable and e.kind == "executed"]
+        of = {e.median_percent: e for e in executed}
+        return of[min(known)] if (known := [m for m in of if m is not None]) else None
 
 
 def read_results(data: Path) -> Results:

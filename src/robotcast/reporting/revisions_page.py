@@ -8,9 +8,15 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
 
-from robotcast.reporting.ladder import Rung, ladder
-from robotcast.reporting.names import cable_name, effect_name, method_name, rig_name, thousands
-from robotcast.reporting.numbers import error
+from robotcast.reporting.bars import Bar, Row, bars, fall, spread
+from robotcast.reporting.names import (
+    cable_name,
+    effect_name,
+    error,
+    method_name,
+    rig_name,
+    thousands,
+)
 from robotcast.reporting.page import render
 from robotcast.reporting.style import BLUE, GREEN, GREY, beside, canvas, inline, style
 from robotcast.tuning.revisions import Revision
@@ -49,23 +55,23 @@ class Comparable:
 
     def figure(self) -> Figure:
         """Draw the ladder."""
-        rungs = tuple(map(self._rung, self.revisions))
-        return ladder(rungs, self.revisions[0].noise_floor_percent, _AXIS)
+        return bars([*map(self._row, self.revisions)], _AXIS, self.revisions[0].noise_floor_percent)
 
-    def _rung(self, revision: Revision) -> Rung:
-        base = self.base_of(revision)
-        above = base if base is not revision else None
+    def _row(self, revision: Revision) -> Row:
+        base, reached = self.base_of(revision), revision.heldout_waypoint_error_percent
         several = len(set(map(_method, self.revisions))) > 1
         final = f"final error {error(revision.heldout_final_error_percent)}"
-        return Rung(
-            label=revision_name(revision.effects),
-            realised=revision.heldout_waypoint_error_percent,
-            standard_error=revision.standard_error_percent,
-            predicted=revision.predicted_waypoint_error_percent,
-            detail=_method(revision) if several else final,
-            kind="model" if revision.effects else "base",
-            compared_to=above.heldout_waypoint_error_percent if above else None,
+        bar = Bar(
+            reached,
+            "model" if revision.effects else "before",
+            fall(base.heldout_waypoint_error_percent, reached)
+            if base not in (None, revision)
+            else "",
+            spread(reached, revision.standard_error_percent),
+            revision.predicted_waypoint_error_percent,
         )
+        name = revision_name(revision.effects)
+        return Row(name, (bar,), _method(revision) if several else final)
 
 
 def comparable(revisions: Sequence[Revision]) -> tuple[Comparable, ...]:

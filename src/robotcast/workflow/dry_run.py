@@ -6,7 +6,7 @@ from pathlib import Path
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.files import atomic_file
-from robotcast.reporting.motion import motion_svg
+from robotcast.reporting.figures import motion_svg
 from robotcast.rigs.rig import Rig
 from robotcast.rigs.ur5.rig import Ur5Rig
 from robotcast.stage import tell, warn

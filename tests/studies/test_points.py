@@ -7,17 +7,11 @@ import polars as pl
 import pytest
 
 from robotcast.reporting.results import Evaluation, Tuning, read_evaluation
-from robotcast.reporting.studies import (
-    HEAD,
-    SIZE_HEAD,
-    Point,
-    change_rows,
-    ladder_figure,
-    markdown,
-    real_casts_figure,
-    size_rows,
-)
 from robotcast.reporting.style import style, svg
+from studies.better_model.table import change_rows, ladder_figure
+from studies.points import HEAD, Point
+from studies.real_casts.table import errors_figure
+from studies.tune_size.table import SIZE_HEAD, size_rows
 
 LENGTH_M = 0.5
 
@@ -45,7 +39,7 @@ def test_a_point_tells_the_median_between_its_interval_and_the_quartiles(evaluat
 def test_both_figures_are_the_same_bytes_again(evaluations) -> None:
     models = {"base": 6.0, "diagnosed": 3.0}
     for draw in (
-        lambda: real_casts_figure(points(evaluations, [20, 60, 445])),
+        lambda: errors_figure(points(evaluations, [20, 60, 445])),
         lambda: ladder_figure(models, points(evaluations, [0, 1])),
     ):
         drawn = []
@@ -53,11 +47,6 @@ def test_both_figures_are_the_same_bytes_again(evaluations) -> None:
             with style():
                 drawn.append(svg(draw()))
         assert drawn[0] == drawn[1]
-
-
-def test_the_markdown_table_has_one_decimal_and_no_minus_before_zero() -> None:
-    table = markdown(("a", "b", "c"), [(1, 2.345, -0.04)])
-    assert table == "| a | b | c |\n| --- | --- | --- |\n| 1 | 2.3 | 0.0 |\n"
 
 
 def test_the_change_between_two_places_is_given_group_by_group(evaluations) -> None:
