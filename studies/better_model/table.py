@@ -9,13 +9,13 @@ from omegaconf import DictConfig
 
 from robotcast.files import write_text
 from robotcast.reporting.bars import Bar, Row, bars
-from robotcast.reporting.names import effect_name, policy_name
+from robotcast.reporting.names import effect_name, math_text, policy_name
 from robotcast.reporting.results import read_evaluation
-from robotcast.reporting.style import math_text, svg
+from robotcast.reporting.style import svg
 from robotcast.reporting.table import markdown
 from robotcast.stage import output_folder, stage, tell
 from robotcast.tuning.revisions import REVISION
-from studies.points import HEAD, Point
+from studies.points import HEAD, Point, change
 
 TEXT = """# What a better model is worth to a policy
 
@@ -45,8 +45,8 @@ def change_rows(points: Sequence[Point]) -> list[tuple[str, str, str, str]]:
     for group in dict.fromkeys(p.group for p in points):
         of = sorted((p for p in points if p.group == group), key=lambda p: p.place)
         if len(of) > 1:
-            change = of[-1].evaluation.change_from(of[0].evaluation)
-            rows.append((policy_name("nn", group), *(f"{100 * share:+.0f} %" for share in change)))
+            found = change(of[0].evaluation, of[-1].evaluation)
+            rows.append((policy_name("nn", group), *(f"{100 * share:+.0f} %" for share in found)))
     return rows
 
 
@@ -59,11 +59,11 @@ def ladder_figure(models: Mapping[str, float], points: Sequence[Point]) -> Figur
     """
     rows = []
     for place, (model, error) in enumerate(models.items()):
-        drawn = [Bar(error, "before", "model, held-out casts")]
+        drawn = [Bar(error, "before", "model")]
         for p in sorted((p for p in points if p.place == place), key=lambda p: p.group):
             median, low, high = p.numbers[:3]
             name = math_text(policy_name("nn", p.group))
-            drawn.append(Bar(median, note=f"{name}, at targets", interval=(low, high)))
+            drawn.append(Bar(median, note=name, interval=(low, high)))
         rows.append(Row(f"{model} model", tuple(drawn)))
     return bars(rows, "error [% of cable length]")
 

@@ -10,9 +10,9 @@ from matplotlib.ticker import NullFormatter, NullLocator
 from omegaconf import DictConfig
 
 from robotcast.files import write_text
-from robotcast.reporting.names import dataset_name, policy_name
+from robotcast.reporting.names import dataset_name, math_text, policy_name
 from robotcast.reporting.results import read_evaluation
-from robotcast.reporting.style import BLUE, VERMILION, math_text, style, svg
+from robotcast.reporting.style import BLUE, VERMILION, style, svg
 from robotcast.reporting.table import markdown
 from robotcast.stage import output_folder, stage, tell
 from studies.points import HEAD, Point

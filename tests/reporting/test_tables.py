@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robotcast.reporting.page import to_latex
 from robotcast.reporting.results import Results, read_results
-from robotcast.reporting.table import Group, Table, markdown, to_latex
+from robotcast.reporting.table import Group, Table, markdown
 from robotcast.reporting.tables import cables_table, parts_table, policies_table, tuning_table
 from robotcast.tuning.revisions import Revision
 

@@ -137,9 +137,8 @@ def _bar(axes: Axes, row: Row, bar: Bar, y: float, unit: str) -> None:
         if bar.interval is not None:
             low, high = bar.interval
             words += f", from {error(low, unit)} to {error(high, unit)}"
-            axes.errorbar(
-                bar.error, y, xerr=[[bar.error - low], [high - bar.error]], color=INK, capsize=4
-            )
+            reach = [[bar.error - low], [high - bar.error]]
+            axes.errorbar(bar.error, y, xerr=reach, color=INK, capsize=4)
         (drawn,) = axes.barh(y, bar.error, _THICK, **_LOOKS[bar.kind])
         drawn.set_url(hint(words))
         size, weight = (12, "normal") if len(row.bars) > 1 else (14, "bold")

@@ -188,12 +188,16 @@ def _factor_figure(comparison: Comparison, name: str) -> Figure:
     top = 1.05 * min(max(all_errors), _TALL * float(np.quantile(all_errors, 0.9))) or 1.0
     figure, axes = canvas(232, 186, 34, 10, 12, 38)
     values, errors = np.array(trend["values"]), np.array(trend["errors"])
-    links = _links(comparison, range(len(errors)), trend["errors"])
+    links = np.array(_links(comparison, range(len(errors)), trend["errors"]))
     beyond = errors > top
     dots = {"clip_on": False, "lw": 0, "zorder": 3}
-    axes.scatter(values[~beyond], errors[~beyond], 41, GREY, alpha=0.6, urls=links[~beyond], **dots)
+    axes.scatter(
+        values[~beyond], errors[~beyond], 41, GREY, alpha=0.6, urls=links[~beyond].tolist(), **dots
+    )
     tops = np.full(beyond.sum(), top)
-    axes.scatter(values[beyond], tops, 60, VERMILION, marker="^", urls=links[beyond], **dots)
+    axes.scatter(
+        values[beyond], tops, 60, VERMILION, marker="^", urls=links[beyond].tolist(), **dots
+    )
     running = np.minimum(trend["running_median"], top)
     axes.plot(trend["running_values"], running, color=BLUE, lw=2.4, zorder=4)
     axes.set(ylim=(0, top), xlabel=_factor_label(comparison, name))
@@ -204,11 +208,11 @@ def _factor_figure(comparison: Comparison, name: str) -> Figure:
     return figure
 
 
-def _links(comparison: Comparison, rows: Any, errors: Any) -> np.ndarray:
+def _links(comparison: Comparison, rows: Any, errors: Any) -> list[str]:
     """Return hints that name trials, given by their rows, and their errors, and pick them."""
     word, trials = comparison["words"]["trial"], comparison["trials"]
     pairs = [(trials[row]["trial"], error(e)) for row, e in zip(rows, errors, strict=True)]
-    return np.array([hint(f"{word} {number}: {text}", number) for number, text in pairs])
+    return [hint(f"{word} {number}: {text}", number) for number, text in pairs]
 
 
 @style(on_page=True)

@@ -5,7 +5,6 @@ Its prose stands in diagnosis.html and next_steps.html, chosen by codes.
 
 import json
 import re
-import shlex
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import PurePosixPath
@@ -33,8 +32,8 @@ from robotcast.reporting.style import inline
 State = Literal["running", "too-few", "unknown", "none", "near", "open", "confused", "found"]
 
 _NOT_KNOWN: dict[str, Any] = {
-    **dict.fromkeys(("casts", "actions", "noise_floor_percent", "comparison"), None),
-    **dict.fromkeys(("simulated_casts", "seconds", "unexplained"), None),
+    **dict.fromkeys(("casts", "actions", "noise_floor_percent", "comparison", "simulated_casts")),
+    **dict.fromkeys(("seconds", "unexplained")),
     **dict.fromkeys(("code", "sentence", "rig", "measurements", "output"), ""),
     **dict.fromkeys(("verdict", "confusion_set", "nearest", "overrides", "notes"), ()),
     **dict.fromkeys(("ladder", "ranking", "next_actions"), ()),
@@ -66,10 +65,7 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
         missing=_missing(d),
         drafts=drafts(d.unexplained) if d.unexplained and d.pipeline else {},
         factors=[(n, factor_name(n), d.words["factor_units"].get(n, "")) for n in factors],
-        tune=_tune_command(d),
-        pipeline=_pipeline_command(d),
         outputs=_outputs(d),
-        actions=shlex.quote(f"{d.output}/actions.csv"),
         where=_where(json.dumps(c)) if c else None,
         casts=casts_block(c) if c and d.finished else None,  # what reloads itself cannot play
         rig=rig_name(d.rig),
@@ -142,11 +138,9 @@ def _ladder(d: SimpleNamespace) -> Markup | None:
     if reached is not None:
         detail = f"any force by {left.get('depends_on') or 'anything'}"
         rows.append(Row("fitted field", (Bar(reached, "open", fall(above, reached)),), detail))
-    unit = f"{d.unit} {d.error_name}".rstrip()
-    axis = f"typical error on held-out {d.words['trials']} [{unit}]"
-    return inline(
-        bars(rows, axis, d.noise_floor_percent, d.unit), f"Error ladder of {len(rows)} models"
-    )
+    axis = f"typical error on held-out {d.words['trials']} [{d.error_unit}]"
+    drawn = bars(rows, axis, d.noise_floor_percent, d.unit)
+    return inline(drawn, f"Error ladder of {len(rows)} models")
 
 
 def _slices(slices: list[dict[str, Any]], unit: str) -> Markup:
@@ -155,8 +149,8 @@ def _slices(slices: list[dict[str, Any]], unit: str) -> Markup:
         Row(s["slice"], (Bar(s["before_percent"], "before"), Bar(s["after_percent"])))
         for s in slices
     ]
-    names = max(190.0, 7.4 * max(len(s["slice"]) for s in slices) + 12)
-    figure = bars(rows, unit=unit, width=410 + names, names=names)
+    wide = max(190.0, 7.4 * max(len(s["slice"]) for s in slices) + 12)
+    figure = bars(rows, unit=unit, width=410 + wide, names=wide)
     return inline(figure, "Error before and after, by slice")
 
 
@@ -177,7 +171,7 @@ def _missing(d: SimpleNamespace) -> dict[str, Any] | None:
 
 
 def _sizes(parameters: Mapping[str, Mapping[str, Any]] | None) -> list[dict[str, Any]]:
-    """Return parameters as they are shown: a name, a value, an interval, words and a whisker."""
+    """Return parameters as they are shown: a name, a value, an interval, and their whisker."""
     return [_size(name, **given) for name, given in (parameters or {}).items()]
 
 
@@ -190,50 +184,19 @@ def _size(
     null: float | None = None,
 ) -> dict[str, Any]:
     shown, least, most = with_interval(value, low, high)
-    shown, known = with_unit(shown, unit or ""), low is not None and high is not None
-    between = f", between {least} and {with_unit(most, unit or '')}" if known else ""
-    zero = with_unit(number(null), unit or "")
     # where value, ends of the interval and null lie across a whisker, in pixels
     marks = [value, value if low is None else low, value if high is None else high, null]
     ends = [m for m in marks if m is not None]
-    spread = max(ends) - min(ends) or abs(value) or 1.0
-    scale = 112 / (1.16 * spread)
-    places = [
-        m if m is None else round(4 + scale * (m - min(ends) + 0.08 * spread), 2) for m in marks
-    ]
+    wide = max(ends) - min(ends) or abs(value) or 1.0
+    scale, start = 112 / (1.16 * wide), min(ends) - 0.08 * wide
     return {
         "name": name,
-        "unit": unit,
-        "value": shown,
-        "interval": f"[{least}, {most}]" if known else "",
-        "words": f"{name} = {shown}{between}"
-        + (f"; at {zero} the effect does nothing" if null is not None else ""),
-        "places": places,
+        "unit": unit or "",
+        "value": with_unit(shown, unit or ""),
+        "interval": "" if low is None or high is None else f"[{least}, {most}]",
+        "null": null,
+        "places": [m if m is None else round(4 + scale * (m - start), 2) for m in marks],
     }
-
-
-def _tune_command(d: SimpleNamespace) -> str:
-    """Return the command that tunes the model with what was found to the same measurement set."""
-    folder = d.measurements if "/" in d.measurements else "DIR"
-    diagnosis = f" paths.diagnosis={shlex.quote(d.output)}" if d.output else ""
-    return (
-        f"{shlex.join(['python', 'stages/tune.py', *d.overrides])} "
-        f"paths.measurements={shlex.quote(folder)}{diagnosis} "
-        f"paths.tuned={_outputs(d)}/{'+'.join(d.effects)} 'effects=[{','.join(d.effects)}]'"
-    )
-
-
-def _pipeline_command(d: SimpleNamespace) -> str:
-    """Return the command that runs the pipeline with what was found.
-
-    To DVC a bare comma is a sweep. A simulator that was chosen for the diagnosis runs alone: others
-    may lack other effects.
-    """
-    names = ",".join(d.effects)
-    chosen = f"effects={names}" if len(d.effects) == 1 else f"\"effects='{names}'\""
-    of = [o.removeprefix("simulator=") for o in d.overrides if o.startswith("simulator=")]
-    alone = "".join(f" -S 'simulators=[{s}]' -S generate.simulator={s}" for s in of)
-    return f"dvc exp run -S {chosen}{alone}"
 
 
 def _outputs(d: SimpleNamespace) -> str:

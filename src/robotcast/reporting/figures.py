@@ -1,4 +1,4 @@
-"""Figures beside the pages: how tuning went, where casts end, how the arm would move."""
+"""The report's figures: how tuning went, what tuned models predict, where policies' casts end."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,15 +10,13 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse, Polygon, Wedge
-from matplotlib.ticker import FixedLocator, NullLocator
 
 from robotcast.policies.datasets import Examples
 from robotcast.policies.targets import reachable_outline, tool_sector
 from robotcast.reporting.names import (
     cable_name,
-    dataset_name,
+    math_text,
     policy_label,
-    policy_name,
     rig_name,
     rig_names,
     thousands,
@@ -33,16 +31,10 @@ from robotcast.reporting.style import (
     VERMILION,
     board_axes,
     fit_height,
-    math_text,
-    style,
-    svg,
+    log_errors,
 )
-from robotcast.rigs.envelope import Envelope
-from robotcast.rigs.kinematics import JOINTS, Gripper, link_points
-from robotcast.rigs.ur5.motion import WholeMotion
 
 _QUANTILES = {"best": 0.0, "quarter": 0.25, "median": 0.5, "three quarters": 0.75, "worst": 1.0}
-_ERRORS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)  # ticks, % of cable length
 _LEAST, _MOST = 1.0, 100.0  # ends of the colours in % of cable length
 _BESIDE_M = 0.25  # what is shown beyond the axis of symmetry
 _UNSEEN: dict[str, Any] = {"mfc": "none", "mew": 0.8}
@@ -92,10 +84,8 @@ def overlay_figure(tuning: Tuning, paths: pl.DataFrame, length_m: float) -> Figu
     ----------
     paths : the tuning's `test_paths`.
     """
-    away = (pl.col("x") - pl.col("x_predicted")).pow(2) + (pl.col("y") - pl.col("y_predicted")).pow(
-        2
-    )
-    error = (100 / length_m * away.sqrt().mean()).alias("error")
+    x, y = ((pl.col(k) - pl.col(f"{k}_predicted")).pow(2) for k in "xy")
+    error = (100 / length_m * (x + y).sqrt().mean()).alias("error")
     casts = paths.group_by("trial").agg(error).sort("error", "trial")
     figure, panels = _boards(len(_QUANTILES), 11 / len(_QUANTILES), columns=len(_QUANTILES))
     for panel, (label, quantile) in zip(panels, _QUANTILES.items(), strict=True):
@@ -121,7 +111,7 @@ def overlay_figure(tuning: Tuning, paths: pl.DataFrame, length_m: float) -> Figu
     figure.legend(handles=keys, loc="outside lower center", ncols=4)
     what = "average waypoint error in % of cable length"
     figure.suptitle(f"{cable_name(tuning.cable)} · {tuning.method} · {what}", fontsize=10)
-    fit_height(figure, around_in=1.6)
+    fit_height(figure, around_in=1.8)
     return figure
 
 
@@ -162,7 +152,7 @@ def errors_figure(evaluations: Sequence[Evaluation], floors: dict[str, float | N
     axes = figure.subplots()
     golden = (np.sqrt(5) - 1) / 2
     for place, evaluation in enumerate(evaluations):
-        errors = np.sort(np.maximum(evaluation.errors_percent, _ERRORS[0]))
+        errors = np.sort(np.maximum(evaluation.errors_percent, 0.1))
         beside = 0.5 * ((np.arange(len(errors)) * golden) % 1 - 0.5)  # neighbours stand apart
         color = CYCLE[cables.index(evaluation.cable) % len(CYCLE)]
         axes.plot(place + beside, errors, "o", color=color, ms=3, alpha=0.55, mew=0)
@@ -174,9 +164,7 @@ def errors_figure(evaluations: Sequence[Evaluation], floors: dict[str, float | N
             span = [place - 0.45, place + 0.45]
             axes.plot(span, [floor, floor], color=GREY, lw=1.2, ls=(0, (2, 2)))
     axes.set_yscale("log")
-    axes.yaxis.set_major_locator(FixedLocator(list(_ERRORS)))
-    axes.yaxis.set_minor_locator(NullLocator())
-    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    log_errors(axes.yaxis)
     axes.grid(axis="y", color="#e5e7eb", lw=0.6)
     axes.set_axisbelow(True)
     axes.set_xlim(-0.6, len(evaluations) - 0.2)
@@ -213,9 +201,8 @@ def board_errors_figure(evaluations: Sequence[Evaluation]) -> Figure:
         for x, y in evaluation.unseen_m:
             panel.plot(y, x, "o", mfc="none", mec=GREY, mew=0.5, ms=np.sqrt(130))
             panel.text(y, x, "lost", fontsize=5, **inside)
-        name = policy_name(evaluation.policy, evaluation.dataset)
-        data = dataset_name(evaluation.dataset)
-        _finish(panel, f"{cable_name(evaluation.cable)} · {name}\n{data}")
+        name, policy, data = evaluation.named
+        _finish(panel, f"{name} · {policy}\n{data}")
         panel.margins(0.12)
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=panels, shrink=0.7, ticks=[1, 3, 10, 30, 100])
@@ -240,11 +227,12 @@ def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData
             repeated |= len(ends) > 2
         for x, y in evaluation.unseen_m:
             panel.plot(y, x, "*", color="#374151", ms=10, zorder=4, **_UNSEEN)
-        median = np.median(evaluation.errors_percent)
-        name = policy_name(evaluation.policy, evaluation.dataset)
-        data = "" if evaluation.dataset == "none" else f" on {dataset_name(evaluation.dataset)}"
-        where = f"{rig_name(evaluation.rig)}, median {median:.1f} % of cable length"
-        _finish(panel, f"{cable_name(evaluation.cable)} · {name}{data}\n{where}")
+        name, policy, data = evaluation.named
+        on = "" if evaluation.dataset == "none" else f" on {data}"
+        where = (
+            f"{rig_name(evaluation.rig)}, median {evaluation.median_percent:.1f} % of cable length"
+        )
+        _finish(panel, f"{name} · {policy}{on}\n{where} of cable length")
     _show_tested_half(panels[0], evaluations)
     handles = _handles(repeated, any(e.unseen_m for e in evaluations))
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
@@ -311,31 +299,3 @@ def _handles(ellipses: bool, unseen: bool) -> list:
     if unseen:
         drawn.append(_key("*", "all casts lost in tracking", size=10, **_UNSEEN))
     return drawn if ellipses else [*drawn[:2], *drawn[3:]]
-
-
-def motion_svg(whole: WholeMotion, gripper: Gripper, envelope: Envelope) -> bytes:
-    """Return the held end over the board and the joints in time, reset and cast in a row."""
-    parts = (("reset", whole.reset, BLUE), ("cast", whole.cast, VERMILION))
-    with style():
-        figure = Figure(figsize=(7.2, 6.4))
-        axes = figure.subplot_mosaic([["board", "height"], ["joints", "joints"]])
-        begin_s = 0.0
-        for name, motion, colour in parts:
-            held = link_points(motion.joints_rad, gripper)[:, -1]
-            t_s = begin_s + motion.t_s
-            axes["board"].plot(held[:, 1], held[:, 0], color=colour, label=name)
-            axes["height"].plot(t_s, held[:, 2], color=colour)
-            for angles, joint, shade in zip(motion.joints_rad.T, JOINTS, CYCLE, strict=False):
-                label = joint if name == "reset" else None
-                axes["joints"].plot(t_s, np.degrees(angles), color=shade, label=label)
-            begin_s = float(t_s[-1])
-        (x_low, x_high), (y_low, y_high) = envelope.box.x_m, envelope.box.y_m
-        corners = [(y_low, x_low), (y_low, x_high), (y_high, x_high), (y_high, x_low)]
-        axes["board"].plot(*np.array([*corners, corners[0]]).T, color=GREY, linewidth=0.8)
-        board_axes(axes["board"])
-        axes["board"].legend()
-        axes["height"].set(xlabel="time [s]", ylabel="height of the held end [m]")
-        axes["joints"].set(xlabel="time [s]", ylabel="joint angle [°]")
-        axes["joints"].axvline(float(whole.reset.t_s[-1]), color=GREY, linewidth=0.8)
-        axes["joints"].legend(ncols=6)
-    return svg(figure)

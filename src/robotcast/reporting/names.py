@@ -1,7 +1,8 @@
 """What things are called, and how numbers are written, in front of people."""
 
 import math
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Mapping
 
 _SIMULATORS = {"bullet": "PyBullet", "hybrid": "Hybrid", "segmented": "Segmented"}
 _OPTIMIZERS = {
@@ -23,6 +24,16 @@ _POLICIES = {
     ("residual", "mixed"): "Residual",
 }
 _FACTORS = {"theta1": "θ₁", "theta2": "θ₂", "alpha": "α", "r1": "r₁", "r2": "r₂", "vmax": "v_max"}
+# as LaTeX and matplotlib write the paper's symbols, and as a page does
+SYMBOLS = {
+    "π_R2S2R": (r"$\pi_\mathrm{R2S2R}$", "<i>π</i><sub>R2S2R</sub>"),
+    "π_RD": (r"$\pi_\mathrm{RD}$", "<i>π</i><sub>RD</sub>"),
+    "π_SD": (r"$\pi_\mathrm{SD}$", "<i>π</i><sub>SD</sub>"),
+    "D_real": (r"$\mathcal{D}_\mathrm{real}$", "<i>D</i><sub>real</sub>"),
+    "D_sim": (r"$\mathcal{D}_\mathrm{sim}$", "<i>D</i><sub>sim</sub>"),
+    "Q1": ("$Q_1$", "Q<sub>1</sub>"),
+    "Q3": ("$Q_3$", "Q<sub>3</sub>"),
+}
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _MINUS, _THIN = "\u2212", "\u202f"
 _SMALLEST_P = 1e-12  # below this a p-value says nothing more about data
@@ -169,3 +180,14 @@ def with_interval(value: float, low: float | None, high: float | None) -> tuple[
     decimals = max(1 - power, 0)
     low_text, middle, high_text = (f"{v:.{decimals}f}" for v in (low, value, high))
     return tuple(t.replace("-", _MINUS) for t in (middle, low_text, high_text))  # type: ignore
+
+
+def replaced(text: str, written: Mapping[str, str]) -> str:
+    """Return `text` with every key of `written` as it says, the longest first."""
+    keys = sorted(written, key=len, reverse=True)
+    return re.sub("|".join(map(re.escape, keys)), lambda found: written[found[0]], text)
+
+
+def math_text(text: str) -> str:
+    """Return `text` with the paper's symbols as matplotlib writes them."""
+    return replaced(text, {symbol: written for symbol, (written, _) in SYMBOLS.items()})

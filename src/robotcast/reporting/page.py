@@ -2,6 +2,7 @@
 
 import base64
 import re
+import shlex
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
@@ -9,14 +10,12 @@ from markupsafe import Markup, escape
 
 from robotcast.reporting import names
 
-_SYMBOLS = {
-    "π_R2S2R": "<i>π</i><sub>R2S2R</sub>",
-    "π_RD": "<i>π</i><sub>RD</sub>",
-    "π_SD": "<i>π</i><sub>SD</sub>",
-    "D_real": "<i>D</i><sub>real</sub>",
-    "D_sim": "<i>D</i><sub>sim</sub>",
-    "Q1": "Q<sub>1</sub>",
-    "Q3": "Q<sub>3</sub>",
+_HTML = {symbol: written for symbol, (_, written) in names.SYMBOLS.items()}
+_LATEX = {
+    **{symbol: written for symbol, (written, _) in names.SYMBOLS.items()},
+    **{character: f"\\{character}" for character in "&%_#"},
+    **{"\\": r"\textbackslash{}", "∪": r"$\cup$", "×": r"$\times$", "π": r"$\pi$"},
+    **{"–": "--", "’": "'", "“": "``", "”": "''", "\u202f": r"\,", "\u00a0": "~"},
 }
 
 
@@ -35,8 +34,9 @@ def caption(name: str, *given: Any) -> str:
     return re.sub("[ \n]+", " ", block("captions.txt", name, *given)).strip()
 
 
-def _symbols(text: str) -> Markup:
-    return Markup(re.sub("|".join(_SYMBOLS), lambda found: _SYMBOLS[found[0]], str(escape(text))))
+def to_latex(text: str) -> str:
+    """Return `text` with the symbols used in tables written in LaTeX."""
+    return names.replaced(text, _LATEX)
 
 
 _TEMPLATES = Environment(
@@ -52,5 +52,7 @@ _WRITTEN = (
 )  # fmt: skip
 _TEMPLATES.globals.update({name: getattr(names, name) for name in _WRITTEN})
 _TEMPLATES.filters.update({name: getattr(names, name) for name in _WRITTEN})
-_TEMPLATES.filters["symbols"] = _symbols
+_TEMPLATES.globals["latex"] = _TEMPLATES.filters["latex"] = to_latex
+_TEMPLATES.filters["symbols"] = lambda text: Markup(names.replaced(str(escape(text)), _HTML))
+_TEMPLATES.filters["quote"] = shlex.quote
 _TEMPLATES.filters["base64"] = lambda content: base64.b64encode(content).decode()

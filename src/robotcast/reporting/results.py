@@ -5,9 +5,10 @@ simulated/<cable>/, policies/<cable>/<policy>-<dataset>/ and
 evaluation/<cable>/<policy>-<dataset>/.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import polars as pl
@@ -18,10 +19,10 @@ from robotcast.measurements.noise_floor import NoiseFloor, noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.datasets import Examples, read_simulated
 from robotcast.policies.targets import ErrorParts, error_parts, median_interval
-from robotcast.reporting.names import method_name
+from robotcast.reporting.names import cable_name, dataset_name, method_name, policy_name
 from robotcast.tuning.revisions import Revision, comparable_revisions
 
-_DRAWS, _SEED = 4000, 0
+One = TypeVar("One")
 _WITHIN_95 = -2 * np.log(0.05)  # of the squared distance in standard deviations, in the plane
 _ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
 
@@ -102,6 +103,12 @@ class Evaluation:
     unseen_m: tuple[tuple[float, float], ...] = ()
 
     @property
+    def named(self) -> tuple[str, str, str]:
+        """The cable, the policy and what it learned from, as people call them."""
+        policy = policy_name(self.policy, self.dataset)
+        return cable_name(self.cable), policy, dataset_name(self.dataset)
+
+    @property
     def errors_percent(self) -> np.ndarray:
         """Errors (n,) in % of cable length."""
         return self.casts["error_percent"].to_numpy()
@@ -158,22 +165,6 @@ class Evaluation:
     def median_interval(self) -> tuple[float, float] | None:
         """The 95 % interval of the median error, in % of cable length; None without casts."""
         return median_interval([*self.errors_by_target.values()]) if len(self.casts) else None
-
-    def change_from(self, other: "Evaluation") -> tuple[float, float, float]:
-        """Return by how much of itself the median error changed from another policy's.
-
-        And the 95 % interval of that. Only targets count at which casts of both were tracked.
-
-        Raises
-        ------
-        ValueError
-            When there is no such target.
-        """
-        before, after = other.errors_by_target, self.errors_by_target
-        both = [k for k in before if k in after]
-        if not both:
-            raise ValueError("the two policies have no target at which casts of both were tracked")
-        return median_change([before[k] for k in both], [after[k] for k in both])
 
     @property
     def errors_by_target(self) -> dict[tuple[float, float], np.ndarray]:
@@ -245,14 +236,18 @@ class Results:
 
     def best_tuning(self, cable: str) -> Tuning | None:
         """Return the tuned simulator with the least average error on held-out casts of a cable."""
-        of = {t.error("test", "waypoint_percent"): t for t in self.tunings if t.cable == cable}
-        return of[min(known)] if (known := [e for e in of if e is not None]) else None
+        of = [(t.error("test", "waypoint_percent"), t) for t in self.tunings if t.cable == cable]
+        return _least(of)
 
     def best_policy(self, cable: str) -> Evaluation | None:
         """Return the policy whose casts on a rig ended nearest to the targets, by the median."""
-        executed = [e for e in self.evaluations if e.cable == cable and e.kind == "executed"]
-        of = {e.median_percent: e for e in executed}
-        return of[min(known)] if (known := [m for m in of if m is not None]) else None
+        of = [e for e in self.evaluations if e.cable == cable and e.kind == "executed"]
+        return _least((e.median_percent, e) for e in of)
+
+
+def _least(pairs: Iterable[tuple[float | None, One]]) -> One | None:
+    known = [(number, one) for number, one in pairs if number is not None]
+    return min(known, key=lambda pair: pair[0])[1] if known else None
 
 
 def read_results(data: Path) -> Results:
@@ -272,29 +267,6 @@ def read_results(data: Path) -> Results:
             for p in sorted(data.glob("policies/*/*/policy.yaml"))
         },
     )
-
-
-def median_change(
-    before: Sequence[np.ndarray], after: Sequence[np.ndarray]
-) -> tuple[float, float, float]:
-    """Return by what share the median of all errors changed, and the 95 % interval of that.
-
-    The interval is a bootstrap over targets (Efron 1979), the same ones drawn before and after:
-    what makes a target hard makes it so for both, and cancels.
-
-    Parameters
-    ----------
-    before, after : ndarrays of shape (repeats,), one a target, in the same order; none is empty.
-    """
-    random, n = np.random.default_rng(_SEED), len(before)
-    drawn = (random.integers(n, size=n) for _ in range(_DRAWS))
-    changes = [_median(after, targets) / _median(before, targets) - 1 for targets in drawn]
-    low, high = np.percentile(changes, [2.5, 97.5])
-    return _median(after, range(n)) / _median(before, range(n)) - 1, float(low), float(high)
-
-
-def _median(errors: Sequence[np.ndarray], targets: Sequence[int] | np.ndarray) -> float:
-    return float(np.median(np.concatenate([errors[k] for k in targets])))
 
 
 def endpoints_by_target(casts: pl.DataFrame) -> list[tuple[int, np.ndarray, np.ndarray]]:

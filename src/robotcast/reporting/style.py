@@ -11,8 +11,10 @@ import matplotlib.style
 import numpy as np
 from markupsafe import Markup, escape
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
+from matplotlib.ticker import FixedLocator, NullLocator
 
 # Okabe and Ito's palette, told apart by colour-blind readers
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -21,13 +23,7 @@ CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 GREY, INK, LINE, FAINT = "#6b7280", "#1f2937", "#d1d5db", "#eef1f5"
 
 _STYLES = [Path(__file__).parent / "template" / f"{of}.mplstyle" for of in ("figure", "page")]
-_MATH = {
-    "π_R2S2R": r"$\pi_\mathrm{R2S2R}$",
-    "π_RD": r"$\pi_\mathrm{RD}$",
-    "π_SD": r"$\pi_\mathrm{SD}$",
-    "D_real": r"$D_\mathrm{real}$",
-    "D_sim": r"$D_\mathrm{sim}$",
-}
+_LEVELS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)  # errors, % of cable length
 _TALLEST = 0.86  # height of a board over its width, at most
 _NEEDLESS = r'<(metadata|style).*?</\1>|<!--.*?-->| xmlns(:xlink)?="[^"]*"| id="[A-Za-z0-9.]+_\d+"'
 
@@ -146,8 +142,8 @@ def fit_height(figure: Figure, around_in: float) -> None:
     figure.set_figheight(rows * (height + around_in))
 
 
-def math_text(text: str) -> str:
-    """Return `text` with the paper's symbols as matplotlib writes them."""
-    for symbol, written in _MATH.items():
-        text = text.replace(symbol, written)
-    return text
+def log_errors(axis: Axis, levels: Sequence[float] = _LEVELS) -> None:
+    """Mark a logarithmic axis with round numbers alone."""
+    axis.set_major_locator(FixedLocator(list(levels)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(lambda value, _: f"{value:g}")

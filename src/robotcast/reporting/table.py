@@ -1,37 +1,15 @@
 """A table of percentages, and its written forms: Markdown, CSV, LaTeX and cells of a page."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from typing import NamedTuple
 
 import polars as pl
 
+from robotcast.reporting.page import render
+
 MISSING = "–"
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    "&": r"\&",
-    "%": r"\%",
-    "_": r"\_",
-    "#": r"\#",
-    "π_RD": r"$\pi_\mathrm{RD}$",
-    "π_SD": r"$\pi_\mathrm{SD}$",
-    "π_R2S2R": r"$\pi_\mathrm{R2S2R}$",
-    "D_real": r"$\mathcal{D}_\mathrm{real}$",
-    "D_sim": r"$\mathcal{D}_\mathrm{sim}$",
-    "Q1": "$Q_1$",
-    "Q3": "$Q_3$",
-    "∪": r"$\cup$",
-    "×": r"$\times$",
-    "π": r"$\pi$",
-    "–": "--",
-    "’": "'",
-    "“": "``",
-    "”": "''",
-    "\u202f": r"\,",
-    "\u00a0": "~",
-}
-_SYMBOLS = re.compile("|".join(map(re.escape, sorted(_LATEX, key=len, reverse=True))))
 
 
 def percent(value: float | None) -> str:
@@ -149,45 +127,14 @@ class Table:
 
         It needs \\usepackage{booktabs,graphicx}.
         """
-        titles, rules, at = [], [], len(self.label_columns)
-        for group in self.groups:
-            width = len(group.columns)
-            titles.append(rf"\multicolumn{{{width}}}{{c}}{{{to_latex(group.title)}}}")
-            rules.append(rf"\cmidrule(lr){{{at + 1}-{at + width}}}")
-            at += width
-        columns = [*self.label_columns, *(c for g in self.groups for c in g.columns)]
-        body = [
-            [*map(to_latex, labels), *(_latex_cell(c) for c in cells)]
-            for labels, cells in self.written
-        ]
-        n_labels = len(self.label_columns)
-        lines = [
-            "% needs \\usepackage{booktabs,graphicx}",
-            r"\begin{table*}[t]",
-            r"  \centering\footnotesize\setlength\tabcolsep{4pt}",
-            r"  \resizebox{\ifdim\width>\textwidth\textwidth\else\width\fi}{!}{%",
-            rf"  \begin{{tabular}}{{@{{}}{'l' * n_labels}{'r' * (at - n_labels)}@{{}}}}",
-            r"  \toprule",
-            "  " + " & " * n_labels + " & ".join(titles) + r" \\",
-            "  " + " ".join(rules),
-            "  " + " & ".join(map(to_latex, columns)) + r" \\",
-            r"  \midrule",
-            *("  " + " & ".join(cells) + r" \\" for cells in body),
-            r"  \bottomrule",
-            r"  \end{tabular}}",
-            rf"  \caption{{{to_latex(self.caption)}}}",
-            rf"  \label{{tab:{self.name}}}",
-            r"\end{table*}",
-            "",
-        ]
-        return "\n".join(lines)
-
-
-def to_latex(text: str) -> str:
-    """Return `text` with the symbols used in tables written in LaTeX."""
-    return _SYMBOLS.sub(lambda found: _LATEX[found[0]], text)
-
-
-def _latex_cell(cell: Cell) -> str:
-    text = to_latex(cell.text)
-    return rf"\textbf{{{text}}}" if cell.best else text
+        ends = [*accumulate((len(g.columns) for g in self.groups), initial=len(self.label_columns))]
+        return render(
+            "table.tex",
+            name=self.name,
+            caption=self.caption,
+            labels=self.label_columns,
+            groups=self.groups,
+            columns=tuple(c for g in self.groups for c in g.columns),
+            spans=[(low + 1, high) for low, high in pairwise(ends)],
+            rows=self.written,
+        )

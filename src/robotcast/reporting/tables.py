@@ -57,7 +57,8 @@ SIM2SIM = {
 SIM2SIM_CASTS = 5
 
 _Method = tuple[str, str, tuple[str, ...]]  # simulator, optimizer, effects
-_METRICS = ("waypoint_percent", "final_percent")
+_Errors = tuple[float | None, float | None]  # average waypoint error, median final error
+_NOT_RUN: _Errors = (None, None)
 
 
 def tuning_table(results: Results) -> Table:
@@ -66,14 +67,16 @@ def tuning_table(results: Results) -> Table:
     Every simulator of the paper has a row for every optimizer that was run, whether or not that
     cell was. Below stand the models with effects that do better than without on some cable.
     """
-    cables, rig, methods = _cables(results), rig_names(results.rigs), _methods(results)
+    cables, rig, found = _cables(results), rig_names(results.rigs), _tuned(results)
+    methods = _methods(results, found)
+    paper = {((s, "de", ()), c): errors for s, of in TUNING.items() for c, errors in of.items()}
     floors = [c.floor if c else None for c in map(results.cable, cables)]
-    known = [getattr(floor, metric, None) for floor in floors for metric in _METRICS]
+    known = [getattr(f, of, None) for f in floors for of in ("waypoint_percent", "final_percent")]
     rows = [
         (
             method_name(*method),
-            *(v for c in cables for v in _tuned(results, c, method)),
-            *(v for c in CABLES for v in _papers(method, c)),
+            *(v for c in cables for v in found.get((method, c), _NOT_RUN)),
+            *(v for c in CABLES for v in paper.get((method, c), _NOT_RUN)),
         )
         for method in methods
     ]
@@ -101,48 +104,35 @@ def _method(tuned: Tuning | Revision) -> _Method:
     return tuned.simulator, tuned.optimizer, tuned.effects
 
 
-def _methods(results: Results) -> list[_Method]:
-    """Return the rows: without effects first, then those with effects that help."""
+def _tuned(results: Results) -> dict[tuple[_Method, str], _Errors]:
+    """Return both errors of every row and cable that was run.
+
+    What lies tuned now goes before the revisions that a later tuning has replaced.
+    """
+    found: dict[tuple[_Method, str], _Errors] = {}
+    for t in results.tunings:
+        errors = t.error("test", "waypoint_percent"), t.error("test", "final_percent")
+        found.setdefault((_method(t), t.cable), errors)
+    for cable in results.cables:
+        for r in cable.revisions:
+            errors = r.heldout_waypoint_error_percent, r.heldout_final_error_percent
+            found.setdefault((_method(r), cable.name), errors)
+    return found
+
+
+def _methods(results: Results, found: dict[tuple[_Method, str], _Errors]) -> list[_Method]:
+    """Return the rows: without effects first, then those whose effects help on some cable."""
     simulators = [*TUNING, *sorted({t.simulator for t in results.tunings} - set(TUNING))]
     optimizers = ["de", *sorted({t.optimizer for t in results.tunings} - {"de"})]
-    tuned = [*results.tunings, *(r for cable in results.cables for r in cable.revisions)]
-    richer = sorted({_method(t) for t in tuned if t.effects})
-    return [
-        *((s, o, ()) for s in simulators for o in optimizers),
-        *(method for method in richer if _helps(results, method)),
-    ]
 
+    def helps(of: _Method, cable: str, error: float | None) -> bool:
+        base, _ = found.get(((*of[:2], ()), cable), _NOT_RUN)
+        return bool(of[2]) and error is not None and (base is None or error < base)
 
-def _helps(results: Results, method: _Method) -> bool:
-    """Tell whether the effects lower the waypoint error on some cable."""
-    plain = (*method[:2], ())
-    pairs = [
-        (_tuned(results, cable, method)[0], _tuned(results, cable, plain)[0])
-        for cable in _cables(results)
-    ]
-    return any(r is not None and (base is None or r < base) for r, base in pairs)
-
-
-def _tuned(results: Results, cable: str, method: _Method) -> tuple[float | None, float | None]:
-    """Return both errors of a row on one cable, None where it was not run there.
-
-    What lies tuned now is asked first, then the revisions that a later tuning has replaced.
-    """
-    for tuning in results.tunings:
-        if tuning.cable == cable and _method(tuning) == method:
-            return tuning.error("test", _METRICS[0]), tuning.error("test", _METRICS[1])
-    known = results.cable(cable)
-    for r in known.revisions if known else ():
-        if _method(r) == method:
-            return r.heldout_waypoint_error_percent, r.heldout_final_error_percent
-    return None, None
-
-
-def _papers(method: _Method, cable: str) -> tuple[float | None, float | None]:
-    """Return the paper's errors, which are of differential evolution and no effects."""
-    simulator, optimizer, effects = method
-    known = TUNING.get(simulator, {}) if optimizer == "de" and not effects else {}
-    return known.get(cable, (None, None))
+    richer = {
+        method for (method, cable), errors in found.items() if helps(method, cable, errors[0])
+    }
+    return [*((s, o, ()) for s in simulators for o in optimizers), *sorted(richer)]
 
 
 def policies_table(results: Results) -> Table:
@@ -161,7 +151,7 @@ def policies_table(results: Results) -> Table:
             e = results.evaluation(cable, *pair)
             paper = POLICIES.get(pair) if cable == "cable1" else None
             labels = (cable_name(cable), policy_name(*pair), dataset_name(pair[1]))
-            rows.append((*labels, *_quartiles(e), *_median_and_repeats(e), *(paper or [None] * 5)))
+            rows.append((*labels, *_numbers(e), *(paper or [None] * 5)))
     shown = [e for cable in blocks for e in of[cable]]
     contests = tuple(row[0] for row in rows)
     labels = ("Cable", "Model", "Dataset")
@@ -171,15 +161,7 @@ def policies_table(results: Results) -> Table:
 def cables_table(results: Results) -> Table:
     """Errors of π_R2S2R (paper, tab:results), one row a cable."""
     cast = {c: results.evaluation(c, "nn", "mixed") for c in _cables(results)}
-    rows = [
-        (
-            cable_name(cable),
-            *_quartiles(e),
-            *_median_and_repeats(e),
-            *CABLES.get(cable, [None] * 5),
-        )
-        for cable, e in cast.items()
-    ]
+    rows = [(cable_name(c), *_numbers(e), *CABLES.get(c, [None] * 5)) for c, e in cast.items()]
     shown = [e for e in cast.values() if e]
     return _beside_the_paper("cables", ("Cable",), shown, PAPER_RIG, rows)
 
@@ -217,8 +199,8 @@ def parts_table(results: Results) -> Table:
         share = 100 * parts.repeatability_share if parts else None
         rows.append(
             (
-                *(cable_name(e.cable), policy_name(e.policy, e.dataset), dataset_name(e.dataset)),
-                *(e.median_percent, *_median_and_repeats(e)),
+                *e.named,
+                *(e.median_percent, *_numbers(e)[5:]),
                 *((parts.repeatability, parts.model) if parts else (None, None)),
                 *((share, 100 - share) if share is not None else (None, None)),
                 *(e.expected_percent, e.within_expected and 100 * e.within_expected),
@@ -240,17 +222,12 @@ def parts_table(results: Results) -> Table:
     )
 
 
-def _quartiles(evaluation: Evaluation | None) -> tuple[float | None, ...]:
-    if evaluation is None or len(evaluation.errors_percent) == 0:
-        return (None,) * 5
-    return tuple(np.percentile(evaluation.errors_percent, [50, 25, 75, 0, 100]).tolist())
-
-
-def _median_and_repeats(evaluation: Evaluation | None) -> tuple[float | None, ...]:
-    """Return the median's 95 % interval, then what repeats of one cast differ by."""
-    if evaluation is None or len(evaluation.errors_percent) == 0:
-        return (None,) * 3
-    return *(evaluation.median_interval or (None, None)), evaluation.scatter_percent
+def _numbers(evaluation: Evaluation | None) -> tuple[float | None, ...]:
+    """Return `QUARTILES`, the median's 95 % interval, and what repeats of one cast differ by."""
+    if evaluation is None or evaluation.casts.is_empty():
+        return (None,) * 8
+    quartiles = np.percentile(evaluation.errors_percent, [50, 25, 75, 0, 100]).tolist()
+    return *quartiles, *(evaluation.median_interval or _NOT_RUN), evaluation.scatter_percent
 
 
 def _cables(results: Results) -> list[str]:
