@@ -58,6 +58,7 @@ SIM2SIM_CASTS = 5
 
 _Method = tuple[str, str, tuple[str, ...]]  # simulator, optimizer, effects
 _Errors = tuple[float | None, float | None]  # average waypoint error, median final error
+_Found = dict[tuple[_Method, str], _Errors]  # with the cable
 _NOT_RUN: _Errors = (None, None)
 
 
@@ -69,7 +70,7 @@ def tuning_table(results: Results) -> Table:
     """
     cables, rig, found = _cables(results), rig_names(results.rigs), _tuned(results)
     methods = _methods(results, found)
-    paper = {((s, "de", ()), c): errors for s, of in TUNING.items() for c, errors in of.items()}
+    paper: _Found = {((s, "de", ()), c): pair for s, of in TUNING.items() for c, pair in of.items()}
     floors = [c.floor if c else None for c in map(results.cable, cables)]
     known = [getattr(f, of, None) for f in floors for of in ("waypoint_percent", "final_percent")]
     rows = [
@@ -104,12 +105,12 @@ def _method(tuned: Tuning | Revision) -> _Method:
     return tuned.simulator, tuned.optimizer, tuned.effects
 
 
-def _tuned(results: Results) -> dict[tuple[_Method, str], _Errors]:
+def _tuned(results: Results) -> _Found:
     """Return both errors of every row and cable that was run.
 
     What lies tuned now goes before the revisions that a later tuning has replaced.
     """
-    found: dict[tuple[_Method, str], _Errors] = {}
+    found: _Found = {}
     for t in results.tunings:
         errors = t.error("test", "waypoint_percent"), t.error("test", "final_percent")
         found.setdefault((_method(t), t.cable), errors)
@@ -120,7 +121,7 @@ def _tuned(results: Results) -> dict[tuple[_Method, str], _Errors]:
     return found
 
 
-def _methods(results: Results, found: dict[tuple[_Method, str], _Errors]) -> list[_Method]:
+def _methods(results: Results, found: _Found) -> list[_Method]:
     """Return the rows: without effects first, then those whose effects help on some cable."""
     simulators = [*TUNING, *sorted({t.simulator for t in results.tunings} - set(TUNING))]
     optimizers = ["de", *sorted({t.optimizer for t in results.tunings} - {"de"})]
