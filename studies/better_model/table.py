@@ -1,24 +1,21 @@
 """Put the error ladders of the model and of its policies side by side."""
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from matplotlib.figure import Figure
 from omegaconf import DictConfig
 
 from robotcast.files import write_text
-from robotcast.reporting.names import effect_name, policy_name
+from robotcast.reporting.bars import Bar, Row, bars
+from robotcast.reporting.names import effect_name, math_text, policy_name
 from robotcast.reporting.results import read_evaluation
-from robotcast.reporting.studies import (
-    CHANGE_HEAD,
-    HEAD,
-    Point,
-    change_rows,
-    ladder_figure,
-    markdown,
-)
-from robotcast.reporting.style import style, svg
+from robotcast.reporting.style import svg
+from robotcast.reporting.table import markdown
 from robotcast.stage import output_folder, stage, tell
 from robotcast.tuning.revisions import REVISION
+from studies.points import HEAD, Point, change
 
 TEXT = """# What a better model is worth to a policy
 
@@ -39,6 +36,36 @@ the 95 % interval of a bootstrap that draws the same targets for both:
 
 """
 MODELS = ("base", "diagnosed")
+CHANGE_HEAD = ("Policy", "its median error", "from", "to")
+
+
+def change_rows(points: Sequence[Point]) -> list[tuple[str, str, str, str]]:
+    """Return `CHANGE_HEAD` for every group: from its first place to its last, with the interval."""
+    rows = []
+    for group in dict.fromkeys(p.group for p in points):
+        of = sorted((p for p in points if p.group == group), key=lambda p: p.place)
+        if len(of) > 1:
+            found = change(of[0].evaluation, of[-1].evaluation)
+            rows.append((policy_name("nn", group), *(f"{100 * share:+.0f} %" for share in found)))
+    return rows
+
+
+def ladder_figure(models: Mapping[str, float], points: Sequence[Point]) -> Figure:
+    """Draw the error of every model on held-out casts, above those of its policies at the targets.
+
+    Parameters
+    ----------
+    models : name → average waypoint error on held-out casts in % of cable length.
+    """
+    rows = []
+    for place, (model, error) in enumerate(models.items()):
+        drawn = [Bar(error, "before", "model")]
+        for p in sorted((p for p in points if p.place == place), key=lambda p: p.group):
+            median, low, high = p.numbers[:3]
+            name = math_text(policy_name("nn", p.group))
+            drawn.append(Bar(median, note=name, interval=(low, high)))
+        rows.append(Row(f"{model} model", tuple(drawn)))
+    return bars(rows, "error [% of cable length]")
 
 
 def table(config: DictConfig) -> None:
@@ -64,8 +91,7 @@ def table(config: DictConfig) -> None:
     changes = markdown(CHANGE_HEAD, change_rows(points))
     text = TEXT.format(effects=effects) + written + CHANGES + changes
     write_text(reports / "README.md", text)
-    with style():
-        write_text(reports / "ladders.svg", svg(ladder_figure(models, points)).decode("utf-8"))
+    write_text(reports / "ladders.svg", svg(ladder_figure(models, points)).decode("utf-8"))
     tell(f"{reports}: {len(rows)} policies")
 
 

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullLocator
 from scipy.stats import binomtest
 
-from robotcast.reporting.style import BLUE, GREY, VERMILION
+from robotcast.reporting.style import BLUE, GREY, VERMILION, log_errors
 from studies.hidden_effects.outcomes import Outcome
 
 ENDS = ("none", "unknown")
@@ -85,9 +84,7 @@ def power_figure(outcomes: Sequence[Outcome]) -> Figure:
         )
     axes.axvline(1.0, color=VERMILION, lw=1.0, ls=(0, (2, 2)), label="noise floor")
     axes.set_xscale("log")
-    axes.xaxis.set_major_locator(FixedLocator(list(_TICKS)))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    log_errors(axes.xaxis, _TICKS)
     axes.set_ylim(-0.08, 1.08)
     axes.set_xlabel("shift of the paths by the hidden effect [noise floors]")
     axes.set_ylabel("named first")

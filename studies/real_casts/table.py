@@ -1,16 +1,21 @@
 """Put the error against the number of real casts into one table and figure."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import yaml
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, NullLocator
 from omegaconf import DictConfig
 
 from robotcast.files import write_text
-from robotcast.reporting.names import dataset_name, policy_name
+from robotcast.reporting.names import dataset_name, math_text, policy_name
 from robotcast.reporting.results import read_evaluation
-from robotcast.reporting.studies import HEAD, Point, markdown, real_casts_figure
-from robotcast.reporting.style import style, svg
+from robotcast.reporting.style import BLUE, VERMILION, style, svg
+from robotcast.reporting.table import markdown
 from robotcast.stage import output_folder, stage, tell
+from studies.points import HEAD, Point
 
 TEXT = """# What real casts are worth
 
@@ -24,6 +29,29 @@ knows nothing of others. Made by `make real-casts`.
 ![Median error against the number of real casts](errors.svg)
 
 """
+
+
+def errors_figure(points: Sequence[Point]) -> Figure:
+    """Draw the median error with its interval against the number of real casts."""
+    figure = Figure(figsize=(6.0, 3.6))
+    axes = figure.subplots()
+    for group, color in zip(sorted({p.group for p in points}), (BLUE, VERMILION), strict=False):
+        of = sorted((p for p in points if p.group == group), key=lambda p: p.place)
+        numbers = np.array([p.numbers for p in of])
+        places = [p.place for p in of]
+        name = f"{policy_name('nn', group)} on {dataset_name(group)}"
+        axes.plot(places, numbers[:, 0], "o-", color=color, label=math_text(name))
+        axes.vlines(places, numbers[:, 1], numbers[:, 2], color=color, lw=1.2)
+    places = sorted({p.place for p in points})
+    axes.set_xscale("log")
+    axes.set_xticks(places, [f"{n:.0f}" for n in places])
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("real casts to learn from")
+    axes.set_ylabel("median error\n[% of cable length]")
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
 
 
 def table(config: DictConfig) -> None:
@@ -45,7 +73,7 @@ def table(config: DictConfig) -> None:
     folder = output_folder(settings.reports)
     write_text(folder / "README.md", TEXT + markdown(columns, rows))
     with style():
-        write_text(folder / "errors.svg", svg(real_casts_figure(points)).decode("utf-8"))
+        write_text(folder / "errors.svg", svg(errors_figure(points)).decode("utf-8"))
     tell(f"{folder}: {len(rows)} policies")
 
 

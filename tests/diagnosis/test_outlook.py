@@ -21,5 +21,5 @@ def test_the_total_stays_ahead_of_what_is_done() -> None:
 
 
 def test_every_step_says_what_it_does() -> None:
-    assert Step.REFIT.says("tilt") == "refitting with tilt"
+    assert Step.REFIT.says("air_drag + tilt") == "refitting with air drag + tilt"
     assert Step.BASE.says("") == "fitting the model as it is"

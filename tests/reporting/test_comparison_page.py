@@ -10,13 +10,7 @@ import numpy as np
 import pytest
 
 from robotcast.diagnosis.compare import compare
-from robotcast.reporting.comparison_page import (
-    casts_block,
-    comparison_page,
-    factors_block,
-    map_block,
-    time_block,
-)
+from robotcast.reporting.comparison_page import casts_block, comparison_page, where_blocks
 from tests.diagnosis.made_up_trials import SCALE, TIMES_S, WORDS, MadeUp, made_up
 
 EMPTY = {"meta", "link", "br", "input", "circle", "polyline", "path", "rect"}
@@ -184,11 +178,11 @@ def test_names_from_data_are_escaped() -> None:
 
 def test_blocks_stand_alone_in_other_pages() -> None:
     plain = compared(made_up(groups=8))
-    for block in (time_block, map_block, factors_block, casts_block):
+    for block in (*where_blocks(plain).values(), casts_block(plain)):
         balance = Balance()
-        balance.feed(block(plain))
+        balance.feed(block)
         assert not balance.wrong and not balance.open
-    assert map_block(compared(one_component())) == ""
+    assert where_blocks(compared(one_component()))["map"] == ""
 
 
 def test_the_same_comparison_gives_the_same_page() -> None:

@@ -4,12 +4,10 @@ import re
 
 import pytest
 
-from robotcast.diagnosis.wording import Wording
 from robotcast.reporting.diagnosis_page import diagnosis_page
+from robotcast.reporting.names import error
 from tests.reporting.diagnosis_states import (
-    LADDER,
     STATES,
-    compared,
     confused,
     effect,
     near,
@@ -18,12 +16,13 @@ from tests.reporting.diagnosis_states import (
     several,
     too_few,
     unknown,
+    untestable,
 )
 
 
 def text_of(page: str) -> str:
     """The words of a page without its tags, style and drawings' coordinates."""
-    body = re.sub(r"<style>.*?</style>", "", page, flags=re.S)
+    body = re.sub(r"<(style|script)[^>]*>.*?</\1>", "", page, flags=re.S)
     words = re.sub(r"<[^>]+>", " ", body).replace("&#39;", "'").replace("&#34;", '"')
     return re.sub(r"\s+", " ", words)
 
@@ -45,47 +44,61 @@ def test_every_state_is_one_page_that_needs_nothing_else(state: str) -> None:
     assert page == diagnosis_page(STATES[state]())
 
 
+@pytest.mark.parametrize(
+    ("state", "color"),
+    [
+        ("none", "is-none"), ("near", "is-near"), ("effect", "is-found"), ("several", "is-found"),
+        ("confused", "is-confused"), ("unknown", "is-unknown"), ("without_repeats", "is-open"),
+        ("too_few", "is-too-few"), ("running", "is-running"),
+    ],
+)  # fmt: skip
+def test_the_colour_is_the_verdict_s(state: str, color: str) -> None:
+    assert f'<body class="{color}">' in diagnosis_page(STATES[state]())
+
+
 def test_verdict_evidence_and_the_command_stand_before_everything_else() -> None:
-    screen = first_screen(diagnosis_page(effect()))
-    assert "The board is not level" in screen
-    assert "effects=[board_tilt]" in screen and "python stages/tune.py" in screen
-    assert "paths.tuned=outputs/b/board_tilt" in screen
+    said, screen = effect(), first_screen(diagnosis_page(effect()))
+    assert "The model lacks this: the board is not level" in screen
+    assert "effects=[tilt]" in screen and "python stages/tune.py" in screen
+    assert "paths.tuned=outputs/b/tilt" in screen
     assert "dvc exp run -S" in screen
-    assert "noise floor 0.76" in screen
-    assert "1.04" in screen and "−67 %" in screen
+    assert text_of(f"noise floor {error(said['noise_floor_percent'])}") in screen
+    first, last = (rung["heldout_typical_error_percent"] for rung in said["ladder"])
+    assert text_of(f"{error(first)} → {error(last)}") in screen
+    assert f"−{100 * (1 - last / first):.0f} %" in screen
 
 
 def test_the_commands_go_on_with_the_simulator_that_was_diagnosed() -> None:
     chosen = ["simulator=hybrid", "simulator.model.settings.step_s=0.002"]
     screen = first_screen(diagnosis_page({**effect(), "overrides": chosen}))
     assert f"python stages/tune.py {' '.join(chosen)} paths.measurements" in screen
-    alone = "effects=board_tilt -S 'simulators=[hybrid]' -S generate.simulator=hybrid"
+    alone = "effects=tilt -S 'simulators=[hybrid]' -S generate.simulator=hybrid"
     assert alone in screen
     assert "simulators=" not in first_screen(diagnosis_page(effect()))
 
 
 def test_effects_go_by_readable_names() -> None:
     screen = first_screen(diagnosis_page(several()))
-    assert "board tilt" in screen and "air drag" in screen
-    assert "effects=[board_tilt,air_drag]" in screen
+    assert "Add tilt and late clock" in screen
+    assert "effects=[tilt,late_clock]" in screen and "effects='tilt,late_clock'" in screen
 
 
 def test_a_clean_bill_names_no_effect_to_add() -> None:
     screen = first_screen(diagnosis_page(none()))
     assert "effects=[" not in screen
-    assert "2 of 3 effects would have been noticed" in screen
+    assert "4 of 4 effects would have been noticed" in screen
 
 
-def test_a_confused_pair_is_answered_with_casts_to_run() -> None:
+def test_a_confused_pair_is_answered_with_trials_to_run() -> None:
     screen = first_screen(diagnosis_page(confused()))
-    assert "hardly told from camera offset" in screen
-    assert "board tilt and camera offset predict different paths" in screen
-    assert "actions.csv" in screen and "−0.900" in screen
+    assert "hardly told from turn" in screen
+    assert "shear and turn predict different paths" in screen
+    assert "actions.csv" in screen and "speed" in screen
 
 
-def test_what_came_near_is_named_as_not_confirmed_with_casts_to_run() -> None:
+def test_what_came_near_is_named_as_not_confirmed_with_trials_to_run() -> None:
     screen = first_screen(diagnosis_page(near()))
-    assert "Not confirmed: board tilt or camera offset" in screen
+    assert "Not confirmed: shear or turn" in screen
     assert "actions.csv" in screen and "effects=[" not in screen
 
 
@@ -108,64 +121,55 @@ def test_a_field_that_explains_nothing_is_not_said_to_be_the_missing_force() -> 
 def test_a_running_diagnosis_says_what_it_does_and_reloads() -> None:
     page = diagnosis_page(running())
     assert '<meta http-equiv="refresh" content="3">' in page
-    assert "refitting board_tilt" in first_screen(page)
+    assert "refitting the model as it is" in first_screen(page)
     assert "refresh" not in diagnosis_page(effect())
 
 
 def test_limits_of_the_data_are_said() -> None:
     words = text_of(diagnosis_page(too_few()))
-    assert "The set has 3 casts" in words
+    assert "The set has 3 pushes" in words
     assert "no ladder was drawn" in words
 
 
 def test_effects_that_cannot_be_judged_are_told_apart_from_absent_ones() -> None:
-    page = diagnosis_page(effect())
+    page = diagnosis_page(untestable())
     rows = page[page.index("<tbody>") : page.index("</tbody>")]
-    assert "your casts cannot tell" in rows
-    assert "friction patch" not in rows and "resting curvature" not in rows
+    assert ">tilt<" in rows and ">dead<" not in rows and ">faint<" not in rows
     words = text_of(page)
-    assert "friction patch (simulating it changes no prediction" in words
-    assert "resting curvature (the model does not react" in words
+    assert "faint (simulating it changes no prediction" in words
+    assert "dead (the model does not react" in words
 
 
 def test_text_from_data_cannot_break_the_page() -> None:
-    plain = {**effect(), "sentence": "a < b & <b>c</b>", "measurements": '"><script>'}
+    plain = {**effect(), "sentence": "a < b & <b>c</b>", "measurements": '"><i>'}
     page = diagnosis_page(plain)
     assert "a &lt; b &amp; &lt;b&gt;" in page
-    assert "<script>" not in page
+    assert "<b>c" not in page and "<i>" not in page
 
 
-def test_a_model_of_another_kind_is_spoken_of_in_its_own_words() -> None:
-    words = Wording(trial="drop", trials="drops", group="ball", groups="balls").as_dict(1)
+def test_a_model_of_another_kind_is_spoken_of_in_its_own_words_and_unit() -> None:
     for state in (effect, none, several, unknown, running, too_few):
-        own = {**state(), "words": words, "pipeline": False, "error_unit": "cm", "notes": []}
-        own["sentence"] = own["sentence"].replace("cast", "drop").replace("Cast", "Drop")
-        own["ranking"], own["next_actions"] = own["ranking"][:1], []
-        page = diagnosis_page({**own, "unexplained": None})
-        assert "cast" not in text_of(page).lower()
+        page = diagnosis_page({**state(), "pipeline": False, "error_unit": "cm"})
+        words = text_of(page).lower().replace("\u202f", " ")
+        assert "cast" not in words and "pushes" in words
         assert "stages/" not in page and "dvc" not in page
-    assert "fixed=[&#39;board_tilt&#39;]" in diagnosis_page(
-        {**effect(), "words": words, "pipeline": False}
-    )
-
-
-def test_a_model_of_another_kind_shows_its_own_unit() -> None:
-    page = text_of(diagnosis_page({**effect(), "error_unit": "cm"}))
-    assert "3.12 cm" in page.replace("\u202f", " ")
-    assert "on held-out casts [cm]" in page
+        assert "0.39 cm" in words or state is too_few
+    page = diagnosis_page({**effect(), "pipeline": False, "error_unit": "cm"})
+    assert "fixed=[&#39;tilt&#39;]" in page
+    assert "on held-out pushes [cm]" in page
 
 
 def test_the_set_s_own_folder_stands_in_the_command_when_it_is_known() -> None:
     screen = first_screen(diagnosis_page({**effect(), "measurements": "../sets/my set"}))
-    assert "paths.measurements=&#39;../sets/my set&#39;" in screen or "'../sets/my set'" in screen
-    assert "DIR" not in screen and "paths.tuned=outputs/my_set/board_tilt" in screen
+    assert "paths.measurements='../sets/my set'" in screen
+    assert "DIR" not in screen and "paths.tuned=outputs/my_set/tilt" in screen
 
 
-def test_where_the_base_model_fails_is_shown_and_casts_play_once_it_has_finished() -> None:
-    page = diagnosis_page(compared())
+def test_where_the_base_model_fails_is_shown_and_trials_play_once_it_has_finished() -> None:
+    page = diagnosis_page(effect())
     assert "Where the base model fails" in page and "<script>" in page
     assert page.index("Every effect that was tested") < page.index("Where the base model fails")
-    reloading = diagnosis_page({**compared(), "finished": False, "doing": "screening"})
+    reloading = diagnosis_page({**effect(), "finished": False, "doing": "screening"})
     assert "Where the base model fails" in reloading and "<script" not in reloading
 
 
@@ -176,17 +180,15 @@ def test_the_command_hands_the_diagnosis_to_tuning_so_that_its_promise_is_kept()
 
 def test_a_ladder_names_what_each_rung_adds() -> None:
     page = diagnosis_page(several())
-    assert all(f">{label}</text>" in page for label in ("base model", "+ board tilt", "+ air drag"))
+    assert all(f">{label}</text>" in page for label in ("base model", "+ tilt", "+ late clock"))
 
 
 def test_effects_fixed_in_advance_are_in_the_base_and_in_the_command() -> None:
-    ladder = [
-        {**LADDER[0], "effects": ["air_drag"]},
-        {**LADDER[1], "effects": ["air_drag", "board_tilt"]},
-    ]
+    given = [["air_drag"], ["air_drag", "tilt"]]
+    ladder = [{**rung, "effects": e} for rung, e in zip(effect()["ladder"], given, strict=True)]
     page = diagnosis_page({**effect(), "ladder": ladder})
-    assert ">with air drag</text>" in page and ">+ board tilt</text>" in page
-    assert "effects=[air_drag,board_tilt]" in page
+    assert ">with air drag</text>" in page and ">+ tilt</text>" in page
+    assert "effects=[air_drag,tilt]" in page
 
 
 def test_an_empty_diagnosis_reads_as_nothing_known() -> None:

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from robotcast.reporting.numbers import error, number, odds, p_value, share, with_interval
+from robotcast.reporting.names import error, number, odds, p_value, share, with_interval
 
 
 @pytest.mark.parametrize(

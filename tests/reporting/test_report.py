@@ -123,12 +123,12 @@ def test_a_simulator_with_an_effect_stands_beside_the_one_without(optimizers: Re
     report = make_report(both, RunFacts("demo", 0, ()))
     figures = {figure.name for of in report.figures.values() for figure in of}
     assert "overlay_cable1_segmented-de-board_tilt" in figures
-    assert any(text.startswith("Segmented, DE + board tilt: ") for _, text in report.run)
+    assert "<dd>Segmented, DE + board tilt: " in report.html()
 
 
 def test_the_run_says_what_to_doubt(optimizers: Results) -> None:
-    texts = [text for _, text in make_report(optimizers, RunFacts("demo", 0, ())).run]
-    (newton,) = (text for text in texts if "Segmented, Gauss–Newton:" in text)
+    page = make_report(optimizers, RunFacts("demo", 0, ())).html()
+    (newton,) = re.findall("<dd>Segmented, Gauss–Newton: (.*)</dd>", page)
     assert "12 diverged" in newton
     assert "at a bound: planar_friction" in newton
     assert "hardly told by the casts: a" in newton

@@ -4,8 +4,9 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from robotcast.reporting.ladder import Rung, ladder
+from robotcast.reporting.bars import Bar, Row, bars
 from robotcast.reporting.revisions_page import Tuning, comparable, revisions_page
 from robotcast.reporting.style import inline
 from robotcast.tuning.revisions import Revision
@@ -90,35 +91,49 @@ def test_the_page_needs_nothing_else() -> None:
     assert page == revisions_page([BASE, TILT], tuning())
 
 
-RUNGS = (
-    Rung("base model", 3.12, 0.24, kind="base"),
-    Rung("+ board tilt", 1.04, 0.09, predicted=1.31, compared_to=3.12),
+ROWS = (
+    Row("base model", (Bar(3.12, "before", interval=(2.88, 3.36)),)),
+    Row("+ board tilt", (Bar(1.04, note="−67 %", interval=(0.95, 1.13), predicted=1.31),)),
 )
 
 
-def bar_widths(rungs: tuple[Rung, ...], floor: float | None) -> list[float]:
-    axes = ladder(rungs, floor, "error").axes[0]
-    return [
-        bar.get_width() for bars in axes.containers for bar in bars if hasattr(bar, "get_width")
-    ]
+def drawn(rows: tuple[Row, ...], floor: float | None) -> str:
+    return inline(bars(rows, "error", floor), "ladder")
+
+
+def bar_widths(rows: tuple[Row, ...], floor: float | None) -> list[float]:
+    axes = bars(rows, "error", floor).axes[0]
+    return [bar.get_width() for of in axes.containers for bar in of if hasattr(bar, "get_width")]
 
 
 def test_bars_are_as_long_as_errors_are_large() -> None:
-    assert bar_widths(RUNGS, 0.76) == [3.12, 1.04]
+    assert bar_widths(ROWS, 0.76) == [3.12, 1.04]
 
 
-def test_each_rung_says_its_error_what_was_predicted_and_how_far_it_fell() -> None:
-    figure = inline(ladder(RUNGS, 0.76, "error"), "ladder")
+def test_each_row_says_its_error_what_was_predicted_and_how_far_it_fell() -> None:
+    figure = drawn(ROWS, 0.76)
     assert "1.04\u202f%" in figure and "predicted 1.31\u202f%" in figure and "−67 %" in figure
     assert "noise floor 0.76\u202f%" in figure
 
 
-def test_a_rung_that_is_only_predicted_has_no_bar() -> None:
-    rungs = (RUNGS[0], Rung("+ air drag", None, predicted=2.0))
-    assert len(bar_widths(rungs, None)) == 1
-    figure = inline(ladder(rungs, None, "error"), "ladder")
+@pytest.mark.parametrize("reached", [0.6, 0.74, 0.78, 3.12])
+def test_nothing_that_is_drawn_crosses_what_is_written(reached: float) -> None:
+    figure = bars((ROWS[0], Row("+ air drag", (Bar(reached, predicted=0.7),))), "error", 0.76)
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    for text in axes.texts:
+        if text.get_text() and "floor" not in text.get_text():
+            box = text.get_window_extent()
+            assert box.x0 >= axes.bbox.x1 or box.x1 <= axes.bbox.x0
+            assert box.x1 <= figure.bbox.x1
+
+
+def test_a_row_that_is_only_predicted_has_no_bar() -> None:
+    rows = (ROWS[0], Row("+ air drag", (Bar(None, predicted=2.0),)))
+    assert len(bar_widths(rows, None)) == 1
+    figure = drawn(rows, None)
     assert "predicted 2.00" in figure and "noise floor" not in figure
 
 
 def test_names_are_escaped() -> None:
-    assert "<b>" not in inline(ladder((Rung("<b>", 1.0),), None, "<b>"), "<b>")
+    assert "<b>" not in inline(bars((Row("<b>", (Bar(1.0),)),), "<b>"), "<b>")

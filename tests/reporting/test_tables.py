@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robotcast.reporting.page import to_latex
 from robotcast.reporting.results import Results, read_results
-from robotcast.reporting.table import Cell, Group, Row, Table, to_latex
+from robotcast.reporting.table import Group, Table, markdown
 from robotcast.reporting.tables import cables_table, parts_table, policies_table, tuning_table
 from robotcast.tuning.revisions import Revision
 
@@ -17,12 +18,13 @@ TABLE = Table(
     name="errors",
     caption="Errors in % of cable length for π_R2S2R on D_real ∪ D_sim, 1\u202f200\u00a0casts.",
     label_columns=("Model",),
-    groups=(Group("virtual rig", ("Median", "Q1")), Group("paper’s robot", ("Median", "Q1"))),
-    rows=(
-        Row(("π_RD",), (Cell(12.34), Cell(None), Cell(15, 0), Cell(11, 0))),
-        Row(("π_R2S2R",), (Cell(8.06, best=True), Cell(5.5), Cell(8, 0, True), Cell(5, 0))),
+    groups=(
+        Group("virtual rig", ("Median", "Q1"), contest=True),
+        Group("paper’s robot", ("Median", "Q1")),
     ),
+    rows=(("π_RD", 12.34, None, 15, 11), ("π_R2S2R", 8.06, 5.5, 8, 5)),
     reference=1,
+    contests=("one", "one"),
 )
 
 
@@ -30,14 +32,19 @@ def test_markdown_shows_percent_bold_and_what_was_not_run() -> None:
     lines = TABLE.markdown().splitlines()
     assert lines[0].startswith("| Model | virtual rig: Median | virtual rig: Q1 |")
     assert lines[2] == "| π_RD | 12.3% | – | 15% | 11% |"
-    assert lines[3] == "| π_R2S2R | **8.1%** | 5.5% | **8%** | 5% |"
+    assert lines[3] == "| π_R2S2R | **8.1%** | 5.5% | 8% | 5% |"
     assert TABLE.caption in lines
 
 
 def test_csv_holds_plain_numbers() -> None:
     rows = list(csv.reader(io.StringIO(TABLE.csv())))
     assert rows[0][1] == "virtual rig: Median [% of cable length]"
-    assert rows[1] == ["π_RD", "12.340", "", "15.00", "11.00"]
+    assert rows[1] == ["π_RD", "12.340", "", "15", "11"]
+
+
+def test_markdown_of_any_rows_has_one_decimal_and_no_minus_before_zero() -> None:
+    table = markdown(("a", "b", "c"), [(1, 2.345, -0.04)])
+    assert table == "| a | b | c |\n| --- | --- | --- |\n| 1 | 2.3 | 0.0 |\n"
 
 
 def test_latex_has_one_cell_for_every_column() -> None:
@@ -56,7 +63,8 @@ def test_latex_writes_the_papers_symbols() -> None:
 WIDE = replace(
     TABLE,
     groups=tuple(Group(f"a group of columns, {k}", ("Median", "Third")) for k in range(9)),
-    rows=(Row(("π_RD",), (Cell(12.34),) * 18),),
+    rows=(("π_RD", *[12.34] * 18),),
+    contests=(),
 )
 
 
@@ -80,13 +88,13 @@ def results(data_folder) -> Results:
 
 def row_of(table: Table, *labels: str) -> dict[str, str]:
     names = [f"{g.title}: {c}" for g in table.groups for c in g.columns]
-    row = next(r for r in table.rows if r.labels == labels)
-    return dict(zip(names, (c.text for c in row.cells), strict=True))
+    cells = next(cells for written, cells in table.written if written == labels)
+    return dict(zip(names, (c.text for c in cells), strict=True))
 
 
 def test_tuning_shows_the_papers_simulators_run_or_not(results) -> None:
     table = tuning_table(results)
-    assert [r.labels[0] for r in table.rows] == [
+    assert [row[0] for row in table.rows] == [
         "PyBullet, DE",
         "Hybrid, DE",
         "Segmented, DE",
@@ -108,7 +116,7 @@ def test_the_noise_floor_stands_under_the_errors(results) -> None:
 
 def test_policies_have_the_papers_five_rows_with_its_values(results) -> None:
     table = policies_table(results)
-    assert [r.labels[1] for r in table.rows] == [
+    assert [row[1] for row in table.rows] == [
         "Cast and Pull",
         "Gaussian Proc.",
         "π_RD",
@@ -128,16 +136,16 @@ def test_policies_have_the_papers_five_rows_with_its_values(results) -> None:
 
 def test_the_lowest_of_each_column_is_bold(results) -> None:
     table = policies_table(results)
-    medians = [r.cells[0] for r in table.rows]
-    best = min((c for c in medians if c.value is not None), key=lambda c: c.value or 0)
-    assert [c for c in medians if c.best] == [best]
-    assert [r.cells[-1].best for r in table.rows] == [False, False, True, False, False]
+    medians = [row[3] for row in table.rows]
+    best = min(median for median in medians if median is not None)
+    assert [cells[0].best for _, cells in table.written] == [median == best for median in medians]
+    assert [cells[-1].best for _, cells in table.written] == [False, False, True, False, False]
 
 
 def test_other_cables_show_only_the_policies_that_were_run(results) -> None:
     mixed = next(e for e in results.evaluations if e.cable == "cable2")
     both = replace(results, evaluations=(*results.evaluations, replace(mixed, policy="residual")))
-    assert [r.labels for r in policies_table(both).rows if r.labels[0] == "Cable 2"] == [
+    assert [row[:3] for row in policies_table(both).rows if row[0] == "Cable 2"] == [
         ("Cable 2", "π_R2S2R", "D_real ∪ D_sim"),
         ("Cable 2", "Residual", "D_real ∪ D_sim"),
     ]
@@ -145,7 +153,7 @@ def test_other_cables_show_only_the_policies_that_were_run(results) -> None:
 
 def test_cables_has_one_row_a_cable(results) -> None:
     table = cables_table(results)
-    assert [r.labels[0] for r in table.rows] == ["Cable 1", "Cable 2", "Cable 3"]
+    assert [row[0] for row in table.rows] == ["Cable 1", "Cable 2", "Cable 3"]
     assert row_of(table, "Cable 2")["paper’s robot: Median"] == "12%"
 
 
@@ -182,7 +190,7 @@ def test_parts_tell_repeatability_from_the_models_share(results) -> None:
 
 
 def test_every_simulator_has_a_row_for_every_optimizer(optimizers: Results) -> None:
-    labels = [row.labels[0] for row in tuning_table(optimizers).rows]
+    labels = [row[0] for row in tuning_table(optimizers).rows]
     assert labels == [
         *(
             f"{s}, {o}"
@@ -209,11 +217,11 @@ def test_a_row_with_an_effect_stands_where_it_helps(optimizers: Results) -> None
     helps = replace(REVISION, cable=first.name, heldout_waypoint_error_percent=error - 0.5)
     hurts = replace(helps, effects=("air_drag",), heldout_waypoint_error_percent=error + 0.5)
     cables = (replace(first, revisions=(helps, hurts)), *optimizers.cables[1:])
-    rows = {r.labels[0]: r for r in tuning_table(replace(optimizers, cables=cables)).rows}
+    rows = {row[0]: row[1:] for row in tuning_table(replace(optimizers, cables=cables)).rows}
     assert "Segmented, DE + air drag" not in rows
-    shown = rows["Segmented, DE + board tilt"].cells
-    assert shown[0].value == error - 0.5
-    assert [cell.value for cell in shown[2:]] == [None] * 10  # of other cables, and the paper
+    shown = rows["Segmented, DE + board tilt"]
+    assert shown[0] == error - 0.5
+    assert shown[2:] == (None,) * 10  # of other cables, and the paper
 
 
 def test_the_caption_says_who_was_given_how_much(optimizers: Results) -> None:

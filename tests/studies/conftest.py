@@ -1,3 +1,4 @@
+from tests.reporting.conftest import data_folder
 from tests.rigs.conftest import rig
 
-__all__ = ["rig"]
+__all__ = ["data_folder", "rig"]

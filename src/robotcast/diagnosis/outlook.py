@@ -15,8 +15,8 @@ class Step(Enum):
     NEXT = ("choosing the next {}", 20)
 
     def says(self, what: str) -> str:
-        """Return the text with what it is done to."""
-        return self.value[0].format(what)
+        """Return the text with what it is done to, effects by their readable names."""
+        return self.value[0].format(what.replace("_", " "))
 
     @property
     def runs(self) -> int:

@@ -79,15 +79,14 @@ def _unknown(
     said = "Something is missing that the library does not hold:"
     left, effects = verdict.left, inquiry.model.effects
     if left is not None and left.field is not None and left.enough:
-        depends_on = effects[left.field].depends_on
-        return f"{said} a force that depends on {depends_on} explains what the model misses."
+        return f"{said} {effects[left.field].text} explains what the model misses."
     stays = (
         f"{said} the typical error on held-out {wording.trials} stays at {error:.2f} "
         f"{inquiry.model.error_unit}, {times}{_most(where)}."
     )
     if left is None or left.field is None:
         return stays
-    return f"{stays} A force that depends on {effects[left.field].depends_on} comes nearest."
+    return f"{stays} What comes nearest is {effects[left.field].text}."
 
 
 def _most(where: str) -> str:
@@ -255,16 +254,19 @@ def _judged(found: Found, name: str) -> Rung | None:
 
 def held(inquiry: Inquiry, name: str) -> dict[str, Any]:
     """Return the row of an effect that is held where it does nothing."""
+    return _unjudged(inquiry, name, "held at its null")
+
+
+def _unjudged(inquiry: Inquiry, name: str, status: str) -> dict[str, Any]:
+    nothing = ("predicted_typical_error_percent", "realised_typical_error_percent", "power")
     return {
         "effect": name,
         "text": inquiry.model.effects[name].text,
         "p_value": None,
         "parameters": {},
-        "predicted_typical_error_percent": None,
-        "realised_typical_error_percent": None,
-        "power": None,
+        **dict.fromkeys(nothing),
         "confusable_with": [],
-        "status": "held at its null",
+        "status": status,
         "slices": [],
         "first_in_resamples": None,
     }
@@ -282,31 +284,23 @@ def _row(
 ) -> dict[str, Any]:
     tried = any(name in effects for effects in found.early)
     status = one.status or ("tried" if tried else "screened")
-    shown: dict[str, Any] = {}
     if rung is not None:
         status = "confirmed" if name in named else "refitted"
+    row, alike = _unjudged(inquiry, name, status), [r.effects[-1] for r in near]
+    row["confusable_with"] = [
+        *found.rivals.get(name, ()),
+        *(e for e, rivals in found.rivals.items() if name in rivals),
+        *(e for e in alike if e != name and name in alike),
+    ]
+    if status not in UNTOUCHED:
+        p_value = rung.gain.p_value if rung and rung.gain else one.p_value
+        row |= {"p_value": p_value, "power": one.power}
+        row["predicted_typical_error_percent"] = one.predicted
+    if rung is not None:
         own = sizes_of_effect(inquiry, rung.revision, rung.errors.vectors, name, rule.discrepancy)
-        shown = {size.parameter.name: size.as_dict() for size in own}
-    confusable = list(found.rivals.get(name, ()))
-    confusable += [e for e, rivals in found.rivals.items() if name in rivals]
-    alike = [r.effects[-1] for r in near]
-    confusable += [e for e in alike if e != name and name in alike]
-    said = status not in UNTOUCHED
-    return {
-        "effect": name,
-        "text": inquiry.model.effects[name].text,
-        "p_value": (rung.gain.p_value if rung and rung.gain else one.p_value) if said else None,
-        "parameters": shown,
-        "predicted_typical_error_percent": one.predicted if said else None,
-        "realised_typical_error_percent": (
-            float(np.median(rung.errors.waypoint)) if rung else None
-        ),
-        "power": one.power if said else None,
-        "confusable_with": confusable,
-        "status": status,
-        "slices": [],
-        "first_in_resamples": None,
-    }
+        row["parameters"] = {size.parameter.name: size.as_dict() for size in own}
+        row["realised_typical_error_percent"] = float(np.median(rung.errors.waypoint))
+    return row
 
 
 def base_parameters(

@@ -5,7 +5,6 @@ Its prose stands in diagnosis.html and next_steps.html, chosen by codes.
 
 import json
 import re
-import shlex
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import PurePosixPath
@@ -13,28 +12,28 @@ from types import SimpleNamespace
 from typing import Any, Literal
 
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from robotcast.diagnosis.wording import PLAIN, parameter_name
-from robotcast.reporting.comparison_page import (
-    casts_block,
-    factors_block,
-    map_block,
-    slices_block,
-    time_block,
-)
-from robotcast.reporting.ladder import Rung, ladder
+from robotcast.reporting.bars import Bar, Row, bars, fall, spread
+from robotcast.reporting.comparison_page import casts_block, where_blocks
 from robotcast.reporting.missing_force import drafts, field_figure, focus, strongest
-from robotcast.reporting.names import effect_name, factor_name, rig_name
-from robotcast.reporting.numbers import error, number, with_interval, with_unit
+from robotcast.reporting.names import (
+    effect_name,
+    error,
+    factor_name,
+    number,
+    rig_name,
+    with_interval,
+    with_unit,
+)
 from robotcast.reporting.page import render
-from robotcast.reporting.style import BLUE, GREY, beside, canvas, hint, inline, style
+from robotcast.reporting.style import inline
 
 State = Literal["running", "too-few", "unknown", "none", "near", "open", "confused", "found"]
 
 _NOT_KNOWN: dict[str, Any] = {
-    **dict.fromkeys(("casts", "actions", "noise_floor_percent", "comparison"), None),
-    **dict.fromkeys(("simulated_casts", "seconds", "unexplained"), None),
+    **dict.fromkeys(("casts", "actions", "noise_floor_percent", "comparison", "simulated_casts")),
+    **dict.fromkeys(("seconds", "unexplained")),
     **dict.fromkeys(("code", "sentence", "rig", "measurements", "output"), ""),
     **dict.fromkeys(("verdict", "confusion_set", "nearest", "overrides", "notes"), ()),
     **dict.fromkeys(("ladder", "ranking", "next_actions"), ()),
@@ -52,7 +51,8 @@ _NOT_ACTIONS = ("separates", "difference_percent", "why")
 def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
     """Return the page of a diagnosis, whole or while it runs; keys it lacks are not known."""
     d = _read(diagnosis)
-    c = d.comparison
+    c, keys = d.comparison, dict.fromkeys(key for trial in d.next_actions for key in trial)
+    factors = [name for name in keys if name not in _NOT_ACTIONS]
     return render(
         "diagnosis.html",
         d=d,
@@ -61,22 +61,11 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
         rivals=_rivals(d),
         ladder=_ladder(d),
         sizes=_sizes,
-        explained=[
-            (r, inline(_slices_figure(r["slices"], d.unit), "Error before and after, by slice"))
-            for r in d.ranking
-            if r.get("slices")
-        ],
+        explained=[(r, _slices(r["slices"], d.unit)) for r in d.ranking if r.get("slices")],
         missing=_missing(d),
         drafts=drafts(d.unexplained) if d.unexplained and d.pipeline else {},
-        factors=[
-            (name, factor_name(name), d.words["factor_units"].get(name, ""))
-            for name in dict.fromkeys(key for trial in d.next_actions for key in trial)
-            if name not in _NOT_ACTIONS
-        ],
-        tune=_tune_command(d),
-        pipeline=_pipeline_command(d),
+        factors=[(n, factor_name(n), d.words["factor_units"].get(n, "")) for n in factors],
         outputs=_outputs(d),
-        actions=shlex.quote(f"{d.output}/actions.csv"),
         where=_where(json.dumps(c)) if c else None,
         casts=casts_block(c) if c and d.finished else None,  # what reloads itself cannot play
         rig=rig_name(d.rig),
@@ -86,15 +75,7 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
 
 @lru_cache(maxsize=1)  # a page that is rewritten while a diagnosis runs shows the same again
 def _where(comparison: str) -> dict[str, Markup]:
-    """Return the blocks that show where the base model fails."""
-    c = json.loads(comparison)
-    blocks = {
-        "slices": slices_block,
-        "time": time_block,
-        "map": map_block,
-        "factors": factors_block,
-    }
-    return {name: block(c) for name, block in blocks.items()}
+    return where_blocks(json.loads(comparison))
 
 
 def _read(diagnosis: Mapping[str, Any]) -> SimpleNamespace:
@@ -132,40 +113,45 @@ def _rivals(d: SimpleNamespace) -> list[str]:
 
 def _ladder(d: SimpleNamespace) -> Markup | None:
     """Draw the models, and last the fitted field, which no model has climbed yet."""
-    rungs: list[Rung] = []
-    before: set[str] | None = None
+    rows: list[Row] = []
+    above, before = None, None
     for entry in d.ladder:
-        effects = set(entry["effects"])
-        added = before is not None and before < effects
-        names = [effect_name(e) for e in sorted(effects - before if added and before else effects)]
-        label = f"+ {' + '.join(names)}" if added else f"with {' + '.join(names)}"
-        means = (
-            ("mean", "heldout_waypoint_error_percent"),
-            ("final", "heldout_final_error_percent"),
+        effects, reached = entry["effects"], entry["heldout_typical_error_percent"]
+        added = before is not None and set(before) < set(effects)
+        shown = set(effects) - set(before or ()) if added else effects
+        names = " + ".join(map(effect_name, sorted(shown)))
+        name = f"{'+' if added else 'with'} {names}" if names else "base model"
+        mean, final = (entry[f"heldout_{of}_error_percent"] for of in ("waypoint", "final"))
+        bar = Bar(
+            reached,
+            "before" if before is None else "model",
+            fall(above, reached),
+            spread(reached, entry["standard_error_percent"]),
         )
-        rungs.append(
-            Rung(
-                label=label if names else "base model",
-                realised=entry["heldout_typical_error_percent"],
-                standard_error=entry["standard_error_percent"],
-                detail=", ".join(f"{name} {error(entry[key], d.unit)}" for name, key in means),
-                kind="base" if before is None else "model",
-                compared_to=rungs[-1].realised if rungs else None,
-            )
-        )
-        before = effects
-    if not rungs:
+        detail = f"mean {error(mean, d.unit)}, final {error(final, d.unit)}"
+        rows.append(Row(name, (bar,), detail))
+        above, before = reached, effects
+    if not rows:
         return None
     left = d.unexplained or {}
     reached = left.get("heldout_typical_error_percent")
     if reached is not None:
         detail = f"any force by {left.get('depends_on') or 'anything'}"
-        above = rungs[-1].realised
-        rungs.append(Rung("fitted field", reached, detail=detail, kind="open", compared_to=above))
-    unit = f"{d.unit} {d.error_name}".rstrip()
-    axis = f"typical error on held-out {d.words['trials']} [{unit}]"
-    figure = ladder(rungs, d.noise_floor_percent, axis, d.unit)
-    return inline(figure, f"Error ladder of {len(rungs)} models")
+        rows.append(Row("fitted field", (Bar(reached, "open", fall(above, reached)),), detail))
+    axis = f"typical error on held-out {d.words['trials']} [{d.error_unit}]"
+    drawn = bars(rows, axis, d.noise_floor_percent, d.unit)
+    return inline(drawn, f"Error ladder of {len(rows)} models")
+
+
+def _slices(slices: list[dict[str, Any]], unit: str) -> Markup:
+    """Draw one pair of bars a slice: grey without the effect, blue with it."""
+    rows = [
+        Row(s["slice"], (Bar(s["before_percent"], "before"), Bar(s["after_percent"])))
+        for s in slices
+    ]
+    wide = max(190.0, 7.4 * max(len(s["slice"]) for s in slices) + 12)
+    figure = bars(rows, unit=unit, width=410 + wide, names=wide)
+    return inline(figure, "Error before and after, by slice")
 
 
 def _missing(d: SimpleNamespace) -> dict[str, Any] | None:
@@ -184,89 +170,33 @@ def _missing(d: SimpleNamespace) -> dict[str, Any] | None:
     }
 
 
-@style(on_page=True)
-def _slices_figure(slices: list[dict[str, Any]], unit: str) -> Figure:
-    """Draw one pair of bars a slice: grey without the effect, blue with it."""
-    left = max(190.0, 6.6 * max(len(s["slice"]) for s in slices) + 12)
-    figure, axes = canvas(330 + left, 4 + 34 * len(slices), left, 56, 0, 4)
-    for row, part in enumerate(slices):
-        before, after = part["before_percent"], part["after_percent"]
-        words = f"{part['slice']}: {error(before, unit)} without, {error(after, unit)} with it"
-        for y, value, fill, color in (
-            (-0.16, before, "#b6bdc9", GREY),
-            (0.16, after, BLUE, "black"),
-        ):
-            (bar,) = axes.barh(row + y, value, 0.3, color=fill)
-            bar.set_url(hint(words))
-            beside(axes, error(value, unit), value, row + y, 6, -4, size=11, color=color)
-    axes.set_yticks(range(len(slices)), [s["slice"] for s in slices])
-    axes.tick_params(length=0, labelsize=12, labelcolor="black")
-    axes.set(ylim=(len(slices) - 0.5, -0.5), xticks=[], xlim=(0, axes.get_xlim()[1] or 1))
-    axes.grid(visible=False)
-    axes.spines["bottom"].set_visible(False)
-    return figure
-
-
 def _sizes(parameters: Mapping[str, Mapping[str, Any]] | None) -> list[dict[str, Any]]:
-    """Return parameters as they are shown: a name, a value, an interval, words and a whisker."""
-    rows = []
-    for name, given in (parameters or {}).items():
-        unit, low, high, null = (given.get(key) for key in ("unit", "low", "high", "null"))
-        value, least, most = with_interval(given["value"], low, high)
-        words = f"{name} = {with_unit(value, unit or '')}"
-        known = low is not None and high is not None
-        if known:
-            words += f", between {least} and {with_unit(most, unit or '')}"
-        if null is not None:
-            words += f"; at {with_unit(number(null), unit or '')} the effect does nothing"
-        rows.append(
-            {
-                "name": name,
-                "unit": unit,
-                "value": with_unit(value, unit or ""),
-                "interval": f"[{least}, {most}]" if known else "",
-                "words": words,
-                "places": _places(given["value"], low, high, null),
-            }
-        )
-    return rows
+    """Return parameters as they are shown: a name, a value, an interval, and their whisker."""
+    return [_size(name, **given) for name, given in (parameters or {}).items()]
 
 
-def _places(value: float, low: float | None, high: float | None, null: float | None) -> list:
-    """Return where value, ends of the interval and null lie across a whisker, in pixels."""
+def _size(
+    name: str,
+    value: float,
+    low: float | None = None,
+    high: float | None = None,
+    unit: str | None = None,
+    null: float | None = None,
+) -> dict[str, Any]:
+    shown, least, most = with_interval(value, low, high)
+    # where value, ends of the interval and null lie across a whisker, in pixels
     marks = [value, value if low is None else low, value if high is None else high, null]
-    known = [m for m in marks if m is not None]
-    spread = max(known) - min(known) or abs(value) or 1.0
-    start = min(known) - 0.08 * spread
-    scale = 112 / (max(known) + 0.08 * spread - start)
-    return [None if m is None else round(4 + scale * (m - start), 2) for m in marks]
-
-
-def _tune_command(d: SimpleNamespace) -> str:
-    """Return the command that tunes the model with what was found to the same measurement set."""
-    folder = d.measurements if "/" in d.measurements else "DIR"
-    parts = [
-        "python stages/tune.py",
-        *(shlex.quote(override) for override in d.overrides),
-        f"paths.measurements={shlex.quote(folder)}",
-        *([f"paths.diagnosis={shlex.quote(d.output)}"] if d.output else []),
-        f"paths.tuned={_outputs(d)}/{'+'.join(d.effects)}",
-        f"'effects=[{','.join(d.effects)}]'",
-    ]
-    return " ".join(parts)
-
-
-def _pipeline_command(d: SimpleNamespace) -> str:
-    """Return the command that runs the pipeline with what was found.
-
-    To DVC a bare comma is a sweep. A simulator that was chosen for the diagnosis runs alone: others
-    may lack other effects.
-    """
-    names = ",".join(d.effects)
-    chosen = f"effects={names}" if len(d.effects) == 1 else f"\"effects='{names}'\""
-    of = [o.removeprefix("simulator=") for o in d.overrides if o.startswith("simulator=")]
-    alone = "".join(f" -S 'simulators=[{s}]' -S generate.simulator={s}" for s in of)
-    return f"dvc exp run -S {chosen}{alone}"
+    ends = [m for m in marks if m is not None]
+    wide = max(ends) - min(ends) or abs(value) or 1.0
+    scale, start = 112 / (1.16 * wide), min(ends) - 0.08 * wide
+    return {
+        "name": name,
+        "unit": unit or "",
+        "value": with_unit(shown, unit or ""),
+        "interval": "" if low is None or high is None else f"[{least}, {most}]",
+        "null": null,
+        "places": [m if m is None else round(4 + scale * (m - start), 2) for m in marks],
+    }
 
 
 def _outputs(d: SimpleNamespace) -> str:

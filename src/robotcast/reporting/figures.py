@@ -1,22 +1,22 @@
 """The report's figures: how tuning went, what tuned models predict, where policies' casts end."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse, Polygon, Wedge
-from matplotlib.ticker import FixedLocator, NullLocator
 
 from robotcast.policies.datasets import Examples
 from robotcast.policies.targets import reachable_outline, tool_sector
 from robotcast.reporting.names import (
     cable_name,
-    dataset_name,
+    math_text,
     policy_label,
-    policy_name,
     rig_name,
     rig_names,
     thousands,
@@ -31,14 +31,15 @@ from robotcast.reporting.style import (
     VERMILION,
     board_axes,
     fit_height,
-    math_text,
+    log_errors,
 )
 
 _QUANTILES = {"best": 0.0, "quarter": 0.25, "median": 0.5, "three quarters": 0.75, "worst": 1.0}
-_ERRORS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)  # ticks, % of cable length
 _LEAST, _MOST = 1.0, 100.0  # ends of the colours in % of cable length
 _BESIDE_M = 0.25  # what is shown beyond the axis of symmetry
-_UNSEEN = {"color": "#374151", "ms": 10, "mfc": "none", "mew": 0.8}
+_UNSEEN: dict[str, Any] = {"mfc": "none", "mew": 0.8}
+_MEASURED: dict[str, Any] = {"color": BLACK, "marker": "o", "ms": 3, "lw": 1.0}
+_SIMULATED: dict[str, Any] = {"color": VERMILION, "marker": "s", "ms": 2.6, "ls": "--", "lw": 1.2}
 _CHI2_95 = 5.991  # 95 % quantile of χ² with two degrees of freedom
 
 
@@ -53,36 +54,26 @@ def trace_figure(tunings: Sequence[Tuning], floors: dict[str, float | None]) -> 
     methods = sorted({t.method for t in tunings})
     figure = Figure(figsize=(7.2, 3.8))
     panels = figure.subplots(1, len(cables), sharex=True, sharey=True, squeeze=False)[0]
+    shown = {}
     for axes, cable in zip(panels, cables, strict=True):
         axes.set_title(cable_name(cable))
         for tuning in tunings:
             if tuning.cable == cable and tuning.trace is not None:
-                axes.plot(
-                    tuning.trace["simulated_casts"].to_numpy(),
-                    tuning.trace["best_percent"].to_numpy(),
-                    color=CYCLE[methods.index(tuning.method) % len(CYCLE)],
-                    lw=1.6,
-                    marker="." if len(tuning.trace) == 1 else "",
-                    drawstyle="steps-post",
-                    label=tuning.method,
-                )
-        floor = floors.get(cable)
-        if floor is not None:
-            axes.axhline(floor, color=GREY, lw=0.8, ls=(0, (1, 2)), label="noise floor")
-        axes.set_xlabel("simulated casts")
-        axes.set_xscale("log")
+                trace, color = tuning.trace, CYCLE[methods.index(tuning.method) % len(CYCLE)]
+                looks = {"color": color, "lw": 1.6, "marker": "." if len(trace) == 1 else ""}
+                casts, best = trace["simulated_casts"], trace["best_percent"]
+                (line,) = axes.step(casts.to_numpy(), best.to_numpy(), where="post", **looks)
+                shown[tuning.method] = line
+        if (floor := floors.get(cable)) is not None:
+            shown["noise floor"] = axes.axhline(floor, color=GREY, lw=0.8, ls=(0, (1, 2)))
+        axes.set(xlabel="simulated casts", xscale="log")
         axes.xaxis.set_major_formatter(lambda value, _: thousands(value))
     panels[0].set_ylim(bottom=0)
     panels[0].set_ylabel("best average waypoint error\non tuning casts [% of cable length]")
     rigs = tuple(sorted({t.facts.get("rig", "") for t in tunings} - {""}))
     figure.suptitle(f"Tuned to casts of the {rig_names(rigs)}", fontsize=9.5)
-    shown = {
-        label: line
-        for axes in panels
-        for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    columns = min(4, len(shown))
-    figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=columns)
+    place = {"loc": "outside lower center", "ncols": min(4, len(shown))}
+    figure.legend(shown.values(), shown.keys(), **place)
     return figure
 
 
@@ -93,48 +84,60 @@ def overlay_figure(tuning: Tuning, paths: pl.DataFrame, length_m: float) -> Figu
     ----------
     paths : the tuning's `test_paths`.
     """
-    away = (pl.col("x") - pl.col("x_predicted")).pow(2) + (pl.col("y") - pl.col("y_predicted")).pow(
-        2
-    )
-    error = (100 / length_m * away.sqrt().mean()).alias("error")
+    x, y = ((pl.col(k) - pl.col(f"{k}_predicted")).pow(2) for k in "xy")
+    error = (100 / length_m * (x + y).sqrt().mean()).alias("error")
     casts = paths.group_by("trial").agg(error).sort("error", "trial")
-    figure = Figure(figsize=(11, 4))
-    axes = figure.subplots(1, len(_QUANTILES), sharex=True, sharey=True)
-    for panel, (label, quantile) in zip(axes, _QUANTILES.items(), strict=True):
+    figure, panels = _boards(len(_QUANTILES), 11 / len(_QUANTILES), columns=len(_QUANTILES))
+    for panel, (label, quantile) in zip(panels, _QUANTILES.items(), strict=True):
         cast = casts.row(round(quantile * (len(casts) - 1)), named=True)
         path = paths.filter(pl.col("trial") == cast["trial"]).sort("t")
         measured = path.select("x", "y").to_numpy()
         simulated = path.select("x_predicted", "y_predicted").to_numpy()
         joins = np.stack([measured, simulated])
         panel.plot(joins[:, :, 1], joins[:, :, 0], color="#d1d5db", lw=0.7, zorder=1)
-        panel.plot(measured[:, 1], measured[:, 0], "o-", color=BLACK, ms=3, lw=1.0)
-        panel.plot(
-            simulated[:, 1], simulated[:, 0], "s--", color=VERMILION, ms=2.6, lw=1.2, alpha=0.9
-        )
-        panel.plot(*measured[-1, ::-1], "*", color=BLACK, ms=10)
-        panel.plot(*simulated[-1, ::-1], "*", color=VERMILION, ms=10)
-        panel.plot(0, 0, "^", color=GREY, ms=7, clip_on=False)
-        panel.set_title(f"{label}\ncast {cast['trial']}: {cast['error']:.1f} %")
-        board_axes(panel)
-        panel.label_outer()
+        for places, looks in ((measured, _MEASURED), (simulated, _SIMULATED)):
+            panel.plot(places[:, 1], places[:, 0], **looks)
+            panel.plot(*places[-1, ::-1], "*", color=looks["color"], ms=10)
+        _finish(panel, f"{label}\ncast {cast['trial']}: {cast['error']:.1f} %")
         if label != "median":
             panel.set_xlabel("")
     rig = rig_name(tuning.facts.get("rig", ""))
-    keys = (
-        ("o-", BLACK, 3, f"measured ({rig})"),
-        ("s--", VERMILION, 3, "simulated"),
-        ("*", GREY, 9, "where the free end rests"),
-        ("^", GREY, 7, "robot base"),
-    )
-    handles = [
-        figure.axes[0].plot([], [], kind, color=color, ms=size, label=label)[0]
-        for kind, color, size, label in keys
+    keys = [
+        Line2D([], [], label=f"measured ({rig})", **_MEASURED),
+        Line2D([], [], label="simulated", **_SIMULATED),
+        _key("*", "where the free end rests", GREY, 9),
+        _key("^", "robot base", BLACK, 7),
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    figure.legend(handles=keys, loc="outside lower center", ncols=4)
     what = "average waypoint error in % of cable length"
     figure.suptitle(f"{cable_name(tuning.cable)} · {tuning.method} · {what}", fontsize=10)
-    fit_height(figure, panel_in=1.8, around_in=1.6)
+    fit_height(figure, around_in=1.8)
     return figure
+
+
+def _boards(count: int, width_in: float, columns: int = 4) -> tuple[Figure, list[Axes]]:
+    """Return a figure of so many boards on the same axes, each so wide."""
+    columns = min(columns, count)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(max(6.8, width_in * columns), 4.0 * rows))
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for unused in panels[count:]:
+        unused.remove()
+    return figure, list(panels[:count])
+
+
+def _finish(panel: Axes, title: str) -> None:
+    """Mark the robot's base, and say what the panel is and what its axes are."""
+    panel.plot(0, 0, "k^", ms=7, clip_on=False, zorder=5)
+    panel.set_title(math_text(title))
+    board_axes(panel)
+    panel.label_outer()
+    panel.tick_params(labelbottom=True)  # what stands below may be empty
+
+
+def _key(marker: str, label: str, color: str = "#374151", size: float = 4, **looks: Any) -> Line2D:
+    """Return what a legend shows of markers."""
+    return Line2D([], [], marker=marker, ls="", color=color, ms=size, label=label, **looks)
 
 
 def errors_figure(evaluations: Sequence[Evaluation], floors: dict[str, float | None]) -> Figure:
@@ -149,24 +152,19 @@ def errors_figure(evaluations: Sequence[Evaluation], floors: dict[str, float | N
     axes = figure.subplots()
     golden = (np.sqrt(5) - 1) / 2
     for place, evaluation in enumerate(evaluations):
-        errors = np.sort(np.maximum(evaluation.errors_percent, _ERRORS[0]))
+        errors = np.sort(np.maximum(evaluation.errors_percent, 0.1))
         beside = 0.5 * ((np.arange(len(errors)) * golden) % 1 - 0.5)  # neighbours stand apart
         color = CYCLE[cables.index(evaluation.cable) % len(CYCLE)]
         axes.plot(place + beside, errors, "o", color=color, ms=3, alpha=0.55, mew=0)
         low, middle, high = np.percentile(errors, [25, 50, 75])
         axes.plot([place, place], [low, high], color=BLACK, lw=5, alpha=0.35, solid_capstyle="butt")
         axes.plot([place - 0.3, place + 0.3], [middle, middle], color=BLACK, lw=1.8)
-        axes.annotate(
-            f"{middle:.1f} %", (place + 0.33, middle), ha="left", va="center", fontsize=8.5
-        )
-        floor = floors.get(evaluation.cable)
-        if floor:
+        axes.text(place + 0.33, middle, f"{middle:.1f} %", va="center", fontsize=8.5)
+        if floor := floors.get(evaluation.cable):
             span = [place - 0.45, place + 0.45]
             axes.plot(span, [floor, floor], color=GREY, lw=1.2, ls=(0, (2, 2)))
     axes.set_yscale("log")
-    axes.yaxis.set_major_locator(FixedLocator(list(_ERRORS)))
-    axes.yaxis.set_minor_locator(NullLocator())
-    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    log_errors(axes.yaxis)
     axes.grid(axis="y", color="#e5e7eb", lw=0.6)
     axes.set_axisbelow(True)
     axes.set_xlim(-0.6, len(evaluations) - 0.2)
@@ -175,60 +173,42 @@ def errors_figure(evaluations: Sequence[Evaluation], floors: dict[str, float | N
     axes.set_ylabel("final distance to target\n[% of cable length]")
     axes.set_title(f"Errors on the {rig_names(tuple(sorted({e.rig for e in evaluations})))}")
     handles = [
-        axes.plot([], [], "o", color=BLUE, ms=4, alpha=0.6, label="one cast")[0],
-        axes.plot([], [], color=BLACK, lw=1.8, label="median")[0],
-        axes.plot([], [], color=BLACK, lw=5, alpha=0.35, label="quartiles")[0],
+        _key("o", "one cast", BLUE, alpha=0.6),
+        Line2D([], [], color=BLACK, lw=1.8, label="median"),
+        Line2D([], [], color=BLACK, lw=5, alpha=0.35, label="quartiles"),
     ]
     if any(floors.get(c) for c in cables):
-        handles += axes.plot([], [], color=GREY, lw=1.2, ls=(0, (2, 2)), label="noise floor")
+        handles.append(Line2D([], [], color=GREY, lw=1.2, ls=(0, (2, 2)), label="noise floor"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     return figure
 
 
 def board_errors_figure(evaluations: Sequence[Evaluation]) -> Figure:
     """Draw one panel an evaluation: a disc a target, coloured by its casts' median error."""
-    columns = min(4, len(evaluations))
-    rows = -(-len(evaluations) // columns)
-    figure = Figure(figsize=(max(6.8, 2.6 * columns), 3.0 * rows))
-    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    figure, panels = _boards(len(evaluations), 2.6)
     drawn = None
-    for panel, evaluation in zip(panels.flat, evaluations, strict=False):
+    for panel, evaluation in zip(panels, evaluations, strict=True):
         by_target = evaluation.errors_by_target
         places = np.array(list(by_target))
         errors = np.array([np.median(e) for e in by_target.values()])
-        drawn = panel.scatter(
-            places[:, 1],
-            places[:, 0],
-            c=np.clip(errors, _LEAST, _MOST),
-            cmap="cividis_r",
-            norm=LogNorm(_LEAST, _MOST),
-            s=130,
-            edgecolors="#6b7280",
-            linewidths=0.5,
-        )
+        looks: Any = {"cmap": "cividis_r", "norm": LogNorm(_LEAST, _MOST), "s": 130, "lw": 0.5}
+        shades = np.clip(errors, _LEAST, _MOST)
+        drawn = panel.scatter(places[:, 1], places[:, 0], c=shades, edgecolors=GREY, **looks)
+        inside: Any = {"ha": "center", "va": "center"}
         for (x, y), error in zip(places, errors, strict=True):
-            panel.annotate(
-                f"{error:.0f}", (y, x), ha="center", va="center", fontsize=6.5
-            ).set_color("white" if error > 15 else "black")
+            color = "white" if error > 15 else "black"
+            panel.text(y, x, f"{error:.0f}", fontsize=6.5, color=color, **inside)
         for x, y in evaluation.unseen_m:
-            panel.plot(y, x, "o", mfc="none", mec="#6b7280", mew=0.5, ms=np.sqrt(130), ls="none")
-            panel.annotate("lost", (y, x), ha="center", va="center", fontsize=5)
-        panel.plot(0, 0, "k^", ms=6, clip_on=False)
-        name = policy_name(evaluation.policy, evaluation.dataset)
-        panel.set_title(
-            math_text(f"{cable_name(evaluation.cable)} · {name}\n")
-            + math_text(dataset_name(evaluation.dataset))
-        )
-        board_axes(panel)
-        panel.label_outer()
+            panel.plot(y, x, "o", mfc="none", mec=GREY, mew=0.5, ms=np.sqrt(130))
+            panel.text(y, x, "lost", fontsize=5, **inside)
+        name, policy, data = evaluation.named
+        _finish(panel, f"{name} · {policy}\n{data}")
         panel.margins(0.12)
-    for panel in panels.flat[len(evaluations) :]:
-        panel.set_axis_off()
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=panels, shrink=0.7, ticks=[1, 3, 10, 30, 100])
         bar.ax.set_yticklabels(["≤ 1", "3", "10", "30", "≥ 100"])
         bar.set_label("median error at the target [% of cable length]")
-    fit_height(figure, panel_in=max(1.9, 6.0 / columns), around_in=1.2, rows=rows)
+    fit_height(figure, around_in=1.2)
     return figure
 
 
@@ -237,13 +217,7 @@ def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData
 
     As the paper's figure repeat_multi_cable.
     """
-    columns = min(4, len(evaluations))
-    rows = -(-len(evaluations) // columns)
-    figure = Figure(figsize=(max(6.8, 3.7 * columns), 4 * rows))
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    panels = grid.ravel()[: len(evaluations)]
-    for unused in grid.ravel()[len(evaluations) :]:
-        unused.remove()
+    figure, panels = _boards(len(evaluations), 3.7)
     repeated = False
     for panel, evaluation, cable in zip(panels, evaluations, cables, strict=True):
         if cable and cable.simulated:
@@ -252,22 +226,17 @@ def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData
             _draw_target(panel, target, ends, CYCLE[number % len(CYCLE)])
             repeated |= len(ends) > 2
         for x, y in evaluation.unseen_m:
-            panel.plot(y, x, "*", **_UNSEEN, zorder=4)
-        panel.plot(0, 0, "k^", ms=7, clip_on=False, zorder=5)
-        median = np.median(evaluation.errors_percent)
-        name = policy_name(evaluation.policy, evaluation.dataset)
-        data = "" if evaluation.dataset == "none" else f" on {dataset_name(evaluation.dataset)}"
-        panel.set_title(
-            math_text(f"{cable_name(evaluation.cable)} · {name}{data}\n")
-            + f"{rig_name(evaluation.rig)}, median {median:.1f} % of cable length"
+            panel.plot(y, x, "*", color="#374151", ms=10, zorder=4, **_UNSEEN)
+        name, policy, data = evaluation.named
+        on = "" if evaluation.dataset == "none" else f" on {data}"
+        where = (
+            f"{rig_name(evaluation.rig)}, median {evaluation.median_percent:.1f} % of cable length"
         )
-        board_axes(panel)
-        panel.label_outer()
-        panel.tick_params(labelbottom=True)  # what stands below may be empty
+        _finish(panel, f"{name} · {policy}{on}\n{where} of cable length")
     _show_tested_half(panels[0], evaluations)
     handles = _handles(repeated, any(e.unseen_m for e in evaluations))
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
-    fit_height(figure, panel_in=max(3.2, 6.2 / columns - 0.5), around_in=1.7, rows=rows)
+    fit_height(figure, around_in=1.7)
     return figure
 
 
@@ -319,15 +288,14 @@ def _draw_target(panel: Axes, target: np.ndarray, ends: np.ndarray, color: str) 
 
 def _handles(ellipses: bool, unseen: bool) -> list:
     """What the legend explains; without `ellipses` no target has repeats enough for one."""
-    axes = Figure().subplots()
     drawn = [
-        axes.plot([], [], "*", color="#374151", ms=10, label="target")[0],
-        axes.plot([], [], "o", color="#374151", ms=4, label="where the free end came to rest")[0],
+        _key("*", "target", size=10),
+        _key("o", "where the free end came to rest"),
         Polygon([(0, 0)], fc="#374151", alpha=0.25, label="95 % ellipse of the repeats"),
-        axes.plot([], [], "--", color="#374151", lw=1, label="mean endpoint to target")[0],
+        Line2D([], [], color="#374151", ls="--", lw=1, label="mean endpoint to target"),
         Polygon([(0, 0)], fc="#e5e7eb", ec="#9ca3af", label="reachable by the free end"),
         Polygon([(0, 0)], fc="#fde68a", ec=ORANGE, label="swept by the robot’s hand"),
     ]
     if unseen:
-        drawn.append(axes.plot([], [], "*", **_UNSEEN, label="all casts lost in tracking")[0])
+        drawn.append(_key("*", "all casts lost in tracking", size=10, **_UNSEEN))
     return drawn if ellipses else [*drawn[:2], *drawn[3:]]

@@ -13,9 +13,8 @@ import polars as pl
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from robotcast.reporting.ladder import Rung, ladder
-from robotcast.reporting.names import cable_name, effect_name
-from robotcast.reporting.numbers import with_interval, with_unit
+from robotcast.reporting.bars import Bar, Row, bars, fall
+from robotcast.reporting.names import cable_name, effect_name, number, with_interval, with_unit
 from robotcast.reporting.page import block
 from robotcast.reporting.results import Evaluation, Results, Tuning, read_evaluation, read_tuning
 from robotcast.reporting.style import BLACK, BLUE, GREY, VERMILION, board_axes, inline, style
@@ -109,21 +108,21 @@ def loop_block(loop: Loop) -> Markup:
         verdict=verdict,
         sizes=[row for name in verdict for row in _sizes(loop, name)],
         paths=inline(_paths(loop), "Measured paths, and those of both models"),
-        ladder=inline(ladder(_rungs(loop), floor, axis), "Error before and after"),
-        policies=loop.policies,
-        change=loop.policies[1].change_from(loop.policies[0]) if loop.policies else None,
+        ladder=inline(bars(_ladder(loop), axis, floor), "Error before and after"),
+        targets=loop.policies[0].targets if loop.policies else 0,
+        medians=[(e.median_percent, e.median_interval) for e in loop.policies or ()],
         hidden=loop.hidden,
         right=loop.hidden is not None and set(loop.hidden) == set(verdict),
     )
 
 
-def _rungs(loop: Loop) -> list[Rung]:
+def _ladder(loop: Loop) -> list[Row]:
     before, after = loop.falls
-    effects = " + ".join(effect_name(e) for e in loop.after.effects)
-    rungs = [Rung("tuned model", before, kind="base")]
-    if effects:
-        rungs.append(Rung(f"+ {effects}", after, compared_to=before))
-    return rungs
+    rows = [Row("tuned model", (Bar(before, "before"),))]
+    if loop.after.effects:
+        added = " + ".join(effect_name(e) for e in loop.after.effects)
+        rows.append(Row(f"+ {added}", (Bar(after, note=fall(before, after)),)))
+    return rows
 
 
 def _sizes(loop: Loop, effect: str) -> list[tuple[str, str, str]]:
@@ -136,7 +135,7 @@ def _sizes(loop: Loop, effect: str) -> list[tuple[str, str, str]]:
         value, low, high = with_interval(given["value"], given["low"], given["high"])
         unit = given["unit"] or ""
         true = (loop.hidden or {}).get(effect, {}).get(parameter)
-        hidden = "–" if true is None else with_unit(f"{true:.3g}", unit)
+        hidden = "–" if true is None else with_unit(number(true), unit)
         words = f"{effect_name(effect)}, {parameter}"
         rows.append((words, f"{with_unit(value, unit)}, between {low} and {high}", hidden))
     return rows
@@ -159,16 +158,18 @@ def _paths(loop: Loop) -> Figure:
     for axes, trial in zip(panels, shown, strict=False):
         path = both.filter(pl.col("trial") == trial)
         lines = (
-            (("x", "y"), "o-", BLACK),
-            (columns, "s--", VERMILION),
-            ([f"{name}_after" for name in columns], "^-", BLUE),
+            (("x", "y"), "o-", BLACK, "measured"),
+            (columns, "s--", VERMILION, "tuned model"),
+            ([f"{name}_after" for name in columns], "^-", BLUE, "revised model"),
         )
-        for names, kind, color in lines if loop.after.effects else lines[:2]:
+        for names, kind, color, label in lines if loop.after.effects else lines[:2]:
             xy = path.select(names).to_numpy()
-            axes.plot(xy[:, 1], xy[:, 0], kind, color=color, ms=3, lw=1.2)
+            axes.plot(xy[:, 1], xy[:, 0], kind, color=color, ms=3, lw=1.2, label=label)
             axes.plot(*xy[-1, ::-1], "*", color=color, ms=9)
         axes.plot(0, 0, "^", color=GREY, ms=6, clip_on=False)
         axes.set_title(f"cast {trial}", size=12)
         board_axes(axes)
         axes.label_outer()
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
     return figure

@@ -7,13 +7,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial import KDTree
 
-from robotcast.reporting.numbers import number, quantity
+from robotcast.reporting.names import number, quantity
+from robotcast.reporting.page import block
 from robotcast.reporting.style import (
     BLUE,
     CYCLE,
     GREY,
     VERMILION,
     board_arrows,
+    board_canvas,
     canvas,
     hint,
     style,
@@ -79,17 +81,13 @@ def _finite(field: Field) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _board(field: Field, points: np.ndarray, values: np.ndarray) -> Figure:
-    """Draw the board as the camera sees it: x upwards, y to the left."""
     chosen = np.linspace(0, len(points) - 1, min(len(points), _ARROWS)).astype(int)
     points, values = points[chosen, :2], values[chosen]
     margin = 0.06 * np.ptp(points, axis=0).max() or 0.1
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
-    per_unit = min(564 / (high[1] - low[1]), 420 / (high[0] - low[0]))
-    tall, wide = per_unit * (high - low)
-    figure, axes = canvas(wide + 76, tall + 72, 64, 12, 26, 46)
-    axes.set(xlim=(high[1], low[1]), ylim=(low[0], high[0]))
-    axes.set(xlabel=field["axes"][1], ylabel=field["axes"][0])
-    axes.spines[["top", "right"]].set_visible(True)
+    figure, axes = board_canvas(low, high, 640, field["axes"], above=26)
+    wide, tall = axes.bbox.size
+    per_unit = tall / (high - low)[0]
     sizes = np.linalg.norm(values, axis=1)
     most, spacing = float(sizes.max()) or 1.0, _spacing(points)
     scalar, (x, y) = values.shape[1] == 1, points.T
@@ -102,16 +100,15 @@ def _board(field: Field, points: np.ndarray, values: np.ndarray) -> Figure:
     drawn = board_arrows(axes, points, values, VERMILION, scale=most / (1.15 * spacing))
     drawn.set(alpha=0.35 + 0.65 * sizes / most, urls=links)
     axes.plot(y, x, ".", color=VERMILION, ms=4)
-    label = f"{number(most, 2)} {field['unit']}"
     # a positive y points to the left: the key's arrow ends at its place
     place = (1.15 * spacing * per_unit / wide, 1 + 14 / tall)
+    label = f"{number(most, 2)} {field['unit']}"
     axes.quiverkey(drawn, *place, most, label, labelpos="E", labelcolor=GREY)
-    aimed = focus(field)
-    if aimed:
-        words = "the arrows point at this place" if aimed[1] else "the arrows point away from it"
+    if aimed := focus(field):
+        words = f"the arrows point {'at this place' if aimed[1] else 'away from it'}"
         for marker, size in (("o", 18), ("+", 26)):
-            place = aimed[0][::-1]
-            axes.plot(*place, marker, color=BLUE, ms=size, mfc="none", mew=1.8, url=hint(words))
+            looks = {"color": BLUE, "ms": size, "mfc": "none", "mew": 1.8, "url": hint(words)}
+            axes.plot(*aimed[0][::-1], marker, **looks)
     return figure
 
 
@@ -137,96 +134,26 @@ def _curves(field: Field, points: np.ndarray, values: np.ndarray) -> Figure:
     return figure
 
 
-_BRAKE = "return -k * mass * cable.vx, -k * mass * cable.vy"
-# what the force depends on → doc, body of the hook, unit of k
-_LAWS = {
-    "place": (
-        "Pulls towards a place: f = k m (p0 − p).",
-        ("return k * mass * (x0 - cable.x), k * mass * (y0 - cable.y)",),
-        "1/s²",
-    ),
-    "resistance of place": (
-        "Brakes about a place: f = −k m v e^(−|p − p0|² / 0.04 m²).",
-        (
-            "near = np.exp(-((cable.x - x0) ** 2 + (cable.y - y0) ** 2) / 0.04)",
-            "return -k * mass * near * cable.vx, -k * mass * near * cable.vy",
-        ),
-        "1/s",
-    ),
-    "speed": ("Brakes with speed: f = −k m v.", (_BRAKE,), "1/s"),
-    "endpoint": ("Brakes the endpoint alone: f = −k m v.", (_BRAKE,), "1/s"),
-    "heading": (
-        "Pushes across the cable: f = k m n, n the normal to the left.",
-        ("return -k * mass * cable.ty, k * mass * cable.tx",),
-        "m/s²",
-    ),
-    "time": (
-        "Brakes more as time goes on: f = −k m t v.",
-        ("late = k * mass * cable.time_s", "return -late * cable.vx, -late * cable.vy"),
-        "1/s²",
-    ),
-    "bending": (
-        "Resists bending: M = −k κ in every hinge.",
-        ("return -k * cable.curvature",),
-        "N m²",
-    ),
-}
-_CLASS = """{imports}from robotcast.effects.effect import Effect
-
-
-class MyEffect(Effect):
-    \"""{doc}\"""
-
-    def {hook}(self, cable, *, {parameters}):
-        {body}"""
-_SETTINGS = """effects:
-  my_effect:
-    _target_: robotcast.effects.my_effect.MyEffect
-    text: what it is, in a few words
-    parameters:
-      k: {{ unit: "{unit}", lower: -{bound}, upper: {bound}, null_at: 0.0, \
-probes: [{small}, {large}] }}"""
-_CENTRE = """
-      x0: {{ unit: m, lower: 0.0, upper: 1.6, nominal: {x:.2f}, probes: [{x:.2f}] }}
-      y0: {{ unit: m, lower: -1.2, upper: 1.2, nominal: {y:.2f}, probes: [{y:.2f}] }}"""
-
-
 def drafts(unexplained: Mapping[str, Any]) -> dict[str, str]:
     """Return file → text of an effect to start from, with a law that fits what the force is like.
 
     Numbers over the board are a resistance, arrows a force.
     """
-    field, depends_on = unexplained.get("field"), unexplained["depends_on"]
-    over_board = field and len(field["axes"]) == 2 and _finite(field)[1].shape[1] == 1
-    kind = "resistance of place" if over_board else depends_on
-    doc, body, unit = _LAWS.get(kind, _LAWS["place"])
-    bends, central = kind == "bending", "x0" in body[0]
-    if not bends:
-        at_end = depends_on == "endpoint" or bool(field and field.get("endpoint"))
-        mass = "cable.on_endpoint(cable.mass_kg[:, -1:])" if at_end else "cable.mass_kg"
-        body = (f"mass = {mass}", *body)
-    code = _CLASS.format(
-        imports="import numpy as np\n\n" if kind == "resistance of place" else "",
-        doc=doc,
-        hook="bending_moment" if bends else "force",
-        parameters="k, x0, y0" if central else "k",
-        body="\n        ".join(body),
-    )
-    # no exponents, which YAML would take for text
-    bound, small, large = ("0.001", "0.00002", "0.0001") if bends else ("50", "1", "5")
-    settings = _SETTINGS.format(unit=unit, bound=bound, small=small, large=large)
-    if central:
-        x, y = _place(field)
-        settings += _CENTRE.format(x=x, y=y)
-    return {"src/robotcast/effects/my_effect.py": code, "conf/effects.yaml": settings}
+    field, law = unexplained.get("field"), unexplained["depends_on"] or "place"
+    if field and len(field["axes"]) == 2 and _finite(field)[1].shape[1] == 1:
+        law = "resistance of place"
+    at_end = law == "endpoint" or bool(field and field.get("endpoint"))
+    settings = block("drafts.txt", "settings", law, *_place(field))
+    return {
+        "src/robotcast/effects/my_effect.py": block("drafts.txt", "code", law, at_end).strip(),
+        "conf/effects.yaml": settings.strip(),
+    }
 
 
 def _place(field: Field | None) -> tuple[float, float]:
     """Return the place that arrows point at, or where numbers are largest."""
-    if field is None:
-        return 0.9, 0.0
-    points, values = _finite(field)
-    if values.shape[1] == 1:
+    points, values = _finite(field) if field else (np.empty((0, 0)), np.empty((0, 0)))
+    if points.shape[1] == 2 and values.shape[1] == 1:
         return tuple(points[values[:, 0].argmax()].tolist())
-    aimed = focus(field)
+    aimed = focus(field) if field else None
     return (float(aimed[0][0]), float(aimed[0][1])) if aimed else (0.9, 0.0)

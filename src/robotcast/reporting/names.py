@@ -1,6 +1,8 @@
-"""What things are called in front of people."""
+"""What things are called, and how numbers are written, in front of people."""
 
-from collections.abc import Iterable
+import math
+import re
+from collections.abc import Iterable, Mapping
 
 _SIMULATORS = {"bullet": "PyBullet", "hybrid": "Hybrid", "segmented": "Segmented"}
 _OPTIMIZERS = {
@@ -21,8 +23,20 @@ _POLICIES = {
     ("nn", "mixed"): "π_R2S2R",
     ("residual", "mixed"): "Residual",
 }
-
 _FACTORS = {"theta1": "θ₁", "theta2": "θ₂", "alpha": "α", "r1": "r₁", "r2": "r₂", "vmax": "v_max"}
+# as LaTeX and matplotlib write the paper's symbols, and as a page does
+SYMBOLS = {
+    "π_R2S2R": (r"$\pi_\mathrm{R2S2R}$", "<i>π</i><sub>R2S2R</sub>"),
+    "π_RD": (r"$\pi_\mathrm{RD}$", "<i>π</i><sub>RD</sub>"),
+    "π_SD": (r"$\pi_\mathrm{SD}$", "<i>π</i><sub>SD</sub>"),
+    "D_real": (r"$\mathcal{D}_\mathrm{real}$", "<i>D</i><sub>real</sub>"),
+    "D_sim": (r"$\mathcal{D}_\mathrm{sim}$", "<i>D</i><sub>sim</sub>"),
+    "Q1": ("$Q_1$", "Q<sub>1</sub>"),
+    "Q3": ("$Q_3$", "Q<sub>3</sub>"),
+}
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_MINUS, _THIN = "\u2212", "\u202f"
+_SMALLEST_P = 1e-12  # below this a p-value says nothing more about data
 
 
 def cable_name(cable: str) -> str:
@@ -91,3 +105,89 @@ def factor_name(name: str) -> str:
 def factor_label(name: str, unit: str) -> str:
     """theta1, rad → θ₁ [rad]."""
     return factor_name(name) if unit in ("", "1") else f"{factor_name(name)} [{unit}]"
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Return `value` with `digits` significant digits; – when it is missing or not finite."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    power = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
+    if -4 <= power < 5:
+        text = f"{value:.{max(digits - 1 - power, 0)}f}"
+    else:
+        text = f"{value / 10.0**power:.{digits - 1}f}·10{str(power).translate(_RAISED)}"
+    return text.replace("-", _MINUS)
+
+
+def error(value: float | None, unit: str = "%") -> str:
+    """Return an error with its unit: two decimals below 10, one above."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    text = f"{value:.1f}" if abs(value) >= 9.995 else f"{value:.2f}"
+    return f"{text.replace('-', _MINUS)}{_THIN}{unit}"
+
+
+def share(value: float | None) -> str:
+    """Return a fraction as a whole percentage; what is not quite all or none stays so."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if 0.995 <= value < 1:
+        return f">{_THIN}99{_THIN}%"
+    if 0 < value < 0.005:
+        return f"<{_THIN}1{_THIN}%"
+    return f"{100 * value:.0f}{_THIN}%"
+
+
+def p_value(value: float | None) -> str:
+    """Return a p-value with two significant digits; tiny ones as a power of ten."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value < _SMALLEST_P:
+        return f"<{_THIN}10{'-12'.translate(_RAISED)}"
+    return f"{value:.2g}" if value >= 0.001 else number(value, 2)
+
+
+def odds(value: float) -> str:
+    """Return a p-value as "1 in 2 000", for people who do not think in p-values."""
+    if value > 0.4:
+        return "1 in 2 or more"
+    if value < 1e-6:
+        return f"< 1 in {1_000_000:,}".replace(",", _THIN)
+    times = float(f"{1 / value:.2g}")
+    return f"1 in {times:,.0f}".replace(",", _THIN)
+
+
+def quantity(value: float | None, unit: str, digits: int = 3) -> str:
+    """Return a number with its unit; the unit 1 is not written."""
+    return with_unit(number(value, digits), unit)
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Return a written number with its unit; the unit 1 is not written, nor one after –."""
+    return text if unit in ("", "1", "-", "–") or text == "–" else f"{text}{_THIN}{unit}"
+
+
+def with_interval(value: float, low: float | None, high: float | None) -> tuple[str, str, str]:
+    """Return a number and its interval with the decimals that the interval's width deserves."""
+    if low is None or high is None or not high > low:
+        return number(value), number(low), number(high)
+    power = math.floor(math.log10((high - low) / 2))
+    largest = max(abs(value), abs(low), abs(high))
+    if largest < 1e-4 or largest >= 1e5:
+        return number(value), number(low), number(high)
+    decimals = max(1 - power, 0)
+    low_text, middle, high_text = (f"{v:.{decimals}f}" for v in (low, value, high))
+    return tuple(t.replace("-", _MINUS) for t in (middle, low_text, high_text))  # type: ignore
+
+
+def replaced(text: str, written: Mapping[str, str]) -> str:
+    """Return `text` with every key of `written` as it says, the longest first."""
+    keys = sorted(written, key=len, reverse=True)
+    return re.sub("|".join(map(re.escape, keys)), lambda found: written[found[0]], text)
+
+
+def math_text(text: str) -> str:
+    """Return `text` with the paper's symbols as matplotlib writes them."""
+    return replaced(text, {symbol: written for symbol, (written, _) in SYMBOLS.items()})

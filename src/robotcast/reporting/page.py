@@ -2,22 +2,20 @@
 
 import base64
 import re
+import shlex
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup, escape
 
-from robotcast.reporting.names import effect_name, thousands
-from robotcast.reporting.numbers import error, number, odds, p_value, quantity, share
+from robotcast.reporting import names
 
-_SYMBOLS = {
-    "π_R2S2R": "<i>π</i><sub>R2S2R</sub>",
-    "π_RD": "<i>π</i><sub>RD</sub>",
-    "π_SD": "<i>π</i><sub>SD</sub>",
-    "D_real": "<i>D</i><sub>real</sub>",
-    "D_sim": "<i>D</i><sub>sim</sub>",
-    "Q1": "Q<sub>1</sub>",
-    "Q3": "Q<sub>3</sub>",
+_HTML = {symbol: written for symbol, (_, written) in names.SYMBOLS.items()}
+_LATEX = {
+    **{symbol: written for symbol, (written, _) in names.SYMBOLS.items()},
+    **{character: f"\\{character}" for character in "&%_#"},
+    **{"\\": r"\textbackslash{}", "∪": r"$\cup$", "×": r"$\times$", "π": r"$\pi$"},
+    **{"–": "--", "’": "'", "“": "``", "”": "''", "\u202f": r"\,", "\u00a0": "~"},
 }
 
 
@@ -26,31 +24,35 @@ def render(template: str, **given: Any) -> str:
     return _TEMPLATES.get_template(template).render(**given)
 
 
-def block(template: str, name: str, *given: Any, **named: Any) -> Markup:
-    """Return a fragment of a page, written by a macro of a template."""
+def block(template: str, name: str, *given: Any, **named: Any) -> Any:
+    """Return what a macro of a template writes: escaped Markup in HTML, plain text elsewhere."""
     return getattr(_TEMPLATES.get_template(template).module, name)(*given, **named)
 
 
-def _symbols(text: str) -> Markup:
-    return Markup(re.sub("|".join(_SYMBOLS), lambda found: _SYMBOLS[found[0]], str(escape(text))))
+def caption(name: str, *given: Any) -> str:
+    """Return what stands below a table or figure, on one line."""
+    return re.sub("[ \n]+", " ", block("captions.txt", name, *given)).strip()
+
+
+def to_latex(text: str) -> str:
+    """Return `text` with the symbols used in tables written in LaTeX."""
+    return names.replaced(text, _LATEX)
 
 
 _TEMPLATES = Environment(
     loader=PackageLoader("robotcast.reporting", "template"),
-    autoescape=True,
+    autoescape=select_autoescape(),
     undefined=StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,
 )
-_TEMPLATES.filters.update(
-    base64=lambda content: base64.b64encode(content).decode(),
-    symbols=_symbols,
-    effect_name=effect_name,
-    error=error,
-    number=number,
-    odds=odds,
-    p_value=p_value,
-    quantity=quantity,
-    share=share,
-    thousands=thousands,
-)
+_WRITTEN = (
+    "error", "number", "odds", "p_value", "quantity", "share", "thousands",
+    "cable_name", "effect_name", "policy_label", "rig_name", "rig_names",
+)  # fmt: skip
+_TEMPLATES.globals.update({name: getattr(names, name) for name in _WRITTEN})
+_TEMPLATES.filters.update({name: getattr(names, name) for name in _WRITTEN})
+_TEMPLATES.globals["latex"] = _TEMPLATES.filters["latex"] = to_latex
+_TEMPLATES.filters["symbols"] = lambda text: Markup(names.replaced(str(escape(text)), _HTML))
+_TEMPLATES.filters["quote"] = shlex.quote
+_TEMPLATES.filters["base64"] = lambda content: base64.b64encode(content).decode()

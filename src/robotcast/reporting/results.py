@@ -5,9 +5,10 @@ simulated/<cable>/, policies/<cable>/<policy>-<dataset>/ and
 evaluation/<cable>/<policy>-<dataset>/.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import polars as pl
@@ -18,10 +19,10 @@ from robotcast.measurements.noise_floor import NoiseFloor, noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.datasets import Examples, read_simulated
 from robotcast.policies.targets import ErrorParts, error_parts, median_interval
-from robotcast.reporting.names import method_name
+from robotcast.reporting.names import cable_name, dataset_name, method_name, policy_name
 from robotcast.tuning.revisions import Revision, comparable_revisions
 
-_DRAWS, _SEED = 4000, 0
+One = TypeVar("One")
 _WITHIN_95 = -2 * np.log(0.05)  # of the squared distance in standard deviations, in the plane
 _ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
 
@@ -63,6 +64,11 @@ class Tuning:
         return self.facts.get("errors", {}).get(split, {}).get(metric)
 
     @property
+    def at_bounds(self) -> list[str]:
+        """The parameters that the search left at a bound."""
+        return [name for name, p in self.facts.get("parameters", {}).items() if p.get("at_bound")]
+
+    @property
     def test_paths(self) -> pl.DataFrame | None:
         """Measured and simulated waypoints of the held-out casts whose run did not diverge."""
         if self.predictions is None:
@@ -97,6 +103,12 @@ class Evaluation:
     unseen_m: tuple[tuple[float, float], ...] = ()
 
     @property
+    def named(self) -> tuple[str, str, str]:
+        """The cable, the policy and what it learned from, as people call them."""
+        policy = policy_name(self.policy, self.dataset)
+        return cable_name(self.cable), policy, dataset_name(self.dataset)
+
+    @property
     def errors_percent(self) -> np.ndarray:
         """Errors (n,) in % of cable length."""
         return self.casts["error_percent"].to_numpy()
@@ -123,74 +135,54 @@ class Evaluation:
         """Repeatability and model in the error, in % of cable length; None without repeats."""
         if self.kind != "executed" or self.casts.is_empty():
             return None
-        found = [(xy * self._per_metre, t * self._per_metre) for _, t, xy in self._by_target]
-        return error_parts([xy for xy, _ in found], [t for _, t in found])
+        scale, by_target = self._per_metre, endpoints_by_target(self.casts)
+        return error_parts(
+            [xy * scale for _, _, xy in by_target], [t * scale for _, t, _ in by_target]
+        )
 
     @property
     def expected_percent(self) -> float | None:
         """Median root mean square distance from its prediction that the model expects of a cast."""
-        if self._spread_m is None:
-            return None
-        return float(np.median(np.linalg.norm(self._spread_m, axis=1))) * self._per_metre
+        spread = self._each(pl.col("spread_x").pow(2) + pl.col("spread_y").pow(2))
+        return None if spread is None else float(np.median(np.sqrt(spread))) * self._per_metre
 
     @property
     def within_expected(self) -> float | None:
         """Share of the casts that came to rest in the ellipse where the model expects 95 %."""
-        if self._spread_m is None:
-            return None
-        away = (
-            self.casts.select("x", "y").to_numpy()
-            - self.casts.select("predicted_x", "predicted_y").to_numpy()
+        x, y = (
+            ((pl.col(k) - pl.col(f"predicted_{k}")) / pl.col(f"spread_{k}")).pow(2) for k in "xy"
         )
-        return float((np.square(away / self._spread_m).sum(axis=1) <= _WITHIN_95).mean())
+        away = self._each(x + y)
+        return None if away is None else float((away <= _WITHIN_95).mean())
 
-    @property
-    def _spread_m(self) -> np.ndarray | None:
-        """Standard deviations (n, 2) that the model expects; None where it says nothing."""
-        columns = ("spread_x", "spread_y")
-        if self.casts.is_empty() or self.casts[columns[0]].is_null().any():
+    def _each(self, expression: pl.Expr) -> np.ndarray | None:
+        """Return a number of every cast; None where the model says nothing of its spread."""
+        if self.casts.is_empty() or self.casts["spread_x"].is_null().any():
             return None
-        return self.casts.select(columns).to_numpy()
+        return self.casts.select(expression).to_series().to_numpy()
 
     @property
     def median_interval(self) -> tuple[float, float] | None:
         """The 95 % interval of the median error, in % of cable length; None without casts."""
-        if self.casts.is_empty():
-            return None
-        return median_interval(list(self.errors_by_target.values()))
-
-    def change_from(self, other: "Evaluation") -> tuple[float, float, float]:
-        """Return by how much of itself the median error changed from another policy's.
-
-        And the 95 % interval of that. Only targets count at which casts of both were tracked.
-
-        Raises
-        ------
-        ValueError
-            When there is no such target.
-        """
-        before, after = other.errors_by_target, self.errors_by_target
-        both = [k for k in before if k in after]
-        if not both:
-            raise ValueError("the two policies have no target at which casts of both were tracked")
-        return median_change([before[k] for k in both], [after[k] for k in both])
+        return median_interval([*self.errors_by_target.values()]) if len(self.casts) else None
 
     @property
     def errors_by_target(self) -> dict[tuple[float, float], np.ndarray]:
-        """Target (x, y) [m] → errors (repeats,) in % of cable length."""
+        """Target (x, y) [m] → errors (repeats,) in % of cable length.
+
+        Of recorded casts the prediction is judged, not where the cast ended; each is a target.
+        """
+        if self.kind == "executed":
+            pairs = [(target, xy) for _, target, xy in endpoints_by_target(self.casts)]
+        else:
+            ends, targets = (
+                self.casts.select(f"{of}_x", f"{of}_y").to_numpy() for of in ("predicted", "target")
+            )
+            pairs = list(zip(targets, ends[:, None], strict=True))
         return {
             (float(x), float(y)): np.linalg.norm(xy - (x, y), axis=1) * self._per_metre
-            for _, (x, y), xy in self._by_target
+            for (x, y), xy in pairs
         }
-
-    @property
-    def _by_target(self) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        if self.kind == "executed":
-            return endpoints_by_target(self.casts)
-        # of recorded casts the prediction is judged, not where the cast ended
-        ends = self.casts.select("predicted_x", "predicted_y").to_numpy()
-        targets = self.casts.select("target_x", "target_y").to_numpy()
-        return [(k, t, e[None]) for k, (t, e) in enumerate(zip(targets, ends, strict=True))]
 
     @property
     def _per_metre(self) -> float:
@@ -245,14 +237,17 @@ class Results:
     def best_tuning(self, cable: str) -> Tuning | None:
         """Return the tuned simulator with the least average error on held-out casts of a cable."""
         of = [(t.error("test", "waypoint_percent"), t) for t in self.tunings if t.cable == cable]
-        known = [(error, t) for error, t in of if error is not None]
-        return min(known, key=lambda pair: pair[0], default=(0, None))[1]
+        return _least(of)
 
     def best_policy(self, cable: str) -> Evaluation | None:
         """Return the policy whose casts on a rig ended nearest to the targets, by the median."""
-        cast = [e for e in self.evaluations if e.cable == cable and e.kind == "executed"]
-        known = [(e.median_percent, e) for e in cast if e.median_percent is not None]
-        return min(known, key=lambda pair: pair[0], default=(0, None))[1]
+        of = [e for e in self.evaluations if e.cable == cable and e.kind == "executed"]
+        return _least((e.median_percent, e) for e in of)
+
+
+def _least(pairs: Iterable[tuple[float | None, One]]) -> One | None:
+    known = [(number, one) for number, one in pairs if number is not None]
+    return min(known, key=lambda pair: pair[0])[1] if known else None
 
 
 def read_results(data: Path) -> Results:
@@ -272,29 +267,6 @@ def read_results(data: Path) -> Results:
             for p in sorted(data.glob("policies/*/*/policy.yaml"))
         },
     )
-
-
-def median_change(
-    before: Sequence[np.ndarray], after: Sequence[np.ndarray]
-) -> tuple[float, float, float]:
-    """Return by what share the median of all errors changed, and the 95 % interval of that.
-
-    The interval is a bootstrap over targets (Efron 1979), the same ones drawn before and after:
-    what makes a target hard makes it so for both, and cancels.
-
-    Parameters
-    ----------
-    before, after : ndarrays of shape (repeats,), one a target, in the same order; none is empty.
-    """
-    random, n = np.random.default_rng(_SEED), len(before)
-    drawn = (random.integers(n, size=n) for _ in range(_DRAWS))
-    changes = [_median(after, targets) / _median(before, targets) - 1 for targets in drawn]
-    low, high = np.percentile(changes, [2.5, 97.5])
-    return _median(after, range(n)) / _median(before, range(n)) - 1, float(low), float(high)
-
-
-def _median(errors: Sequence[np.ndarray], targets: Sequence[int] | np.ndarray) -> float:
-    return float(np.median(np.concatenate([errors[k] for k in targets])))
 
 
 def endpoints_by_target(casts: pl.DataFrame) -> list[tuple[int, np.ndarray, np.ndarray]]:

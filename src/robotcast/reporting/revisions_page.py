@@ -4,20 +4,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from markupsafe import Markup
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import MaxNLocator
 
-from robotcast.reporting.ladder import Rung, ladder
-from robotcast.reporting.names import cable_name, effect_name, method_name, rig_name, thousands
-from robotcast.reporting.numbers import error
+from robotcast.reporting.bars import Bar, Row, bars, fall, spread
+from robotcast.reporting.names import (
+    cable_name,
+    effect_name,
+    error,
+    method_name,
+    rig_name,
+    thousands,
+)
 from robotcast.reporting.page import render
-from robotcast.reporting.style import BLUE, GREEN, GREY, beside, canvas, inline, style
+from robotcast.reporting.style import BLUE, GREEN, GREY, beside, canvas, inline, log_errors, style
 from robotcast.tuning.revisions import Revision
 from robotcast.tuning.search import Batch
 
 _AXIS = "average waypoint error on held-out casts [% of cable length]"
-_LEVELS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)
 
 
 @dataclass(frozen=True)
@@ -36,36 +40,29 @@ class Comparable:
         """The revision with the smallest held-out error; of equals, the one with fewer effects."""
         return min(self.revisions, key=lambda r: (r.heldout_waypoint_error_percent, len(r.effects)))
 
-    def base_of(self, revision: Revision) -> Revision | None:
-        """Return the model without effects that another revision of its method adds to."""
-        found = (r for r in self.revisions if not r.effects and _method(r) == _method(revision))
-        return next(found, None)
-
-    @property
-    def budgets_differ(self) -> bool:
-        """Tell whether one revision was tuned with far more casts than another."""
-        casts = [r.simulated_casts for r in self.revisions]
-        return max(casts) > 1.2 * min(casts)
+    def find(self, method: tuple[str, str], effects: Sequence[str]) -> Revision | None:
+        """Return the revision of a method, simulator and optimizer, with these effects."""
+        wanted = (method, tuple(sorted(effects)))
+        return next((r for r in self.revisions if (_method(r), r.effects) == wanted), None)
 
     def figure(self) -> Figure:
         """Draw the ladder."""
-        rungs = tuple(map(self._rung, self.revisions))
-        return ladder(rungs, self.revisions[0].noise_floor_percent, _AXIS)
+        return bars([*map(self._row, self.revisions)], _AXIS, self.revisions[0].noise_floor_percent)
 
-    def _rung(self, revision: Revision) -> Rung:
-        base = self.base_of(revision)
-        above = base if base is not revision else None
+    def _row(self, revision: Revision) -> Row:
+        base, reached = self.find(_method(revision), ()), revision.heldout_waypoint_error_percent
         several = len(set(map(_method, self.revisions))) > 1
         final = f"final error {error(revision.heldout_final_error_percent)}"
-        return Rung(
-            label=revision_name(revision.effects),
-            realised=revision.heldout_waypoint_error_percent,
-            standard_error=revision.standard_error_percent,
-            predicted=revision.predicted_waypoint_error_percent,
-            detail=_method(revision) if several else final,
-            kind="model" if revision.effects else "base",
-            compared_to=above.heldout_waypoint_error_percent if above else None,
+        above = base.heldout_waypoint_error_percent if base and revision.effects else None
+        bar = Bar(
+            reached,
+            "model" if revision.effects else "before",
+            fall(above, reached),
+            spread(reached, revision.standard_error_percent),
+            revision.predicted_waypoint_error_percent,
         )
+        method = method_name(*_method(revision))
+        return Row(revision_name(revision.effects), (bar,), method if several else final)
 
 
 def comparable(revisions: Sequence[Revision]) -> tuple[Comparable, ...]:
@@ -82,8 +79,8 @@ def revision_name(effects: Sequence[str]) -> str:
     return " ".join(f"+ {effect_name(e)}" for e in effects) or "base model"
 
 
-def _method(revision: Revision) -> str:
-    return method_name(revision.simulator, revision.optimizer)
+def _method(of: "Revision | Tuning") -> tuple[str, str]:
+    return of.simulator, of.optimizer
 
 
 @dataclass(frozen=True)
@@ -111,7 +108,10 @@ def revisions_page(revisions: Sequence[Revision], tuning: Tuning) -> str:
     """Return the page of all revisions beside the tuning that adds one to them."""
     groups = comparable(revisions)
     here = next((g for g in groups if g.split == tuning.split), None)
-    own = _revision_of(here, tuning, tuning.effects) if tuning.finished else None
+    own = here.find(_method(tuning), tuning.effects) if here and tuning.finished else None
+    base = here.find(_method(tuning), ()) if here else None
+    apart = base if tuning.effects or not tuning.finished else None
+    level = apart.tuning_waypoint_error_percent if apart else None
     return render(
         "revisions.html",
         tuning=tuning,
@@ -120,29 +120,12 @@ def revisions_page(revisions: Sequence[Revision], tuning: Tuning) -> str:
         method=method_name,
         name=revision_name,
         own=own,
-        base=here.base_of(own) if here and own else None,
+        base=base if own else None,
         here=here,
         drawn=lambda group: inline(group.figure(), "Error ladder"),
-        search=_search(tuning, here),
+        search=tuning.trace and inline(_search_figure(tuning, level), "The best error so far"),
         others=[g for g in groups if g is not here],
     )
-
-
-def _revision_of(
-    here: Comparable | None, tuning: Tuning, effects: Sequence[str]
-) -> Revision | None:
-    """Return the revision of the tuning's method with these effects."""
-    wanted = (tuning.simulator, tuning.optimizer, tuple(sorted(effects)))
-    found = here.revisions if here else ()
-    return next((r for r in found if (r.simulator, r.optimizer, r.effects) == wanted), None)
-
-
-def _search(tuning: Tuning, here: Comparable | None) -> Markup | None:
-    if not tuning.trace:
-        return None
-    base = None if tuning.finished and not tuning.effects else _revision_of(here, tuning, ())
-    level = base.tuning_waypoint_error_percent if base else None
-    return inline(_search_figure(tuning, level), "The best error so far")
 
 
 @style(on_page=True)
@@ -166,9 +149,7 @@ def _search_figure(tuning: Tuning, base: float | None) -> Figure:
     known = [v for v in (*best, base, floor) if v]
     axes.set(xlim=(0, casts[-1]), yscale="log", ylim=(min(known) / 1.25, max(known) * 1.15))
     axes.grid(axis="x", visible=False)
-    axes.yaxis.set_major_locator(FixedLocator(_LEVELS))
-    axes.yaxis.set_minor_locator(NullLocator())
-    axes.yaxis.set_major_formatter("{x:g}")
+    log_errors(axes.yaxis)
     axes.xaxis.set_major_locator(MaxNLocator(4))
     axes.xaxis.set_major_formatter(lambda value, _: thousands(value))
     axes.set(xlabel="simulated casts", ylabel="best error on tuning casts [%]")

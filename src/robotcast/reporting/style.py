@@ -2,17 +2,19 @@
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
-import matplotlib
+import matplotlib.style
 import numpy as np
 from markupsafe import Markup, escape
-from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.quiver import Quiver
+from matplotlib.ticker import FixedLocator, NullLocator
 
 # Okabe and Ito's palette, told apart by colour-blind readers
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
@@ -20,61 +22,16 @@ YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 GREY, INK, LINE, FAINT = "#6b7280", "#1f2937", "#d1d5db", "#eef1f5"
 
-_FIGURE: dict[Any, Any] = {
-    "svg.hashsalt": "robotcast",
-    "svg.fonttype": "path",
-    "font.family": "DejaVu Sans",
-    "font.size": 9,
-    "axes.titlesize": 9.5,
-    "axes.labelsize": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": GREY,
-    "axes.linewidth": 0.8,
-    "xtick.color": "#374151",
-    "ytick.color": "#374151",
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-    "legend.frameon": False,
-    "legend.fontsize": 8.5,
-    "figure.constrained_layout.use": True,
-    "path.simplify": True,
-}
-_ON_PAGE: dict[Any, Any] = {
-    **_FIGURE,
-    "svg.fonttype": "none",
-    "text.color": INK,
-    "font.size": 12,
-    "axes.labelsize": 11.5,
-    "axes.labelcolor": GREY,
-    "axes.edgecolor": LINE,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": FAINT,
-    "xtick.color": LINE,
-    "ytick.color": LINE,
-    "xtick.labelcolor": GREY,
-    "ytick.labelcolor": GREY,
-    "xtick.labelsize": 11,
-    "ytick.labelsize": 11,
-    "figure.constrained_layout.use": False,
-}
-_MATH = {
-    "π_R2S2R": r"$\pi_\mathrm{R2S2R}$",
-    "π_RD": r"$\pi_\mathrm{RD}$",
-    "π_SD": r"$\pi_\mathrm{SD}$",
-    "D_real": r"$D_\mathrm{real}$",
-    "D_sim": r"$D_\mathrm{sim}$",
-}
+_STYLES = [Path(__file__).parent / "template" / f"{of}.mplstyle" for of in ("figure", "page")]
+_LEVELS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)  # errors, % of cable length
+_TALLEST = 0.86  # height of a board over its width, at most
 _NEEDLESS = r'<(metadata|style).*?</\1>|<!--.*?-->| xmlns(:xlink)?="[^"]*"| id="[A-Za-z0-9.]+_\d+"'
 
 
 @contextmanager
 def style(*, on_page: bool = False) -> Iterator[None]:
     """Draw with these settings and no others: a figure of its own, or one that a page holds."""
-    with rc_context():
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_ON_PAGE if on_page else _FIGURE)
+    with matplotlib.style.context([*_STYLES[: 1 + on_page]], after_reset=True):
         yield
 
 
@@ -85,6 +42,26 @@ def canvas(
     figure = Figure(figsize=(width / 72, height / 72), dpi=72)
     inside = ((width - left - right) / width, (height - top - bottom) / height)
     return figure, figure.add_axes((left / width, bottom / height, *inside))
+
+
+def board_canvas(
+    low: np.ndarray, high: np.ndarray, width: float, labels: Sequence[str], above: float = 8
+) -> tuple[Figure, Axes]:
+    """Return a page's figure of the board from `low` to `high` (2,), x upwards and y to the left.
+
+    Parameters
+    ----------
+    labels : of x and y.
+    above : what is left free above it [pixel].
+    """
+    (far, wide), inside = high - low, width - 58
+    tall = min(far / wide, _TALLEST) * inside
+    spare = (far * inside / tall - wide) / 2  # a high board gets empty sides
+    figure, axes = canvas(width, tall + above + 42, 50, 8, above, 42)
+    axes.set(xlim=(high[1] + spare, low[1] - spare), ylim=(low[0], high[0]))
+    axes.set(xlabel=labels[1], ylabel=labels[0])
+    axes.spines[["top", "right"]].set_visible(True)
+    return figure, axes
 
 
 def beside(
@@ -150,22 +127,23 @@ def board_arrows(
     return axes.quiver(*sides, color=colors, **looks, **heads)
 
 
-def fit_height(figure: Figure, panel_in: float, around_in: float, rows: int = 1) -> None:
-    """Make the figure as high as panels of equal aspect need, with no empty bands.
+def fit_height(figure: Figure, around_in: float) -> None:
+    """Make the figure as high as its grid of boards needs, with no empty bands.
 
     Parameters
     ----------
-    panel_in : width of a panel's axes [inch].
     around_in : height of titles, labels and legend [inch], of every row.
     """
-    panel = figure.axes[0]
+    panel, grid = figure.axes[0], figure.axes[0].get_subplotspec()
+    rows, columns = grid.get_gridspec().get_geometry() if grid else (1, 1)
     (left, right), (low, high) = panel.get_xlim(), panel.get_ylim()
-    height = panel_in * (high - low) / abs(right - left)
-    figure.set_figheight(rows * (float(np.clip(height, 1.2, 6.0)) + around_in))
+    wide = figure.get_figwidth() / columns - 0.5
+    height = float(np.clip(wide * (high - low) / abs(right - left), 1.2, 6.0))
+    figure.set_figheight(rows * (height + around_in))
 
 
-def math_text(text: str) -> str:
-    """Return `text` with the paper's symbols as matplotlib writes them."""
-    for symbol, written in _MATH.items():
-        text = text.replace(symbol, written)
-    return text
+def log_errors(axis: Axis, levels: Sequence[float] = _LEVELS) -> None:
+    """Mark a logarithmic axis with round numbers alone."""
+    axis.set_major_locator(FixedLocator(list(levels)))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(lambda value, _: f"{value:g}")

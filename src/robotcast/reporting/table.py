@@ -1,65 +1,55 @@
-"""A table of percentages, and its three written forms."""
+"""A table of percentages, and its written forms: Markdown, CSV, LaTeX and cells of a page."""
 
-import csv
-import io
-import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from typing import NamedTuple
 
-_MISSING = "–"
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    "&": r"\&",
-    "%": r"\%",
-    "_": r"\_",
-    "#": r"\#",
-    "π_RD": r"$\pi_\mathrm{RD}$",
-    "π_SD": r"$\pi_\mathrm{SD}$",
-    "π_R2S2R": r"$\pi_\mathrm{R2S2R}$",
-    "D_real": r"$\mathcal{D}_\mathrm{real}$",
-    "D_sim": r"$\mathcal{D}_\mathrm{sim}$",
-    "Q1": "$Q_1$",
-    "Q3": "$Q_3$",
-    "∪": r"$\cup$",
-    "×": r"$\times$",
-    "π": r"$\pi$",
-    "–": "--",
-    "’": "'",
-    "“": "``",
-    "”": "''",
-    "\u202f": r"\,",
-    "\u00a0": "~",
-}
-_SYMBOLS = re.compile("|".join(map(re.escape, sorted(_LATEX, key=len, reverse=True))))
+import polars as pl
+
+from robotcast.reporting.page import render
+
+MISSING = "–"
 
 
-@dataclass(frozen=True)
-class Cell:
-    """One number in % of cable length, None when it was not run; the best is shown in bold."""
+def percent(value: float | None) -> str:
+    """Return a number in % as tables show it: whole ones as they are, others with one decimal."""
+    if value is None:
+        return MISSING
+    return f"{value}%" if isinstance(value, int) else f"{value:.1f}%"
 
-    value: float | None
-    digits: int = 1
-    best: bool = False
 
-    @property
-    def text(self) -> str:
-        """The number as it is shown."""
-        return _MISSING if self.value is None else f"{self.value:.{self.digits}f}%"
+def markdown(columns: Sequence[str], rows: Sequence[Sequence[object]], labels: int = 99) -> str:
+    """Return a table in Markdown; numbers get one decimal, and no zero a minus.
+
+    Parameters
+    ----------
+    labels : so many columns stand on the left, the others on the right.
+    """
+
+    def text(cell: object) -> str:
+        return f"{cell:z.1f}" if isinstance(cell, float) else str(cell)
+
+    rule = ["---" if n < labels else "---:" for n in range(len(columns))]
+    lines = [columns, rule, *([text(c) for c in row] for row in rows)]
+    return "".join("| " + " | ".join(line) + " |\n" for line in lines)
+
+
+class Cell(NamedTuple):
+    """A number as it is shown; the best is bold. `kind` : its CSS classes."""
+
+    text: str
+    best: bool
+    kind: str
 
 
 @dataclass(frozen=True)
 class Group:
-    """Neighbouring columns under one heading."""
+    """Neighbouring columns under one heading; of a `contest`, the least of each is the best."""
 
     title: str
     columns: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Row:
-    """Labels, then one cell for every column of every group."""
-
-    labels: tuple[str, ...]
-    cells: tuple[Cell, ...]
+    contest: bool = False
 
 
 @dataclass(frozen=True)
@@ -69,91 +59,82 @@ class Table:
     Attributes
     ----------
     name : stem of its files and its LaTeX label.
+    label_columns : headings of the labels that a row begins with.
+    rows : labels, then a number for every column of every group: in % of cable length, None when
+        it was not run.
     reference : index of the first group that is not this run's own, for shading.
+    contests : row → with which others it contends for the best; None with none.
     """
 
     name: str
     caption: str
     label_columns: tuple[str, ...]
     groups: tuple[Group, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[tuple, ...]
     reference: int
+    contests: tuple[str | None, ...] = ()
 
-    def cells(self, row: Row) -> list[tuple[str, Cell]]:
-        """Pair every cell of a row with its CSS classes."""
-        kinds = [
-            " ".join(["paper"] * (index >= self.reference) + ["first"] * (column == 0))
-            for index, group in enumerate(self.groups)
-            for column in range(len(group.columns))
-        ]
-        return list(zip(kinds, row.cells, strict=True))
+    @property
+    def written(self) -> list[tuple[Sequence[str], list[Cell]]]:
+        """Labels and cells, row by row."""
+        columns, at = [], len(self.label_columns)
+        for index, group in enumerate(self.groups):
+            for first, _ in enumerate(group.columns):
+                kind = " ".join(["paper"] * (index >= self.reference) + ["first"] * (first == 0))
+                values = [row[at] for row in self.rows]
+                best = self._best(values) if group.contest else [False] * len(values)
+                columns.append(
+                    [Cell(percent(v), b, kind) for v, b in zip(values, best, strict=True)]
+                )
+                at += 1
+        labels = [row[: len(self.label_columns)] for row in self.rows]
+        return list(zip(labels, map(list, zip(*columns, strict=True)), strict=True))
+
+    def _best(self, values: Sequence[float | None]) -> list[bool]:
+        """Tell of each value whether none is lower, as they are shown, in a contest of several."""
+        shown = [None if v is None else round(v, 1) for v in values]
+        pairs = list(zip(shown, self.contests, strict=True))
+
+        def wins(value: float | None, contest: str | None) -> bool:
+            rivals = [v for v, c in pairs if c == contest and v is not None]
+            return contest is not None and len(rivals) > 1 and value == min(rivals)
+
+        return [wins(*pair) for pair in pairs]
+
+    @property
+    def _columns(self) -> list[str]:
+        return [f"{g.title}: {c}" for g in self.groups for c in g.columns]
 
     def markdown(self) -> str:
         """Write as a Markdown table; a column's heading names its group."""
-        head = [*self.label_columns, *(f"{g.title}: {c}" for g in self.groups for c in g.columns)]
-        rule = ["---"] * len(self.label_columns) + ["---:"] * (len(head) - len(self.label_columns))
-        body = [
-            [*row.labels, *(f"**{c.text}**" if c.best else c.text for c in row.cells)]
-            for row in self.rows
+        rows = [
+            (*labels, *(f"**{c.text}**" if c.best else c.text for c in cells))
+            for labels, cells in self.written
         ]
-        lines = ["| " + " | ".join(cells) + " |" for cells in (head, rule, *body)]
-        return "\n".join([*lines, "", self.caption, ""])
+        n = len(self.label_columns)
+        return f"{markdown((*self.label_columns, *self._columns), rows, n)}\n{self.caption}\n"
 
     def csv(self) -> str:
         """Write plain numbers in % of cable length, empty where nothing was run."""
-        text = io.StringIO()
-        writer = csv.writer(text, lineterminator="\n")
-        heads = [f"{g.title}: {c} [% of cable length]" for g in self.groups for c in g.columns]
-        writer.writerow([*self.label_columns, *heads])
-        for row in self.rows:
-            numbers = ["" if c.value is None else f"{c.value:.{c.digits + 2}f}" for c in row.cells]
-            writer.writerow([*row.labels, *numbers])
-        return text.getvalue()
+        names = [f"{column} [% of cable length]" for column in self._columns]
+        frame = pl.DataFrame(
+            self.rows, [*self.label_columns, *names], orient="row", infer_schema_length=None
+        )
+        return frame.write_csv(float_precision=3)
 
     def latex(self) -> str:
         """Write a table environment that shrinks to the text's width where it is wider.
 
         It needs \\usepackage{booktabs,graphicx}.
         """
-        n_labels = len(self.label_columns)
-        n_numbers = sum(len(g.columns) for g in self.groups)
-        titles, rules, at = [], [], n_labels + 1
-        for group in self.groups:
-            width = len(group.columns)
-            titles.append(rf"\multicolumn{{{width}}}{{c}}{{{to_latex(group.title)}}}")
-            rules.append(rf"\cmidrule(lr){{{at}-{at + width - 1}}}")
-            at += width
-        columns = [*self.label_columns, *(c for g in self.groups for c in g.columns)]
-        body = [
-            [*map(to_latex, row.labels), *(_latex_cell(c) for c in row.cells)] for row in self.rows
-        ]
-        lines = [
-            "% needs \\usepackage{booktabs,graphicx}",
-            r"\begin{table*}[t]",
-            r"  \centering\footnotesize\setlength\tabcolsep{4pt}",
-            r"  \resizebox{\ifdim\width>\textwidth\textwidth\else\width\fi}{!}{%",
-            rf"  \begin{{tabular}}{{@{{}}{'l' * n_labels}{'r' * n_numbers}@{{}}}}",
-            r"  \toprule",
-            "  " + " & " * n_labels + " & ".join(titles) + r" \\",
-            "  " + " ".join(rules),
-            "  " + " & ".join(map(to_latex, columns)) + r" \\",
-            r"  \midrule",
-            *("  " + " & ".join(cells) + r" \\" for cells in body),
-            r"  \bottomrule",
-            r"  \end{tabular}}",
-            rf"  \caption{{{to_latex(self.caption)}}}",
-            rf"  \label{{tab:{self.name}}}",
-            r"\end{table*}",
-            "",
-        ]
-        return "\n".join(lines)
-
-
-def to_latex(text: str) -> str:
-    """Return `text` with the symbols used in tables written in LaTeX."""
-    return _SYMBOLS.sub(lambda found: _LATEX[found[0]], text)
-
-
-def _latex_cell(cell: Cell) -> str:
-    text = to_latex(cell.text)
-    return rf"\textbf{{{text}}}" if cell.best else text
+        ends = [*accumulate((len(g.columns) for g in self.groups), initial=len(self.label_columns))]
+        return render(
+            "table.tex",
+            name=self.name,
+            caption=self.caption,
+            labels=self.label_columns,
+            groups=self.groups,
+            columns=tuple(c for g in self.groups for c in g.columns),
+            spans=[(low + 1, high) for low, high in pairwise(ends)],
+            rows=self.written,
+        )

@@ -1,7 +1,11 @@
-"""The tables of the report, most of them the paper's."""
+"""The tables of the report, most of them the paper's, and the paper's own results beside ours.
+
+Those (tables "tuning", "error" and "results": a UR5 and real cables) are a reference for form and
+order of magnitude. A virtual rig is another world than the paper's laboratory, so neither being
+below nor above them proves anything.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,22 +13,53 @@ from robotcast.reporting.names import (
     cable_name,
     dataset_name,
     method_name,
-    policy_label,
     policy_name,
     rig_names,
-    thousands,
 )
-from robotcast.reporting.paper import CABLES, PAPER_RIG, POLICIES, QUARTILES, TUNING
+from robotcast.reporting.page import caption
 from robotcast.reporting.results import Evaluation, Results, Tuning
-from robotcast.reporting.table import Cell, Group, Row, Table
+from robotcast.reporting.table import Group, Table
 from robotcast.tuning.revisions import Revision
 
-_METRICS = ("waypoint_percent", "final_percent")
-_BESIDE_NOTE = (
-    "From and to: the 95 % interval of the median, a bootstrap over targets. Scatter: median "
-    "distance of the repeats of a cast from their mean, the rig’s own repeatability."
-)
-_PAPER_NOTE = f"Columns “{PAPER_RIG}”: the paper’s values, a UR5 and real cables, for reference."
+PAPER_RIG = "paper’s robot"
+
+QUARTILES = ("Median", "Q1", "Q3", "Min", "Max")
+
+# simulator → cable → (average waypoint error, median final error), % of cable length
+TUNING = {
+    "bullet": {"cable1": (29, 28), "cable2": (28, 28), "cable3": (23, 17)},
+    "hybrid": {"cable1": (14, 23), "cable2": (11, 14), "cable3": (11, 13)},
+    "segmented": {"cable1": (9, 13), "cable2": (8, 9), "cable3": (11, 13)},
+}
+
+# (policy, dataset) → QUARTILES, % of cable length, Cable 1
+POLICIES = {
+    ("cast_and_pull", "none"): (61, 38, 86, 6, 124),
+    ("gp", "real"): (27, 9, 51, 4, 97),
+    ("nn", "real"): (15, 11, 21, 8, 36),
+    ("nn", "simulated"): (14, 10, 17, 6, 115),
+    ("nn", "mixed"): (8, 5, 12, 2, 105),
+}
+
+# cable → QUARTILES of π_R2S2R, % of cable length
+CABLES = {
+    "cable1": (8, 5, 12, 2, 105),
+    "cable2": (12, 8, 16, 4, 28),
+    "cable3": (14, 9, 23, 6, 38),
+}
+
+# simulator → optimizer → (least, largest) error of the tuned parameters in % ("Comparing
+# Real2Sim Tuning Methods"), Bayesian optimization over its acquisitions with 5 casts
+SIM2SIM = {
+    "hybrid": {"bo": (3.39, 17.98), "de": (None, 1.0)},
+    "segmented": {"bo": (1.09, 9.25), "de": (None, 1.0)},
+}
+SIM2SIM_CASTS = 5
+
+_Method = tuple[str, str, tuple[str, ...]]  # simulator, optimizer, effects
+_Errors = tuple[float | None, float | None]  # average waypoint error, median final error
+_Found = dict[tuple[_Method, str], _Errors]  # with the cable
+_NOT_RUN: _Errors = (None, None)
 
 
 def tuning_table(results: Results) -> Table:
@@ -33,114 +68,72 @@ def tuning_table(results: Results) -> Table:
     Every simulator of the paper has a row for every optimizer that was run, whether or not that
     cell was. Below stand the models with effects that do better than without on some cable.
     """
-    cables, rig = _cables(results), rig_names(results.rigs)
-    methods = _methods(results)
-    ours = [[v for c in cables for v in _tuned(results, c, method)] for method in methods]
-    paper = [[v for c in CABLES for v in _papers(method, c)] for method in methods]
-    marked = zip(methods, _marked(ours, 1), _marked(paper, 0), strict=True)
-    rows = [Row((method.label,), (*own, *reference)) for method, own, reference in marked]
+    cables, rig, found = _cables(results), rig_names(results.rigs), _tuned(results)
+    methods = _methods(results, found)
+    paper: _Found = {((s, "de", ()), c): pair for s, of in TUNING.items() for c, pair in of.items()}
     floors = [c.floor if c else None for c in map(results.cable, cables)]
-    known = [Cell(getattr(floor, metric, None)) for floor in floors for metric in _METRICS]
-    blanks = [Cell(None)] * (2 * len(CABLES))
-    errors = [t.facts.get("errors", {}) for t in results.tunings]
-    n_test = _numbers({e["test"]["n_casts"] for e in errors if "test" in e})
+    known = [getattr(f, of, None) for f in floors for of in ("waypoint_percent", "final_percent")]
+    rows = [
+        (
+            method_name(*method),
+            *(v for c in cables for v in found.get((method, c), _NOT_RUN)),
+            *(v for c in CABLES for v in paper.get((method, c), _NOT_RUN)),
+        )
+        for method in methods
+    ]
+    rows.append(("Noise floor (repeats)", *known, *[None] * (2 * len(CABLES))))
+    efforts: dict[str, list[tuple[int, int]]] = {}
+    for t in results.tunings:
+        given = (int(t.error("tune", "n_casts") or 0), t.facts.get("simulated_casts", 0))
+        efforts.setdefault(t.method, []).append(given)
+    n_test = [n for t in results.tunings if (n := t.error("test", "n_casts")) is not None]
     return Table(
         name="tuning",
-        caption=(
-            f"Error of the tuned simulators on {n_test} held-out casts for each cable, "
-            f"in % of cable length, on the {rig}: average waypoint error "
-            "(Wayp.) and median final distance (Last). The noise floor is how far repeats of one "
-            f"action lie from their mean: no model does better. {_efforts(results)}{_PAPER_NOTE}"
-        ),
+        caption=caption("tuning", rig, n_test, efforts),
         label_columns=("Sim. model",),
         groups=(
-            *(Group(f"{rig}, {cable_name(c)}", ("Wayp.", "Last")) for c in cables),
-            *(Group(f"{PAPER_RIG}, {cable_name(c)}", ("Wayp.", "Last")) for c in CABLES),
+            *(Group(f"{rig}, {cable_name(c)}", ("Wayp.", "Last"), True) for c in cables),
+            *(Group(f"{PAPER_RIG}, {cable_name(c)}", ("Wayp.", "Last"), True) for c in CABLES),
         ),
-        rows=(*rows, Row(("Noise floor (repeats)",), (*known, *blanks))),
+        rows=tuple(rows),
         reference=len(cables),
+        contests=(*["all"] * len(methods), None),
     )
-
-
-@dataclass(frozen=True)
-class _Method:
-    """A row of table "tuning": what was tuned by what, with which effects, by name."""
-
-    simulator: str
-    optimizer: str
-    effects: tuple[str, ...] = ()
-
-    @property
-    def label(self) -> str:
-        return method_name(self.simulator, self.optimizer, self.effects)
 
 
 def _method(tuned: Tuning | Revision) -> _Method:
-    return _Method(tuned.simulator, tuned.optimizer, tuned.effects)
+    return tuned.simulator, tuned.optimizer, tuned.effects
 
 
-def _methods(results: Results) -> list[_Method]:
-    """Return the rows: without effects first, then those with effects that help."""
+def _tuned(results: Results) -> _Found:
+    """Return both errors of every row and cable that was run.
+
+    What lies tuned now goes before the revisions that a later tuning has replaced.
+    """
+    found: _Found = {}
+    for t in results.tunings:
+        errors = t.error("test", "waypoint_percent"), t.error("test", "final_percent")
+        found.setdefault((_method(t), t.cable), errors)
+    for cable in results.cables:
+        for r in cable.revisions:
+            errors = r.heldout_waypoint_error_percent, r.heldout_final_error_percent
+            found.setdefault((_method(r), cable.name), errors)
+    return found
+
+
+def _methods(results: Results, found: _Found) -> list[_Method]:
+    """Return the rows: without effects first, then those whose effects help on some cable."""
     simulators = [*TUNING, *sorted({t.simulator for t in results.tunings} - set(TUNING))]
     optimizers = ["de", *sorted({t.optimizer for t in results.tunings} - {"de"})]
-    tuned = [*results.tunings, *(r for cable in results.cables for r in cable.revisions)]
-    richer = sorted(
-        {_method(t) for t in tuned if t.effects},
-        key=lambda m: (m.simulator, m.optimizer, m.effects),
-    )
-    return [
-        *(_Method(s, o) for s in simulators for o in optimizers),
-        *(method for method in richer if _helps(results, method)),
-    ]
 
+    def helps(of: _Method, cable: str, error: float | None) -> bool:
+        base, _ = found.get(((*of[:2], ()), cable), _NOT_RUN)
+        return bool(of[2]) and error is not None and (base is None or error < base)
 
-def _helps(results: Results, method: _Method) -> bool:
-    """Tell whether the effects lower the waypoint error on some cable."""
-    plain = replace(method, effects=())
-    pairs = [
-        (_tuned(results, cable, method)[0], _tuned(results, cable, plain)[0])
-        for cable in _cables(results)
-    ]
-    return any(r is not None and (base is None or r < base) for r, base in pairs)
-
-
-def _tuned(results: Results, cable: str, method: _Method) -> tuple[float | None, float | None]:
-    """Return both errors of a row on one cable, None where it was not run there.
-
-    What lies tuned now is asked first, then the revisions that a later tuning has replaced.
-    """
-    for tuning in results.tunings:
-        if tuning.cable == cable and _method(tuning) == method:
-            return tuning.error("test", _METRICS[0]), tuning.error("test", _METRICS[1])
-    known = results.cable(cable)
-    for r in known.revisions if known else ():
-        if _method(r) == method:
-            return r.heldout_waypoint_error_percent, r.heldout_final_error_percent
-    return None, None
-
-
-def _papers(method: _Method, cable: str) -> tuple[float | None, float | None]:
-    """Return the paper's errors, which are of differential evolution and no effects."""
-    if method.optimizer != "de" or method.effects:
-        return None, None
-    return TUNING.get(method.simulator, {}).get(cable, (None, None))
-
-
-def _efforts(results: Results) -> str:
-    """Say what each tuning was given, where it was not the same for all."""
-    efforts: dict[str, set[tuple[int, int]]] = {}
-    for tuning in results.tunings:
-        casts = tuning.facts.get("errors", {}).get("tune", {}).get("n_casts", 0)
-        given = (casts, tuning.facts.get("simulated_casts", 0))
-        efforts.setdefault(tuning.method, set()).add(given)
-    if len(set().union(*efforts.values())) < 2:
-        return ""
-    said = [
-        f"{label} {_numbers({n for n, _ in both})} casts, "
-        f"{thousands(max(n for _, n in both))} simulated"
-        for label, both in sorted(efforts.items())
-    ]
-    return f"Tuned to: {'; '.join(said)}. "
+    richer = {
+        method for (method, cable), errors in found.items() if helps(method, cable, errors[0])
+    }
+    return [*((s, o, ()) for s in simulators for o in optimizers), *sorted(richer)]
 
 
 def policies_table(results: Results) -> Table:
@@ -151,73 +144,45 @@ def policies_table(results: Results) -> Table:
     of = {c: [e for e in results.evaluations if e.cable == c] for c in _cables(results)}
     blocks = [cable for cable, evaluations in of.items() if len(evaluations) > 1]
     blocks = blocks or [e.cable for e in results.evaluations[:1]] or ["cable1"]
-    rows: list[Row] = []
+    rows: list[tuple] = []
     for cable in blocks:
         evaluated = {(e.policy, e.dataset) for e in of[cable]}
         pairs = [p for p in POLICIES if cable == "cable1" or p in evaluated]
-        pairs += sorted(evaluated - set(pairs))
-        cast = [results.evaluation(cable, *p) for p in pairs]
-        paper = [POLICIES.get(p) if cable == "cable1" else None for p in pairs]
-        own = _marked([_quartiles(e) for e in cast], 1)
-        reference = _marked([p or (None,) * 5 for p in paper], 0)
-        rows += [
-            Row(
-                (cable_name(cable), policy_name(*pair), dataset_name(pair[1])),
-                (*a, *_median_and_repeats(e), *b),
-            )
-            for pair, a, e, b in zip(pairs, own, cast, reference, strict=True)
-        ]
+        for pair in [*pairs, *sorted(evaluated - set(pairs))]:
+            e = results.evaluation(cable, *pair)
+            paper = POLICIES.get(pair) if cable == "cable1" else None
+            labels = (cable_name(cable), policy_name(*pair), dataset_name(pair[1]))
+            rows.append((*labels, *_numbers(e), *(paper or [None] * 5)))
     shown = [e for cable in blocks for e in of[cable]]
-    return _beside_the_paper(
-        "policies",
-        f"Final distance to the target for each policy, {_setting(shown)}. "
-        f"All errors in % of cable length; best in bold. {_BESIDE_NOTE} {_PAPER_NOTE}",
-        ("Cable", "Model", "Dataset"),
-        (shown, f"{PAPER_RIG}, Cable 1"),
-        rows,
-    )
+    contests = tuple(row[0] for row in rows)
+    labels = ("Cable", "Model", "Dataset")
+    return _beside_the_paper("policies", labels, shown, f"{PAPER_RIG}, Cable 1", rows, contests)
 
 
 def cables_table(results: Results) -> Table:
     """Errors of π_R2S2R (paper, tab:results), one row a cable."""
     cast = {c: results.evaluation(c, "nn", "mixed") for c in _cables(results)}
-    rows = [
-        Row(
-            (cable_name(cable),),
-            (
-                *map(Cell, _quartiles(e)),
-                *_median_and_repeats(e),
-                *(Cell(v, 0) for v in CABLES.get(cable, (None,) * 5)),
-            ),
-        )
-        for cable, e in cast.items()
-    ]
+    rows = [(cable_name(c), *_numbers(e), *CABLES.get(c, [None] * 5)) for c, e in cast.items()]
     shown = [e for e in cast.values() if e]
-    return _beside_the_paper(
-        "cables",
-        "Final distance to the target of π_R2S2R, trained for each cable by itself, "
-        f"{_setting(shown)}. All errors in % of cable length. {_BESIDE_NOTE} {_PAPER_NOTE}",
-        ("Cable",),
-        (shown, PAPER_RIG),
-        rows,
-    )
+    return _beside_the_paper("cables", ("Cable",), shown, PAPER_RIG, rows)
 
 
 def _beside_the_paper(
     name: str,
-    caption: str,
     labels: tuple[str, ...],
-    both: tuple[Sequence[Evaluation], str],
-    rows: Sequence[Row],
+    shown: Sequence[Evaluation],
+    paper: str,
+    rows: Sequence[tuple],
+    contests: tuple[str | None, ...] = (),
 ) -> Table:
     """Return quartiles with their interval and repeats, beside the paper's quartiles."""
     groups = (
-        Group(_rigs(both[0]), QUARTILES),
+        Group(rig_names(tuple(sorted({e.rig for e in shown}))), QUARTILES, bool(contests)),
         Group("Median", ("from", "to")),
         Group("Repeats", ("Scatter",)),
-        Group(both[1], QUARTILES),
+        Group(paper, QUARTILES, bool(contests)),
     )
-    return Table(name, caption, labels, groups, tuple(rows), reference=3)
+    return Table(name, caption(name, shown), labels, groups, tuple(rows), 3, contests)
 
 
 def parts_table(results: Results) -> Table:
@@ -233,29 +198,18 @@ def parts_table(results: Results) -> Table:
     for e in shown:
         parts = e.parts
         share = 100 * parts.repeatability_share if parts else None
-        cells = (
-            Cell(float(np.median(e.errors_percent))),
-            *_median_and_repeats(e),
-            Cell(parts.repeatability if parts else None),
-            Cell(parts.model if parts else None),
-            Cell(share),
-            Cell(None if share is None else 100 - share),
-            Cell(e.expected_percent),
-            Cell(None if e.within_expected is None else 100 * e.within_expected),
+        rows.append(
+            (
+                *e.named,
+                *(e.median_percent, *_numbers(e)[5:]),
+                *((parts.repeatability, parts.model) if parts else (None, None)),
+                *((share, 100 - share) if share is not None else (None, None)),
+                *(e.expected_percent, e.within_expected and 100 * e.within_expected),
+            )
         )
-        labels = (cable_name(e.cable), policy_name(e.policy, e.dataset), dataset_name(e.dataset))
-        rows.append(Row(labels, cells))
     return Table(
         name="parts",
-        caption=(
-            f"What the error of each policy is made of, {_setting(shown)}. The 95 % interval of "
-            "the median is a bootstrap over targets; the scatter is the median distance of "
-            "repeats from their mean. Root mean squares: repeatability (aleatoric) is the scatter "
-            "of repeats, model (epistemic) the distance of their mean from the target; the shares "
-            "are their parts of the mean square error. Expected is how far from its "
-            "prediction the model expects a cast to end (root mean square), covered the share of "
-            "casts that ended where it expects 95 %. In % of cable length but the shares."
-        ),
+        caption=caption("parts", shown),
         label_columns=("Cable", "Model", "Dataset"),
         groups=(
             Group("Median", ("Median", "from", "to")),
@@ -269,67 +223,14 @@ def parts_table(results: Results) -> Table:
     )
 
 
-def _quartiles(evaluation: Evaluation | None) -> tuple[float | None, ...]:
-    if evaluation is None or len(evaluation.errors_percent) == 0:
-        return (None,) * 5
-    return tuple(np.percentile(evaluation.errors_percent, [50, 25, 75, 0, 100]).tolist())
-
-
-def _median_and_repeats(evaluation: Evaluation | None) -> tuple[Cell, ...]:
-    """Return the median's 95 % interval, then what repeats of one cast differ by."""
-    if evaluation is None or len(evaluation.errors_percent) == 0:
-        return (Cell(None),) * 3
-    low, high = evaluation.median_interval or (None, None)
-    return Cell(low), Cell(high), Cell(evaluation.scatter_percent)
-
-
-def _marked(rows: Sequence[Sequence[float | None]], digits: int) -> list[tuple[Cell, ...]]:
-    """Turn numbers into cells, the lowest of each column marked if there is more than one."""
-    best = []
-    for column in zip(*rows, strict=True):
-        shown = [round(v, digits) for v in column if v is not None]
-        best.append(min(shown) if len(shown) > 1 else None)
-    return [
-        tuple(
-            Cell(v, digits, v is not None and b is not None and round(v, digits) == b)
-            for v, b in zip(row, best, strict=True)
-        )
-        for row in rows
-    ]
+def _numbers(evaluation: Evaluation | None) -> tuple[float | None, ...]:
+    """Return `QUARTILES`, the median's 95 % interval, and what repeats of one cast differ by."""
+    if evaluation is None or evaluation.casts.is_empty():
+        return (None,) * 8
+    quartiles = np.percentile(evaluation.errors_percent, [50, 25, 75, 0, 100]).tolist()
+    return *quartiles, *(evaluation.median_interval or _NOT_RUN), evaluation.scatter_percent
 
 
 def _cables(results: Results) -> list[str]:
     """The paper's cables, run or not, then any other."""
     return [*CABLES, *(c.name for c in results.cables if c.name not in CABLES)]
-
-
-def _rigs(evaluations: Sequence[Evaluation]) -> str:
-    return rig_names(tuple(sorted({e.rig for e in evaluations})))
-
-
-def _setting(evaluations: Sequence[Evaluation]) -> str:
-    """Say on what and how often the policies were tested, and whose casts were lost."""
-    if not evaluations:
-        return "not run yet"
-    where = f"on the {_rigs(evaluations)}"
-    if all(e.kind == "predicted" for e in evaluations):
-        return (
-            f"{where}, where nothing can be executed: the distance of the predicted from the "
-            f"measured endpoint of {_numbers({len(e.casts) for e in evaluations})} held-out "
-            "recorded casts"
-        )
-    lost = [
-        f"{e.lost} of {cable_name(e.cable)}, {policy_label(e.policy, e.dataset)}"
-        for e in evaluations
-        if e.lost
-    ]
-    targets, repeats = ({getattr(e, of) for e in evaluations} for of in ("targets", "repeats"))
-    said = f" (lost in tracking: {'; '.join(lost)})" if lost else ""
-    return f"{where}, {_numbers(targets)} targets × {_numbers(repeats)} casts each{said}"
-
-
-def _numbers(found: set[int]) -> str:
-    """{30} → "30"; {20, 30} → "20 to 30"."""
-    if not found:
-        return "no"
-    return str(min(found)) if len(found) == 1 else f"{min(found)} to {max(found)}"

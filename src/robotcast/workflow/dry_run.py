@@ -3,11 +3,17 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+from matplotlib.figure import Figure
+
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.files import atomic_file
-from robotcast.reporting.motion import motion_svg
+from robotcast.reporting.style import BLUE, CYCLE, GREY, VERMILION, board_axes, style, svg
 from robotcast.rigs import Rig
+from robotcast.rigs.envelope import Envelope
+from robotcast.rigs.kinematics import JOINTS, Gripper, link_points
+from robotcast.rigs.ur5.motion import WholeMotion
 from robotcast.rigs.ur5.rig import Ur5Rig
 from robotcast.stage import tell, warn
 
@@ -28,3 +34,31 @@ def show_dry_run(rig: Rig, limits: PlanLimits, actions: Sequence[Action], folder
         drawn += 1
     refused = len(actions) - drawn
     tell(f"{folder / 'dry_run'}: {drawn} motions drawn, {refused} refused, nothing moved")
+
+
+def motion_svg(whole: WholeMotion, gripper: Gripper, envelope: Envelope) -> bytes:
+    """Return the held end over the board and the joints in time, reset and cast in a row."""
+    parts = (("reset", whole.reset, BLUE), ("cast", whole.cast, VERMILION))
+    with style():
+        figure = Figure(figsize=(7.2, 6.4))
+        axes = figure.subplot_mosaic([["board", "height"], ["joints", "joints"]])
+        begin_s = 0.0
+        for name, motion, colour in parts:
+            held = link_points(motion.joints_rad, gripper)[:, -1]
+            t_s = begin_s + motion.t_s
+            axes["board"].plot(held[:, 1], held[:, 0], color=colour, label=name)
+            axes["height"].plot(t_s, held[:, 2], color=colour)
+            for angles, joint, shade in zip(motion.joints_rad.T, JOINTS, CYCLE, strict=False):
+                label = joint if name == "reset" else None
+                axes["joints"].plot(t_s, np.degrees(angles), color=shade, label=label)
+            begin_s = float(t_s[-1])
+        (x_low, x_high), (y_low, y_high) = envelope.box.x_m, envelope.box.y_m
+        corners = [(y_low, x_low), (y_low, x_high), (y_high, x_high), (y_high, x_low)]
+        axes["board"].plot(*np.array([*corners, corners[0]]).T, color=GREY, linewidth=0.8)
+        board_axes(axes["board"])
+        axes["board"].legend()
+        axes["height"].set(xlabel="time [s]", ylabel="height of the held end [m]")
+        axes["joints"].set(xlabel="time [s]", ylabel="joint angle [°]")
+        axes["joints"].axvline(float(whole.reset.t_s[-1]), color=GREY, linewidth=0.8)
+        axes["joints"].legend(ncols=6)
+    return svg(figure)

@@ -7,17 +7,12 @@ import polars as pl
 import pytest
 
 from robotcast.reporting.results import Evaluation, Tuning, read_evaluation
-from robotcast.reporting.studies import (
-    HEAD,
-    SIZE_HEAD,
-    Point,
-    change_rows,
-    ladder_figure,
-    markdown,
-    real_casts_figure,
-    size_rows,
-)
 from robotcast.reporting.style import style, svg
+from studies.better_model.table import change_rows, ladder_figure
+from studies.points import HEAD, Point, median_change
+from studies.points import change as between
+from studies.real_casts.table import errors_figure
+from studies.tune_size.table import SIZE_HEAD, size_rows
 
 LENGTH_M = 0.5
 
@@ -45,7 +40,7 @@ def test_a_point_tells_the_median_between_its_interval_and_the_quartiles(evaluat
 def test_both_figures_are_the_same_bytes_again(evaluations) -> None:
     models = {"base": 6.0, "diagnosed": 3.0}
     for draw in (
-        lambda: real_casts_figure(points(evaluations, [20, 60, 445])),
+        lambda: errors_figure(points(evaluations, [20, 60, 445])),
         lambda: ladder_figure(models, points(evaluations, [0, 1])),
     ):
         drawn = []
@@ -55,15 +50,10 @@ def test_both_figures_are_the_same_bytes_again(evaluations) -> None:
         assert drawn[0] == drawn[1]
 
 
-def test_the_markdown_table_has_one_decimal_and_no_minus_before_zero() -> None:
-    table = markdown(("a", "b", "c"), [(1, 2.345, -0.04)])
-    assert table == "| a | b | c |\n| --- | --- | --- |\n| 1 | 2.3 | 0.0 |\n"
-
-
 def test_the_change_between_two_places_is_given_group_by_group(evaluations) -> None:
     better = Point("real", 1, evaluations["mixed"])
     rows = change_rows([Point("real", 0, evaluations["real"]), better, *points(evaluations, [7])])
-    change, low, high = evaluations["mixed"].change_from(evaluations["real"])
+    change, low, high = between(evaluations["real"], evaluations["mixed"])
     medians = [evaluations[name].median_percent for name in ("real", "mixed")]
     assert change == pytest.approx(medians[1] / medians[0] - 1)
     assert low <= change <= high
@@ -73,7 +63,7 @@ def test_the_change_between_two_places_is_given_group_by_group(evaluations) -> N
 def test_policies_tested_at_other_targets_are_not_compared(evaluations) -> None:
     moved = evaluations["real"].casts.with_columns(pl.col("target_x") + 0.01)
     with pytest.raises(ValueError, match="no target at which casts of both"):
-        evaluations["mixed"].change_from(replace(evaluations["real"], casts=moved))
+        between(replace(evaluations["real"], casts=moved), evaluations["mixed"])
 
 
 def tuning(casts: int, miss_m: Callable[[int], float], trials: range = range(30)) -> Tuning:
@@ -109,3 +99,28 @@ def test_tunings_judged_on_other_casts_are_not_compared() -> None:
     few, many = tuning(20, lambda _k: 0.0), tuning(60, lambda _k: 0.0, range(1, 31))
     with pytest.raises(ValueError, match="tuned to 60 and to 20 casts was not judged on the same"):
         size_rows([few, many])
+
+
+def hard_and_easy(targets: int, seed: int = 3) -> list[np.ndarray]:
+    random = np.random.default_rng(seed)
+    return [np.abs(random.normal(hard, 0.02 * hard, 5)) for hard in random.lognormal(1, 1, targets)]
+
+
+def test_a_change_that_all_targets_share_is_known_well_however_different_they_are() -> None:
+    before = hard_and_easy(16)
+    change, low, high = median_change(before, [0.7 * e for e in before])
+    assert (change, low, high) == pytest.approx((-0.3, -0.3, -0.3))
+
+
+def test_no_change_lies_in_the_interval_of_policies_that_are_alike() -> None:
+    _, low, high = median_change(hard_and_easy(40, seed=1), hard_and_easy(40, seed=2))
+    assert low < 0 < high
+
+
+def test_more_targets_narrow_the_interval() -> None:
+    def width(targets: int) -> float:
+        pairs = [(hard_and_easy(targets, k), hard_and_easy(targets, k + 50)) for k in range(1, 5)]
+        intervals = np.array([median_change(*pair)[1:] for pair in pairs])
+        return float(np.diff(intervals).mean())
+
+    assert width(200) < 0.5 * width(16)
