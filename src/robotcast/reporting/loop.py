@@ -151,7 +151,7 @@ def _paths(loop: Loop) -> Figure:
     both = before.join(after.select(*keys, *columns), on=keys, suffix="_after").sort(keys)
     away = (pl.col("x") - pl.col("x_predicted")) ** 2 + (pl.col("y") - pl.col("y_predicted")) ** 2
     order = both.group_by("trial").agg(error=away.sqrt().mean()).sort("error", descending=True)
-    figure = Figure(figsize=(9.2, 4.2), dpi=72, layout="constrained")
+    figure = Figure(figsize=(12.4, 4.8), dpi=72, layout="constrained")
     panels = figure.subplots(1, SHOWN, sharex=True, sharey=True, squeeze=False)[0]
     worst = {loop.actions[trial]: trial for trial in reversed(order["trial"])}  # one an action
     shown = [trial for trial in order["trial"] if worst[loop.actions[trial]] == trial][:SHOWN]
