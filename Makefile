@@ -40,7 +40,7 @@ repro: $(INSTALLED)
 	@mkdir -p data
 	dvc repro hide candidates
 	@echo "beside this run, the loop and the other cables: tail -f $(BESIDE)"
-	@dvc --wait-for-lock repro evaluate_revised compare --glob '*@cable[23]*' > $(BESIDE) 2>&1 & \
+	@dvc --wait-for-lock repro --glob evaluate_revised compare '*@cable[23]*' > $(BESIDE) 2>&1 & \
 		beside=$$!; trap 'kill $$beside' INT TERM; \
 		dvc --wait-for-lock repro --glob '*@cable1*'; here=$$?; \
 		wait $$beside || { tail -n 20 $(BESIDE); exit 1; }; exit $$here
