@@ -26,6 +26,8 @@ from rich.text import Text
 from threadpoolctl import threadpool_limits
 
 from robotcast.build import CONFIGURATION
+from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.reader import read_measurement_set
 
 
 class _StageConsole(Console):
@@ -111,6 +113,19 @@ def unfinished_file(config: DictConfig, output: Path, suffix: str) -> Path:
     """
     names = [part for part in output.parts if part != output.anchor]
     return Path(config.paths.unfinished) / f"{'-'.join(names)}{suffix}"
+
+
+def measured_set(folder: str) -> MeasurementSet:
+    """Read the measurement set in `folder` and say what its user must know of it."""
+    measured = read_measurement_set(Path(folder))
+    for notice in measured.notices:
+        warn(notice)
+    return measured
+
+
+def as_note(notice: str) -> str:
+    """Return a notice as a sentence of a page."""
+    return f"{notice[0].upper()}{notice[1:]}."
 
 
 def tell(text: str) -> None:

@@ -6,13 +6,12 @@ from typing import Any
 
 from omegaconf import DictConfig, ListConfig
 
-from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
 from robotcast.policies.datasets import Dataset, mixed_dataset, real_dataset, simulated_dataset
 from robotcast.policies.mixing import choose_mixture
 from robotcast.policies.residual import ResidualLearner
 from robotcast.policies.training import Learner
-from robotcast.stage import bar, tell
+from robotcast.stage import bar, measured_set, tell
 
 
 def training_data(config: DictConfig, learner: Learner | ResidualLearner) -> tuple[Dataset, ...]:
@@ -63,7 +62,7 @@ def _values(given: Any) -> list[float]:
 
 
 def _real(config: DictConfig) -> Dataset:
-    measured = read_measurement_set(Path(config.paths.measurements))
+    measured = measured_set(config.paths.measurements)
     sizes = config.scale.tune
     tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
     return real_dataset(
