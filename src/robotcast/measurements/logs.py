@@ -60,6 +60,11 @@ class Log:
         return np.linalg.norm(self.steps(self.values[:, :2]), axis=1)
 
     @cached_property
+    def turned_rad(self) -> np.ndarray:
+        """The turn from the row before, of poses, (N,), 0 where a cast begins."""
+        return self.steps(self.values[:, 2])
+
+    @cached_property
     def speed_m_s(self) -> np.ndarray:
         """The speed since the row before, (N,), 0 where a cast begins."""
         return self.moved_m / np.where(self.dt_s > 0, self.dt_s, np.inf)
@@ -111,6 +116,20 @@ class Logs:
     def held_m(self) -> np.ndarray:
         """Where the held end was at every waypoint, (M, 2)."""
         return self.tool.at(self.end.t_s, self.end.cast)[:, :2]
+
+    def away_m(self, turn: np.ndarray | None = None, shift: int = 0) -> np.ndarray:
+        """Return how far the free end is from the held point at every waypoint, (M,).
+
+        Parameters
+        ----------
+        turn : (2, 2), that the free end is turned by.
+        shift : how many casts later the held point is taken from.
+        """
+        end_m = self.end.values if turn is None else self.end.values @ turn.T
+        if not shift:
+            return np.linalg.norm(end_m - self.held_m, axis=1)
+        cast = (self.end.cast + shift) % len(self.trials)
+        return np.linalg.norm(end_m - self.tool.at(self.end.t_s, cast)[:, :2], axis=1)
 
     @cached_property
     def from_start_m(self) -> np.ndarray:

@@ -60,11 +60,11 @@ def read_measurement_set(folder: Path, limits: PlanLimits = DEFAULT_LIMITS) -> M
         tool_planned=logged is None,
         notices=(*([] if logged else [NO_TOOL]), *notices),
     )
-    return judged(_yaw_along_cable(read), str(folder))
+    return judged(_yaw_along_cable(read), folder)
 
 
-def judged(measured: MeasurementSet, name: str) -> MeasurementSet:
-    """Return the set with what its rules find; `name` is what to call it.
+def judged(measured: MeasurementSet, folder: Path) -> MeasurementSet:
+    """Return the set in `folder` with what its rules find.
 
     Casts that cannot be used are left out, those whose end was not seen at rest marked.
     """
@@ -72,17 +72,21 @@ def judged(measured: MeasurementSet, name: str) -> MeasurementSet:
     unrested: set[int] = set()
     said: list[str] = []
     for found in check(Logs(measured)):
-        if found.outcome is Outcome.REFUSED:
-            raise ValueError(f"{name}: {found.sentence}")
         if found.casts and lost.issuperset(found.casts):
             continue
-        said.append(found.sentence)
+        path = folder / found.where if "." in found.where else find_table(folder, found.where)
+        said.append(f"{path or folder / found.where}: {found.sentence}")
+        if found.outcome is Outcome.REFUSED:
+            raise ValueError(said[-1])
         if found.outcome is Outcome.UNUSABLE:
             lost |= set(found.casts)
         elif found.outcome is Outcome.UNRESTED:
             unrested |= set(found.casts)
-    if len(lost) == len(measured.trials):
-        raise ValueError(f"{name}: no cast can be used; {'; '.join(said)}")
+    if len(lost) > len(measured.trials) / 2:
+        raise ValueError(
+            f"{folder}: {len(lost)} of {len(measured.trials)} casts cannot be used; "
+            + "; ".join(said)
+        )
     trials = tuple(
         replace(trial, rested=False) if i in unrested else trial
         for i, trial in enumerate(measured.trials)
