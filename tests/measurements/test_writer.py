@@ -79,7 +79,7 @@ def test_what_was_not_at_rest_and_long_numbers_come_back(
     assert [(t.trial, t.rested, t.logged) for t in again.trials] == [
         (t.trial, t.rested, t.logged) for t in trials
     ]
-    assert "rested is 0" in again.notices[0]
+    assert "not seen at rest" in again.notices[0]
 
 
 def test_a_set_on_disk_is_never_changed(set_folder: Path) -> None:

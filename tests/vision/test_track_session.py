@@ -42,7 +42,7 @@ def test_a_cast_that_cannot_be_tracked_is_lost_and_the_others_go_on(session):
 
 
 def test_the_measurement_set_can_be_written_and_read_back(session, tmp_path):
-    measured = track_session(session).measurement_set()
+    measured = track_session(session).measurement_set(tmp_path)
     write_measurement_set(measured, tmp_path / "set")
     again = read_measurement_set(tmp_path / "set")
     assert [t.trial for t in again.trials] == [0, 10000]
@@ -58,7 +58,7 @@ def test_two_processes_track_the_same(session):
     assert alone.lost == together.lost
 
 
-def test_a_session_in_which_nothing_can_be_tracked_says_why(session):
+def test_a_session_in_which_nothing_can_be_tracked_says_why(session, tmp_path):
     hopeless = replace(session, casts=session.casts[1:2])
     with pytest.raises(ValueError, match=r"no cast could be tracked .*no fiducials"):
-        track_session(hopeless).measurement_set()
+        track_session(hopeless).measurement_set(tmp_path)

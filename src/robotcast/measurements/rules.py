@@ -1,9 +1,10 @@
 """The rules of a measurement set as a whole: what its tables and rig.yaml say of each other.
 
 What one cell may hold stands in `robotcast.casts.table`, one row in `rows`, one key of rig.yaml in
-`rig_file`. A rule here reads all casts at once: a set that contradicts itself is refused, a cast
-that cannot be used is left out, one whose free end was not seen at rest has no endpoint (its
-waypoints still serve tuning), and what could be true is a warning that names both numbers.
+`rig_file`, the thresholds in `limits`. A rule here reads all casts at once: a set that contradicts
+itself is refused, a cast that cannot be used is left out, one whose free end was not seen at rest
+has no endpoint (its waypoints still serve tuning), and what could be true is a warning that names
+both numbers.
 """
 
 from collections.abc import Callable
@@ -12,42 +13,9 @@ from enum import Enum
 
 import numpy as np
 
+from robotcast.measurements import limits
 from robotcast.measurements.logs import REST_OVER_S, Logs
 
-# Foam has 30 kg/m³, paracord 200, steel 7,850, copper 8,960, tungsten 19,300.
-LIKELY_KG_M3, POSSIBLE_KG_M3 = (30.0, 9_000.0), (10.0, 20_000.0)
-MOST_RADIUS = 0.2  # of the length: thicker is no cable
-LIKELY_WEIGHT, MOST_WEIGHT = 20.0, 100.0  # of the cable's mass: grams come in a thousandfold
-MOST_NOISE = 0.1  # of the length: with more, a cast tells nothing
-# The ends of a taut cable are as far apart as it is long. A camera that is off by 15 cm or 20 %,
-# as far as the effects go, shows 0.8 to 1.2 of it.
-LIKELY_TAUT, LEAST_TAUT = 0.8, 0.5
-# Beyond reach by this part of the length, besides noise: a camera that is 0.1 s late shows 0.1 to
-# 0.15 in the median cast of 1.5 m/s, and 0.22 at one waypoint.
-LIKELY_BEYOND, MOST_BEYOND = 0.13, 0.25
-OUT_OF_FRAME = 0.03  # the same, from which another frame is tried; it must take half away
-NOISE_SD = 6.0  # standard deviations that noise does not reach
-MOST_START_RAD = 0.5  # between yaw and the cable at the start
-LIKELY_R0_M, MOST_R0_M = 0.05, 0.3  # between r0 and where the tool starts
-FAR_RAD, NEAR_RAD = 0.3, 0.1  # arms end within 0.01 rad of where they are told to
-MOST_OFF_RAD, MOST_OFF_M = 0.2, 0.08  # of the end of one cast
-# The tool's top speed over vmax: a short arc reaches half of it, a radius that grows adds a fifth.
-LIKELY_SPEED, POSSIBLE_SPEED = (0.4, 2.5), (0.15, 6.0)
-LIKELY_PERIOD, MOST_PERIOD = 1.5, 3.0  # waypoints' spacing over period_s, or its inverse
-# Between samples the tool is taken to go straight: at 10 m/s² that misses 3 mm in 0.05 s, 11 mm in
-# 0.1 s.
-MOST_SPACING_S, GAP_S, GAPS, MOVED_M = 0.05, 0.075, 3.0, 0.01
-MOST_M_S2 = 10.0
-RUNNING_M_S = 0.2  # a log that begins or ends so fast is cut; whole ones are below 0.09
-# No arm: from sample to sample a UR5's speed changes by 0.2 m/s, and a joint turns at 3 rad/s.
-JUMP_M_S, JUMP_RAD_S = 1.5, 20.0
-STALE = 0.4  # of a moving log's poses that repeat the one before
-FEWEST_WAYPOINTS = 3  # while the tool moves
-# Friction of 0.15 takes 1.5 m/s each second: a second after the tool, the end is slow or at rest.
-COAST_S, COASTING_M_S = 1.0, 0.5
-EARLY_S, EARLY_M = 0.25, 0.02  # the end moves before the tool: no camera is so early
-FROZEN, FROZEN_DIGITS = 4, 5.0  # equal places in a row, where noise is so many last digits
-REST_M_S = 0.25  # from there friction of 0.2 stops the end within 16 mm
 MOST_NAMED = 20  # casts in one sentence
 
 FRAMES = {
@@ -125,18 +93,18 @@ def period(logs: Logs, found: Findings) -> None:
     period_s, spacing_s, tool_s = logs.measured.period_s, logs.end.spacing_s, logs.tool.spacing_s
     ratio = max(spacing_s / period_s, period_s / spacing_s)
     found.doubt(
-        not ratio > LIKELY_PERIOD,  # NaN where no cast has two waypoints
-        not ratio > MOST_PERIOD,
+        not ratio > limits.LIKELY_PERIOD,  # NaN where no cast has two waypoints
+        not ratio > limits.MOST_PERIOD,
         "waypoints",
         f"t goes in steps of {spacing_s:.3g} s, and camera.period_s in rig.yaml is {period_s:g}: "
         "one of them is not in seconds, or frame numbers",
     )
     found.doubt(
-        tool_s <= MOST_SPACING_S or logs.measured.tool_planned,
+        tool_s <= limits.MOST_SPACING_S or logs.measured.tool_planned,
         True,
         "tool",
         f"samples are {tool_s:.3g} s apart; between them the tool is taken to go straight, which "
-        f"misses about {1e3 * MOST_M_S2 * tool_s**2 / 8:.0f} mm: log it faster",
+        f"misses about {1e3 * limits.MOST_M_S2 * tool_s**2 / 8:.0f} mm: log it faster",
     )
 
 
@@ -146,7 +114,7 @@ def frame(logs: Logs, found: Findings) -> None:
     beyond = np.maximum(most_m / length_m - 1, 0.0)
     usual = float(np.median(beyond))
     others = {}
-    if usual > OUT_OF_FRAME:
+    if usual > limits.OUT_OF_FRAME:
         tried = {name: logs.away_m(turn=turn) for name, turn in FRAMES.items()}
         tried |= {name: logs.away_m(shift=shift) for name, shift in SHIFTS.items()}
         for name, away_m in tried.items():
@@ -160,10 +128,10 @@ def frame(logs: Logs, found: Findings) -> None:
             f"in half of the casts the free end comes {1 + usual:.2f} cable lengths or more from "
             f"the held point of the tool log, with {best} {1 + others[best]:.2f}: {why}",
         )
-    noise = NOISE_SD * logs.noise_m / length_m
-    far = beyond > MOST_BEYOND + noise
+    noise = limits.NOISE_SD * logs.noise_m / length_m
+    far = beyond > limits.MOST_BEYOND + noise
     found.doubt(
-        usual < LIKELY_BEYOND + noise,
+        usual < limits.LIKELY_BEYOND + noise,
         np.mean(far) <= 0.5,
         "waypoints",
         f"in half of the casts the free end comes {np.median(most_m):.3g} m or more from the held "
@@ -189,8 +157,8 @@ def length(logs: Logs, found: Findings) -> None:
     share = reached_m / logs.cable.length_m
     unit = [name for times, name in UNITS.items() if 0.9 < share * times < 1.1]
     found.doubt(
-        share > LIKELY_TAUT,
-        share > LEAST_TAUT,
+        share > limits.LIKELY_TAUT,
+        share > limits.LEAST_TAUT,
         "rig.yaml",
         f"cable.length_m is {logs.cable.length_m:g}, and in half of the casts no more than "
         f"{reached_m:.3g} m lie between the cable's ends"
@@ -202,31 +170,31 @@ def cable(logs: Logs, found: Findings) -> None:
     """The cable is long, thin and of a real material, and its end no anvil."""
     it = logs.cable
     density = it.mass_kg / (np.pi * it.radius_m**2 * it.length_m)
-    grams = LIKELY_KG_M3[0] <= density / 1000 <= LIKELY_KG_M3[1]
+    grams = limits.LIKELY_KG_M3[0] <= density / 1000 <= limits.LIKELY_KG_M3[1]
     found.doubt(
-        LIKELY_KG_M3[0] <= density <= LIKELY_KG_M3[1],
-        POSSIBLE_KG_M3[0] <= density <= POSSIBLE_KG_M3[1],
+        limits.LIKELY_KG_M3[0] <= density <= limits.LIKELY_KG_M3[1],
+        limits.POSSIBLE_KG_M3[0] <= density <= limits.POSSIBLE_KG_M3[1],
         "rig.yaml",
         f"cable.mass_kg {it.mass_kg:g} with cable.radius_m {it.radius_m:g} and cable.length_m "
         f"{it.length_m:g} makes {density:.3g} kg/m³, and ropes and wires have 30 to 9,000"
         + (f"; {GRAMS}" if grams else ""),
     )
     found.refuse(
-        it.radius_m > MOST_RADIUS * it.length_m,
+        it.radius_m > limits.MOST_RADIUS * it.length_m,
         "rig.yaml",
         f"cable.radius_m {it.radius_m:g} is not far below cable.length_m {it.length_m:g}; "
         "millimetres or centimetres where metres are expected?",
     )
     weight = it.endpoint_mass_kg / it.mass_kg
     found.doubt(
-        weight <= LIKELY_WEIGHT,
-        weight <= MOST_WEIGHT,
+        weight <= limits.LIKELY_WEIGHT,
+        weight <= limits.MOST_WEIGHT,
         "rig.yaml",
         f"cable.endpoint_mass_kg {it.endpoint_mass_kg:g} is {weight:.0f} times cable.mass_kg "
         f"{it.mass_kg:g}; {GRAMS}",
     )
     found.refuse(
-        logs.noise_m > MOST_NOISE * it.length_m,
+        logs.noise_m > limits.MOST_NOISE * it.length_m,
         "rig.yaml",
         f"camera.noise_m {logs.noise_m:g} is no noise beside cable.length_m {it.length_m:g}; "
         "millimetres where metres are expected?",
@@ -238,8 +206,8 @@ def told(logs: Logs, found: Findings) -> None:
     log, r0_m = logs.tool, logs.measured.r0_m
     starts_m = float(np.median(np.linalg.norm(log.values[log.first, :2], axis=1)))
     found.doubt(
-        abs(starts_m - r0_m) <= LIKELY_R0_M,
-        abs(starts_m - r0_m) <= MOST_R0_M,
+        abs(starts_m - r0_m) <= limits.LIKELY_R0_M,
+        abs(starts_m - r0_m) <= limits.MOST_R0_M,
         "tool",
         f"casts start {starts_m:.3g} m from the base, and robot.r0_m in rig.yaml is {r0_m:g}; "
         "the frame is the robot base's",
@@ -249,14 +217,14 @@ def told(logs: Logs, found: Findings) -> None:
     angle, (theta1, _, theta2, r2, _, vmax) = along[log.last], logs.actions.T
     off = np.abs(angle - theta2)
     turns = np.stack([0 * theta1, theta1, theta2])  # between which a log that is cut stays
-    whole = (log.least(along) < turns.min(axis=0) - NEAR_RAD) | (
-        log.most(along) > turns.max(axis=0) + NEAR_RAD
+    whole = (log.least(along) < turns.min(axis=0) - limits.NEAR_RAD) | (
+        log.most(along) > turns.max(axis=0) + limits.NEAR_RAD
     )
-    if np.median(off) > FAR_RAD and np.mean(whole) > 0.5:
+    if np.median(off) > limits.FAR_RAD and np.mean(whole) > 0.5:
         turned = {"y negated": -angle, "x and y exchanged": np.pi / 2 - angle}
         others = {name: float(np.median(np.abs(a - theta2))) for name, a in turned.items()}
         best = min(others, key=lambda name: others[name])
-        fits = others[best] < NEAR_RAD
+        fits = others[best] < limits.NEAR_RAD
         with_best = f", with {best} {others[best]:.2f} rad" if fits else ""
         found.doubt(
             False,
@@ -269,7 +237,7 @@ def told(logs: Logs, found: Findings) -> None:
             Outcome.UNUSABLE,
             "tool",
             logs,
-            (off > MOST_OFF_RAD) | (np.abs(radius - r2) > MOST_OFF_M),
+            (off > limits.MOST_OFF_RAD) | (np.abs(radius - r2) > limits.MOST_OFF_M),
             lambda i: (
                 f"the log ends at {angle[i]:.2f} rad and {radius[i]:.2f} m, and its action at "
                 f"{theta2[i]:.2f} rad and {r2[i]:.2f} m: it is cut, or another cast's"
@@ -278,8 +246,8 @@ def told(logs: Logs, found: Findings) -> None:
     usual = np.where(jumps(logs), 0.0, log.speed_m_s)
     fast = float(np.median(log.most(usual) / vmax))
     found.doubt(
-        LIKELY_SPEED[0] <= fast <= LIKELY_SPEED[1],
-        POSSIBLE_SPEED[0] <= fast <= POSSIBLE_SPEED[1],
+        limits.LIKELY_SPEED[0] <= fast <= limits.LIKELY_SPEED[1],
+        limits.POSSIBLE_SPEED[0] <= fast <= limits.POSSIBLE_SPEED[1],
         "tool",
         f"in half of the casts the tool reaches {fast:.2g} times vmax of its action or more; is t "
         "in seconds, and vmax the tool's speed in m/s?",
@@ -291,7 +259,7 @@ def yaw(logs: Logs, found: Findings) -> None:
     off = np.abs(heading_off(logs))
     lies = float(np.median(off[np.isfinite(off)])) if np.isfinite(off).any() else 0.0
     found.doubt(
-        lies < MOST_START_RAD,
+        lies < limits.MOST_START_RAD,
         True,
         "tool",
         f"in half of the casts the cable lies {lies:.2f} rad or more from yaw at the start",
@@ -300,8 +268,8 @@ def yaw(logs: Logs, found: Findings) -> None:
     asked = logs.actions[:, 2] + logs.actions[:, 4]
     as_told, negated = (float(np.median(np.abs(s * turned - asked))) for s in (1, -1))
     found.doubt(
-        as_told <= FAR_RAD,
-        negated > NEAR_RAD,
+        as_told <= limits.FAR_RAD,
+        negated > limits.NEAR_RAD,
         "tool",
         f"yaw ends {as_told:.2f} rad from theta2 + alpha of its action, negated {negated:.2f} "
         "rad; yaw grows to the left, seen from above",
@@ -312,7 +280,7 @@ def heading_off(logs: Logs) -> np.ndarray:
     """Return how far the cable lies from yaw at the start, (n,) [rad]; NaN where it is slack."""
     x, y = logs.start_m.T
     apart = np.hypot(x, y) / logs.cable.length_m
-    taut = (apart > LIKELY_TAUT) & (apart < 1 + MOST_BEYOND)
+    taut = (apart > limits.LIKELY_TAUT) & (apart < 1 + limits.MOST_BEYOND)
     angle = np.arctan2(y, x) - logs.tool.values[logs.tool.first, 2]
     return np.where(taut, np.angle(np.exp(1j * angle)), np.nan)
 
@@ -321,22 +289,22 @@ def tool_log(logs: Logs, found: Findings) -> None:
     """The tool's log shows the whole motion: no hole, no jump, at rest when it begins and ends."""
     log = logs.tool
     t_s, dt_s, moved_m, turned = log.t_s, log.dt_s, log.moved_m, np.abs(log.turned_rad)
-    gap = (dt_s > max(GAPS * log.spacing_s, GAP_S)) & (moved_m > MOVED_M)
+    gap = (dt_s > max(limits.GAPS * log.spacing_s, limits.GAP_S)) & (moved_m > limits.MOVED_M)
     wide = log.row_of_most(np.where(gap, dt_s, 0.0))
     moving = (t_s > logs.starts_s[log.cast]) & (t_s <= logs.stops_s[log.cast])
     stale = float(np.mean((moved_m == 0) & (turned == 0), where=moving)) if moving.any() else 0.0
     updated_s = log.spacing_s / max(1 - stale, 1e-9)
     found.doubt(
-        stale < STALE,
-        stale < STALE or updated_s <= MOST_SPACING_S,
+        stale < limits.STALE,
+        stale < limits.STALE or updated_s <= limits.MOST_SPACING_S,
         "tool",
         f"{100 * stale:.0f} % of the samples repeat the pose before them while the tool moves: it "
         f"was updated every {updated_s:.2g} s, and is late by half of that",
     )
-    jump = jumps(logs) & (stale < STALE)
+    jump = jumps(logs) & (stale < limits.STALE)
     worst = log.row_of_most(np.where(jump, moved_m + turned, 0.0))
     begins, ends = (
-        np.maximum(log.speed_m_s[rows] - MOST_M_S2 * dt_s[rows], 0.0)
+        np.maximum(log.speed_m_s[rows] - limits.MOST_M_S2 * dt_s[rows], 0.0)
         for rows in (log.first + 1, log.last)
     )
     for bad, say in (
@@ -354,12 +322,12 @@ def tool_log(logs: Logs, found: Findings) -> None:
                 f"{turned[worst[i]]:.2f} rad in {dt_s[worst[i]]:.3f} s, as no arm can"
             ),
         ),
-        (log.most(logs.from_start_m) < MOVED_M, lambda i: "the tool does not move"),
+        (log.most(logs.from_start_m) < limits.MOVED_M, lambda i: "the tool does not move"),
         (
-            np.maximum(begins, ends) > RUNNING_M_S,
+            np.maximum(begins, ends) > limits.RUNNING_M_S,
             lambda i: (
-                f"the log {'begins' if begins[i] > RUNNING_M_S else 'ends'} while the tool moves "
-                f"at {max(begins[i], ends[i]):.2f} m/s"
+                f"the log {'begins' if begins[i] > ends[i] else 'ends'} while the tool moves at "
+                f"{max(begins[i], ends[i]):.2f} m/s"
             ),
         ),
     ):
@@ -369,31 +337,31 @@ def tool_log(logs: Logs, found: Findings) -> None:
 def jumps(logs: Logs) -> np.ndarray:
     """Tell in which rows of the tool log the pose is not where an arm could bring it, (N,)."""
     log, turned = logs.tool, np.abs(logs.tool.turned_rad)
-    jump = (log.steps(log.speed_m_s) > JUMP_M_S) & (log.moved_m > MOVED_M)
-    return jump | (turned > JUMP_RAD_S * log.dt_s) & (turned > NEAR_RAD)
+    jump = (log.steps(log.speed_m_s) > limits.JUMP_M_S) & (log.moved_m > limits.MOVED_M)
+    return jump | (turned > limits.JUMP_RAD_S * log.dt_s) & (turned > limits.NEAR_RAD)
 
 
 def clocks(logs: Logs, found: Findings) -> None:
     """Camera and tool saw the same motion on one clock."""
-    end, cast, noise_m = logs.end, logs.end.cast, NOISE_SD * logs.noise_m
+    end, cast, noise_m = logs.end, logs.end.cast, limits.NOISE_SD * logs.noise_m
     until_s = logs.stops_s + logs.measured.period_s
     shared = (end.t_s >= logs.starts_s[cast]) & (end.t_s <= until_s[cast])
     away_m = np.linalg.norm(end.values - end.values[end.first[cast]], axis=1)
-    early = (end.t_s < logs.starts_s[cast] - EARLY_S) & (away_m > EARLY_M + noise_m)
+    early = (end.t_s < logs.starts_s[cast] - limits.EARLY_S) & (away_m > limits.EARLY_M + noise_m)
     ends_s = logs.tool.t_s[logs.tool.last]
-    late = logs.end_speed_m_s > COASTING_M_S + noise_m / REST_OVER_S
-    late &= end.t_s > ends_s[cast] + COAST_S
+    late = logs.end_speed_m_s > limits.COASTING_M_S + noise_m / REST_OVER_S
+    late &= end.t_s > ends_s[cast] + limits.COAST_S
     seen = np.add.reduceat(shared.astype(int), end.first)
-    moves_m = end.most(away_m)[seen >= FEWEST_WAYPOINTS]
+    moves_m = end.most(away_m)[seen >= limits.FEWEST_WAYPOINTS]
     found.refuse(
-        len(moves_m) and np.median(moves_m) < EARLY_M,
+        len(moves_m) and np.median(moves_m) < limits.EARLY_M,
         "waypoints",
         "in half of the casts the free end does not move, and the tool does; are x and y in m?",
     )
     for bad, say in (
         (
-            seen < FEWEST_WAYPOINTS,
-            lambda i: f"fewer than {FEWEST_WAYPOINTS} lie in the time of the tool's motion",
+            seen < limits.FEWEST_WAYPOINTS,
+            lambda i: f"fewer than {limits.FEWEST_WAYPOINTS} lie in the time of the tool's motion",
         ),
         (
             end.most(early),
@@ -402,8 +370,8 @@ def clocks(logs: Logs, found: Findings) -> None:
         (
             end.most(late),
             lambda i: (
-                f"the free end still moves more than {COAST_S:g} s after the tool log ended at "
-                f"t = {ends_s[i]:.2f} s: the log is cut, or the clocks do not agree"
+                f"the free end still moves more than {limits.COAST_S:g} s after the tool log "
+                f"ended at t = {ends_s[i]:.2f} s: the log is cut, or the clocks do not agree"
             ),
         ),
     ):
@@ -415,7 +383,7 @@ def tracking(logs: Logs, found: Findings) -> None:
     end = logs.end
     differ = np.abs(np.diff(end.values, axis=0))
     digit_m = float(differ[differ > 0].min(initial=np.inf))
-    same = (end.dt_s > 0) & (end.moved_m == 0) & (logs.noise_m > FROZEN_DIGITS * digit_m)
+    same = (end.dt_s > 0) & (end.moved_m == 0) & (logs.noise_m > limits.FROZEN_DIGITS * digit_m)
     counted = np.cumsum(same)
     run = counted - np.maximum.accumulate(np.where(same, 0, counted))
     rows = end.row_of_most(run)
@@ -424,7 +392,7 @@ def tracking(logs: Logs, found: Findings) -> None:
     first = np.array([seen.setdefault(place, i) for i, place in enumerate(places)])
     for bad, say in (
         (
-            end.most(run) >= FROZEN - 1,
+            end.most(run) >= limits.FROZEN - 1,
             lambda i: (
                 f"one place is repeated to the last digit {run[rows[i]] + 1} times up to t = "
                 f"{end.t_s[rows[i]]:.2f} s: the tracker was frozen"
@@ -444,41 +412,43 @@ def tracking(logs: Logs, found: Findings) -> None:
 def rest(logs: Logs, found: Findings) -> None:
     """An endpoint counts where the free end was seen at rest, and the tool with it."""
     last, tool_end = logs.end.last, logs.tool.values[logs.tool.last, :2]
-    speed, fast = logs.end_speed_m_s[last], REST_M_S + NOISE_SD * logs.noise_m / REST_OVER_S
+    speed, noise_m = logs.end_speed_m_s, limits.NOISE_SD * logs.noise_m
+    fast = limits.REST_M_S + noise_m / REST_OVER_S
     left_m = np.linalg.norm(logs.held_m[last] - tool_end, axis=1)
     until_s, cast = logs.end.t_s[last], logs.end.cast
     # at rest with the tool, and then fast again: something else was followed
-    again = (logs.end_speed_m_s > 2 * fast) & (logs.end.t_s > logs.stops_s[cast] + COAST_S / 2)
-    again &= logs.end.steps(logs.end_speed_m_s) > fast
+    again = (speed > 2 * fast) & (logs.end.t_s > logs.stops_s[cast] + limits.COAST_S / 2)
+    again &= logs.end.steps(speed) > fast
     at = logs.end.row_of_most(again)
-    for where, bad, say in (
+    moves, moves_on, away = speed[last] > fast, left_m > limits.MOVED_M, logs.end.most(again)
+    for bad, say in (
         (
-            "waypoints",
-            speed > fast,
+            moves,
             lambda i: (
-                f"the free end moves at {speed[i]:.2f} m/s where it is seen last, at t = "
+                f"the free end moves at {speed[last[i]]:.2f} m/s where it is seen last, at t = "
                 f"{until_s[i]:.2f} s"
             ),
         ),
         (
-            "waypoints",
-            (left_m > MOVED_M) & (speed <= fast),
+            moves_on & ~moves,
             lambda i: (
                 f"the free end is seen last at t = {until_s[i]:.2f} s, and the tool moves on by "
                 f"{left_m[i]:.2f} m"
             ),
         ),
         (
-            "waypoints",
-            logs.end.most(again) & (speed <= fast),
+            away & ~moves & ~moves_on,
             lambda i: (
-                f"the free end is away at {logs.end_speed_m_s[at[i]]:.1f} m/s at t = "
+                f"the free end is away at {speed[at[i]]:.1f} m/s at t = "
                 f"{logs.end.t_s[at[i]]:.2f} s, long after the tool came to rest"
             ),
         ),
-        ("actions", np.array([not t.rested for t in logs.trials]), lambda i: "rested is 0"),
+        (
+            np.array([not t.rested for t in logs.trials]) & ~(moves | moves_on | away),
+            lambda i: "its free end was not seen at rest, as rested of its action says",
+        ),
     ):
-        found.casts(Outcome.UNRESTED, where, logs, bad, say)
+        found.casts(Outcome.UNRESTED, "waypoints", logs, bad, say)
 
 
 RULES = (period, frame, length, cable, told, yaw, tool_log, clocks, tracking, rest)

@@ -1,5 +1,8 @@
 """Writing a measurement set, once and in one step."""
 
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
@@ -10,9 +13,24 @@ from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.table import TABLE_COLUMNS
 from robotcast.files import atomic_folder
 from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.rig_file import RigFacts, rig_file_text
 
 TableFormat = Literal["csv", "parquet"]
+
+
+@contextmanager
+def replaced(folder: Path) -> Iterator[Path]:
+    """Yield where to write a set that takes the place of `folder` once it can be read."""
+    draft = folder.with_name(f".{folder.name}.draft")
+    shutil.rmtree(draft, ignore_errors=True)
+    try:
+        yield draft
+        read_measurement_set(draft)
+        shutil.rmtree(folder, ignore_errors=True)
+        draft.rename(folder)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
 
 
 def write_measurement_set(
