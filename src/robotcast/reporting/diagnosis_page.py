@@ -244,7 +244,7 @@ def _places(value: float, low: float | None, high: float | None, null: float | N
 
 def _tune_command(d: SimpleNamespace) -> str:
     """Return the command that tunes the model with what was found to the same measurement set."""
-    folder = d.measurements if "/" in d.measurements else "DIR"
+    folder = d.measurements if d.pipeline else "DIR"
     parts = [
         "python stages/tune.py",
         *(shlex.quote(override) for override in d.overrides),
@@ -259,11 +259,10 @@ def _tune_command(d: SimpleNamespace) -> str:
 def _pipeline_command(d: SimpleNamespace) -> str:
     """Return the command that runs the pipeline with what was found.
 
-    To DVC a bare comma is a sweep. A simulator that was chosen for the diagnosis runs alone: others
-    may lack other effects.
+    To DVC a comma is a sweep, so + stands between names. A simulator that was chosen for the
+    diagnosis runs alone: others may lack other effects.
     """
-    names = ",".join(d.effects)
-    chosen = f"effects={names}" if len(d.effects) == 1 else f"\"effects='{names}'\""
+    chosen = f"effects={'+'.join(d.effects)}"
     of = [o.removeprefix("simulator=") for o in d.overrides if o.startswith("simulator=")]
     alone = "".join(f" -S 'simulators=[{s}]' -S generate.simulator={s}" for s in of)
     return f"dvc exp run -S {chosen}{alone}"

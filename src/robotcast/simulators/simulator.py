@@ -89,6 +89,9 @@ class Simulator(Protocol):
         ...
 
 
+WEIGHTLESS_KG = 1e-5  # a body without mass would stand still in PyBullet
+
+
 def make_simulator(
     kind: Callable[[Cable, Sequence[Parameter], Any, Sequence[Effect]], Simulator],
     cable: Cable,
@@ -103,7 +106,7 @@ def make_simulator(
     kind : its class.
     parameters : name → numbers, either `lower`, `upper` and `nominal`, or `weighed` and `spread`:
         the cable's attribute that is its nominal value, searched from nominal / spread to
-        nominal · spread.
+        nominal · spread; one that is zero is held at next to nothing.
     settings : of this kind, whatever they are.
     """
     made = [_parameter(name, dict(numbers), cable) for name, numbers in parameters.items()]
@@ -113,7 +116,7 @@ def make_simulator(
 def _parameter(name: str, numbers: dict[str, Any], cable: Cable) -> Parameter:
     if "weighed" in numbers:
         nominal, spread = float(getattr(cable, numbers.pop("weighed"))), numbers.pop("spread")
-        if nominal <= 0:
-            raise ValueError(f"parameter {name}: the cable's own value must be > 0, got {nominal}")
+        if nominal == 0:  # as of a cable without a weight at its end: there is nothing to search
+            nominal, numbers["frozen"] = WEIGHTLESS_KG, True
         numbers |= {"lower": nominal / spread, "upper": nominal * spread, "nominal": nominal}
     return Parameter(name=name, **numbers)
