@@ -157,7 +157,7 @@ def _read_csv(path: Path, names: tuple[str, ...]) -> tuple[pl.DataFrame, np.ndar
     data = path.read_bytes()
     if b"\n" not in data:
         data = data.replace(b"\r", b"\n")  # as old Macs end lines
-    data = re.sub(rb",+[ \t]*(?=\r?\n|\Z)", b"", data)  # empty cells at the end of a line
+    data = re.sub(rb"(?:,[ \t]*)+(?=\r?\n|\Z)", b"", data)  # empty cells at the end of a line
     try:
         header = _csv_header(path, data)
         _require_columns(path, names, header)

@@ -71,8 +71,9 @@ def judged(measured: MeasurementSet, folder: Path) -> MeasurementSet:
     lost: set[int] = set()
     unrested: set[int] = set()
     said: list[str] = []
+    most = len(measured.trials) / 2
     for found in check(Logs(measured)):
-        if found.casts and lost.issuperset(found.casts):
+        if len(lost) > most or (found.casts and lost.issuperset(found.casts)):
             continue
         path = folder / found.where if "." in found.where else find_table(folder, found.where)
         said.append(f"{path or folder / found.where}: {found.sentence}")
@@ -82,7 +83,7 @@ def judged(measured: MeasurementSet, folder: Path) -> MeasurementSet:
             lost |= set(found.casts)
         elif found.outcome is Outcome.UNRESTED:
             unrested |= set(found.casts)
-    if len(lost) > len(measured.trials) / 2:
+    if len(lost) > most:
         raise ValueError(
             f"{folder}: {len(lost)} of {len(measured.trials)} casts cannot be used; "
             + "; ".join(said)

@@ -27,6 +27,7 @@ FRAMES = {
     "a quarter turn to the right": np.array([[0.0, 1.0], [-1.0, 0.0]]),
 }
 SHIFTS = {"the tool log of the next trial": 1, "the tool log of the trial before": -1}
+TURNED = {"y negated": 0.0, "x and y exchanged": np.pi / 2}  # angles become this less themselves
 AXES = "x goes along the board's axis, y to the left, not down, and angles are counted from x"
 UNITS = {1000: "millimetres", 100: "centimetres", 10: "decimetres", 39.37: "inches", 3.28: "feet"}
 GRAMS = "grams where kilograms are expected?"
@@ -81,7 +82,7 @@ class Findings(list[Finding]):
 
 
 def check(logs: Logs) -> Findings:
-    """Try every rule; a frame that does not fit is said before what follows from it."""
+    """Try every rule; what a log lacks is said before what follows from it."""
     found = Findings()
     for rule in RULES:
         rule(logs, found)
@@ -120,7 +121,7 @@ def frame(logs: Logs, found: Findings) -> None:
         for name, away_m in tried.items():
             others[name] = max(float(np.median(logs.end.most(away_m))) / length_m - 1, 0.0)
     best = min(others, key=lambda name: others[name], default="")
-    if best and others[best] < usual / 2:
+    if best and others[best] < min(usual / 2, limits.LIKELY_BEYOND):
         why = "trials are numbered otherwise" if best in SHIFTS else f"the frames differ; {AXES}"
         return found.refuse(
             True,
@@ -216,16 +217,17 @@ def told(logs: Logs, found: Findings) -> None:
     along, radius = np.arctan2(y, x), np.hypot(x, y)[log.last]
     angle, (theta1, _, theta2, r2, _, vmax) = along[log.last], logs.actions.T
     off = np.abs(angle - theta2)
-    turns = np.stack([0 * theta1, theta1, theta2])  # between which a log that is cut stays
-    whole = (log.least(along) < turns.min(axis=0) - limits.NEAR_RAD) | (
-        log.most(along) > turns.max(axis=0) + limits.NEAR_RAD
-    )
-    if np.median(off) > limits.FAR_RAD and np.mean(whole) > 0.5:
-        turned = {"y negated": -angle, "x and y exchanged": np.pi / 2 - angle}
-        others = {name: float(np.median(np.abs(a - theta2))) for name, a in turned.items()}
-        best = min(others, key=lambda name: others[name])
-        fits = others[best] < limits.NEAR_RAD
-        with_best = f", with {best} {others[best]:.2f} rad" if fits else ""
+    turns = np.stack([0 * theta1, theta1, theta2])
+    asked = np.stack([turns.min(axis=0), turns.max(axis=0), theta2])
+    made = np.stack([log.least(along), log.most(along), angle])
+    # y negated, and x and y exchanged: the largest angle becomes the smallest
+    others = {name: (turn - made)[[1, 0, 2]] for name, turn in TURNED.items()}
+    misses = {name: float(np.median(np.abs(o - asked).max(axis=0))) for name, o in others.items()}
+    best = min(misses, key=lambda name: misses[name])
+    cut = (made[0] > asked[0] - limits.NEAR_RAD) & (made[1] < asked[1] + limits.NEAR_RAD)
+    if np.median(off) > limits.FAR_RAD and (misses[best] < limits.NEAR_RAD or np.mean(cut) < 0.5):
+        fits = misses[best] < limits.NEAR_RAD
+        with_best = f", with {best} {misses[best]:.2f} rad" if fits else ""
         found.doubt(
             False,
             not fits,
@@ -451,4 +453,4 @@ def rest(logs: Logs, found: Findings) -> None:
         found.casts(Outcome.UNRESTED, "waypoints", logs, bad, say)
 
 
-RULES = (period, frame, length, cable, told, yaw, tool_log, clocks, tracking, rest)
+RULES = (period, told, yaw, tool_log, clocks, frame, length, cable, tracking, rest)
