@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.table import Table
@@ -36,7 +36,7 @@ def tidy_actions(actions: Table, say: Say) -> Table:
         if far.any():
             say(f"{actions.place(int(np.argmax(far)))}: {name} is beyond π and was turned by 2π")
     numbers, ids = np.stack([columns[n] for n in ACTION_COLUMNS], axis=1), columns["action"]
-    one, other = cKDTree(numbers).query_pairs(SAME_ACTION, p=np.inf, output_type="ndarray").T
+    one, other = KDTree(numbers).query_pairs(SAME_ACTION, p=np.inf, output_type="ndarray").T
     near = coo_array((np.ones(len(one)), (one, other)), shape=(len(ids), len(ids)))
     group = connected_components(near, directed=False)[1]
     _, first = np.unique(group, return_index=True)

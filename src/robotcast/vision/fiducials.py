@@ -1,5 +1,6 @@
 """ArUco markers along the edges of the board: where they are, and finding them in a picture."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,7 +96,7 @@ class Stillness:
     def moved_px(self, frame: np.ndarray) -> float:
         """Return by how much the markers are shifted in `frame`; some may be hidden."""
         shifts = [
-            np.hypot(*cv2.phaseCorrelate(first, _grey(frame[rows, columns]))[0])
+            math.hypot(*cv2.phaseCorrelate(first, _grey(frame[rows, columns]))[0])
             for rows, columns, first in self._patches
         ]
         return float(np.median(shifts)) if shifts else 0.0

@@ -118,7 +118,7 @@ def track_session(
     """
     tracked: dict[int, TrackedCast] = {}
     tools: dict[int, ToolMotion] = {}
-    lost: dict[int | str, str] = dict(session.broken)
+    lost: dict[int | str, str] = {**session.broken}
     total = len(session.casts)
     progress(0, total)
     attempt = partial(_attempt, session, limits)
