@@ -96,7 +96,9 @@ def as_typed(argument: str) -> str:
     if key in NAMES and value and value[0] not in "['\"$" and not (sweep and "," in value):
         return f"{key}=[{value}]"
     path = key in PATHS or key.startswith("paths.") or key == "evaluate.targets"
-    if not (equals and path) or value in ("", "null") or value[0] in "'\"" or "${" in value:
+    if not (equals and path) or value in ("", "null") or "${" in value:
+        return argument
+    if len(value) > 1 and value[0] in "'\"" and value[0] == value[-1]:
         return argument
     if sweep and "," in value:
         return argument
