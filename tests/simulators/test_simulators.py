@@ -55,18 +55,15 @@ def test_every_parameter_moves_the_end(kind: str, casts: list[SimulatedCast]) ->
     assert (moved > 1e-4).all(), moved
 
 
-def test_a_cable_without_a_weight_at_its_end_moves_alike_in_all(casts: list[SimulatedCast]) -> None:
+def test_a_cable_without_a_weight_at_its_end_moves_in_all(casts: list[SimulatedCast]) -> None:
     """Its weight is not searched, and no body of mass zero stands still."""
-    ends = {}
     for kind in KINDS:
         simulator = configured(kind, cable=replace(CABLE, endpoint_mass_kg=0.0))
         (weight,) = (p for p in simulator.parameters if p.name == "endpoint_mass_kg")
         assert weight.frozen
         found = simulator.simulate(casts[:1], nominal(simulator)).waypoints_m[0, 0]
-        ends[kind] = found[np.isfinite(found[:, 0])]
-    for path in ends.values():
-        assert np.linalg.norm(path[-1] - path[0]) > 0.05
-        assert np.abs(path - ends["segmented"]).max() < 0.25 * CABLE.length_m
+        path = found[np.isfinite(found[:, 0])]
+        assert np.linalg.norm(path[-1] - path[0]) > 0.2 * CABLE.length_m
 
 
 @pytest.mark.parametrize("kind", CHAINS)
