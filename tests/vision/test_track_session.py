@@ -116,6 +116,11 @@ def black_film(cast: Path) -> None:
     refilm(cast / VIDEO_FILE, lambda number, frame: 0 * frame)
 
 
+def another_rate(cast: Path) -> None:
+    path = cast / "cast.yaml"
+    path.write_text(path.read_text().replace("fps: 60.0", "fps: 30.0"))
+
+
 def clock_again(cast: Path) -> None:
     """Give every frame its time; in the middle the camera's clock begins again."""
     reader = cv2.VideoCapture(str(cast / VIDEO_FILE))
@@ -138,6 +143,7 @@ def clock_again(cast: Path) -> None:
         (one_frame, "only 1 frames can be read"),
         (no_film, "only 0 frames can be read"),
         (black_film, "no fiducials found"),
+        (another_rate, "has 60 frames a second, and cast.yaml says 30"),
         (clock_again, r"frames.csv line \d+: t is 0 .* the clock began again"),
     ],
 )

@@ -157,7 +157,8 @@ def _read_csv(path: Path, names: tuple[str, ...]) -> tuple[pl.DataFrame, np.ndar
     data = path.read_bytes()
     if b"\n" not in data:
         data = data.replace(b"\r", b"\n")  # as old Macs end lines
-    data = re.sub(rb"(?:,[ \t]*)+(?=\r?\n|\Z)", b"", data)  # empty cells at the end of a line
+    if any(end in data for end in (b",\n", b",\r", b", \n", b", \r", b",\t")) or data[-1:] == b",":
+        data = re.sub(rb"(?:,[ \t]*)+(?=\r?\n|\Z)", b"", data)  # empty cells at the end of a line
     try:
         header = _csv_header(path, data)
         _require_columns(path, names, header)
@@ -172,7 +173,7 @@ def _read_csv(path: Path, names: tuple[str, ...]) -> tuple[pl.DataFrame, np.ndar
 
 
 def _csv_header(path: Path, data: bytes) -> list[str]:
-    line = data.split(b"\n", 1)[0].decode("utf-8-sig").strip()
+    line = data[: data.find(b"\n") if b"\n" in data else None].decode("utf-8-sig").strip()
     place = _place(path, 1)
     if not line:
         raise ValueError(f"{place}: expected the names of the columns, got nothing")

@@ -9,7 +9,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from robotcast.sessions import VIDEO_FILE, CastRecord, Session, read_frame_times, read_record
+from robotcast.sessions import (
+    FRAMES_FILE,
+    VIDEO_FILE,
+    CastRecord,
+    Session,
+    read_frame_times,
+    read_record,
+)
 from robotcast.vision.calibration import LIMITS, Calibration, calibrate
 from robotcast.vision.detector import Detection, EndpointDetector
 from robotcast.vision.facts import TrackerFacts, TrackingLimits
@@ -20,6 +27,7 @@ _WHOLE = (0.92, 1.12)
 _BRIGHTNESS = (0.8, 1.2)
 _RELATIVE_TO_PERCENTILE = 75.0
 _WATCHED = 3  # of so many frames, one is looked at for a camera that moves
+_OTHER_RATE = 0.05  # that the film's may differ by from the one that was recorded
 _LATE = 1.5  # periods between the last waypoint and the rest
 
 
@@ -170,6 +178,12 @@ def _track(folder: Path, facts: TrackerFacts, limits: TrackingLimits) -> _Track:
         if good is None and number % _WATCHED == 0 and still.moved_px(frame) > limits.moved_px:
             good = max(number - _WATCHED + 1, 0)
     record = read_record(folder)
+    rate = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG).get(cv2.CAP_PROP_FPS)
+    if not (folder / FRAMES_FILE).is_file() and abs(rate / record.fps - 1) > _OTHER_RATE:
+        raise ValueError(
+            f"{video}: has {rate:g} frames a second, and cast.yaml says {record.fps:g}; "
+            f"{FRAMES_FILE} may say when each was taken"
+        )
     t_s = read_frame_times(record, facts.exposure_s, len(found), folder)
     xy_m, known = _whole_only(found, video), np.isfinite(t_s)
     moved = ""
