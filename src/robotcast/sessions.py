@@ -336,4 +336,5 @@ def _written_whole(path: Path) -> Iterator[None]:
     try:
         yield
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: is cut, or was not written by collect ({error})") from None
+        why = f": {error} is missing" if isinstance(error, KeyError) else ""
+        raise ValueError(f"{path}: is cut, or was not written by collect{why}") from None

@@ -88,8 +88,8 @@ def load_effect(name: str) -> Effect:
     return instantiate(EFFECTS[name], name=name, _convert_="all")
 
 
-def configured(name: str, *effects: str, cable: Cable = CABLE, **settings: float) -> Simulator:
-    """Return the simulator that conf/simulator/ names, of `cable`, with some settings replaced."""
+def configured(name: str, *effects: str, **settings: float) -> Simulator:
+    """Return the simulator that conf/simulator/ names, of `CABLE`, with some settings replaced."""
     model = OmegaConf.load(CONFIGURATION / "simulator" / f"{name}.yaml").model
     model = OmegaConf.merge(model, {"settings": settings})
-    return instantiate(model, cable=cable, effects=[load_effect(effect) for effect in effects])
+    return instantiate(model, cable=CABLE, effects=[load_effect(effect) for effect in effects])

@@ -48,7 +48,9 @@ class Finding:
 
 @cache
 def _rules() -> dict[str, dict[str, str]]:
-    return yaml.safe_load(files(__package__).joinpath("rules.yaml").read_text(encoding="utf-8"))
+    return yaml.safe_load(
+        (files("robotcast.measurements") / "rules.yaml").read_text(encoding="utf-8")
+    )
 
 
 class Findings(list[Finding]):
