@@ -5,11 +5,11 @@ import os
 
 from omegaconf import DictConfig
 
-from robotcast.build import build
 from robotcast.files import write_text
 from robotcast.measurements import reader, writer
 from robotcast.sessions import read_session, recorded_copy, summed_robot_notes
 from robotcast.stage import bar, named_session, output_folder, stage, tell, warn
+from robotcast.vision.facts import TrackingLimits
 from robotcast.vision.track_session import track_session
 
 
@@ -21,7 +21,7 @@ def track(config: DictConfig) -> None:
     else:
         session, cores = read_session(sessions), len(os.sched_getaffinity(0))
         with bar(f"track {config.cable.name}") as progress:
-            found = track_session(session, build(config.camera.tracking), cores, progress)
+            found = track_session(session, TrackingLimits(**config.tracking), cores, progress)
         measured, summary = found.measurement_set(folder), found.summary()
         summary |= {"robot": robot} if (robot := summed_robot_notes(session)) else {}
         for line in found.losses:
