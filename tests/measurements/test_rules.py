@@ -204,6 +204,18 @@ def test_what_could_be_true_is_a_warning_with_both_numbers(tmp_path: Path, old: 
         raise ValueError(notice)
 
 
+def test_a_planned_motion_judges_no_waypoints(tmp_path: Path) -> None:
+    """An arm of another planner may be late; what is known of the cable is judged all the same."""
+    folder = spoilt(tmp_path, change("waypoints", t=C("t") + 0.5 * (C("t") > 0)))
+    (folder / "tool.csv").unlink()
+    (notice,) = read_measurement_set(folder).notices
+    assert "no tool.csv" in notice
+    rig = folder / "rig.yaml"
+    rig.write_text(rig.read_text().replace("length_m: 0.63", "length_m: 6.3"))
+    with pytest.raises(ValueError, match="decimetres where metres"):
+        read_measurement_set(folder)
+
+
 def test_a_cable_may_have_no_weight_at_its_end(tmp_path: Path) -> None:
     folder = spoilt(tmp_path, nothing, {"endpoint_mass_kg: 0.02": "endpoint_mass_kg: 0"})
     assert read_measurement_set(folder).notices == ()

@@ -83,9 +83,13 @@ class Findings(list[Finding]):
 
 
 def check(logs: Logs) -> Findings:
-    """Try every rule; what a log lacks is said before what follows from it."""
+    """Try every rule; what a log lacks is said before what follows from it.
+
+    A planned motion is no measurement: an arm of another planner moves otherwise.
+    """
     found = Findings(logs)
-    for rule in (period, told, yaw, tool_log, clocks, frame, length, cable, tracking, rest):
+    of_tool = () if logs.measured.tool_planned else (told, yaw, tool_log, clocks, frame)
+    for rule in (period, *of_tool, length, cable, tracking, rest):
         rule(logs, found)
     return found
 
@@ -223,7 +227,11 @@ def frame(logs: Logs, found: Findings) -> None:
 
 
 def length(logs: Logs, found: Findings) -> None:
-    reached_m = float(np.median(logs.end.most(logs.away_m())))
+    apart_m = logs.end.most(logs.away_m())
+    if logs.measured.tool_planned:
+        apart_m = np.linalg.norm(logs.start_m, axis=1)  # all that is known
+    known = np.isfinite(apart_m)
+    reached_m = float(np.median(apart_m[known])) if known.any() else logs.cable.length_m
     share = reached_m / logs.cable.length_m
     unit = [name for times, name in UNITS.items() if 0.9 < share * times < 1.1]
     hint = f"; {unit[0]} where metres are expected?" if unit else ""
@@ -272,11 +280,11 @@ def rest(logs: Logs, found: Findings) -> None:
     found.of_casts("moving", moving, speed=speed[last], until=until_s)
     tool_end = logs.tool.values[logs.tool.last, :2]
     left_m = np.linalg.norm(logs.held_m[last] - tool_end, axis=1)
-    left = (left_m > limits.MOVED_M) & ~moving
+    left = (left_m > limits.MOVED_M) & ~moving & (not logs.measured.tool_planned)
     found.of_casts("left_early", left, until=until_s, left=left_m)
     # at rest with the tool, and then fast again: something else was followed
     again = (speed > 2 * fast) & (end.t_s > logs.stops_s[end.cast] + limits.COAST_S / 2)
-    again &= end.steps(speed) > fast
+    again &= (end.steps(speed) > fast) & (not logs.measured.tool_planned)
     rows, known = end.row_of_most(again), moving | left
     moved = end.most(again) & ~known
     found.of_casts("moved_again", moved, speed=speed[rows], at=end.t_s[rows])
