@@ -27,9 +27,13 @@ help:
 install: $(INSTALLED)
 
 $(INSTALLED): requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>&- || { \
+		echo 'robotcast needs Python 3.11, and $(PYTHON) is none: make $(MAKECMDGOALS)' \
+			'PYTHON=/path/to/python3.11' >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet -r requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	[ -e .git ] || $(BIN)/dvc config --local core.no_scm true # as from an archive: DVC needs no git
 	touch $@
 
 # Two runs side by side keep two cores busy: cable 1, and beside it the others with the loop. Then

@@ -20,6 +20,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import yaml
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from mujoco.batch import Batch
@@ -108,12 +109,24 @@ def compare(rounds: int) -> float:
     return ratio
 
 
+def paper_grid() -> dict[str, int]:
+    """Return how many values of each number of an action the paper's D_sim has."""
+    text = (ROOT / "conf/scale/paper.yaml").read_text(encoding="utf-8")
+    return yaml.safe_load(text)["generate"]["grid"]
+
+
 def generate_paper_scale(tuned: str) -> tuple[float, float]:
     """Run the generate stage at paper scale; return its seconds and its peak memory [GiB]."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, str(ROOT / "stages/generate.py"), "scale=paper"]
-        paths = [f"paths.tuned={tuned}", f"paths.simulated={folder}"]
-        took_s = seconds(lambda: subprocess.run(command + paths, cwd=ROOT, check=True))
+        # only the grid is the paper's: the casts that were tuned to are those of any run
+        counts = ", ".join(f"{name}: {count}" for name, count in paper_grid().items())
+        command = [sys.executable, str(ROOT / "stages/generate.py")]
+        command += [f"scale.generate.grid={{{counts}}}", f"paths.tuned={tuned}"]
+        command += [f"paths.simulated={folder}"]
+        start = time.perf_counter()
+        if status := subprocess.run(command, cwd=ROOT).returncode:
+            sys.exit(status)  # the stage has said why
+        took_s = time.perf_counter() - start
     gib = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 2**20
     print(f"D_sim at paper scale: {took_s:.0f} s (asked: < {LONGEST_S:.0f}), {gib:.2f} GiB")
     return took_s, gib

@@ -96,7 +96,7 @@ def casts(count: int, seed: int) -> None:
         collected = collect_casts(rig, chosen, folder / "session", LIMITS)
         rig.close()
         tracked = track_session(read_session(folder / "session"))
-        write_measurement_set(tracked.measurement_set(), folder / "set")
+        write_measurement_set(tracked.measurement_set(folder), folder / "set")
         measured = read_measurement_set(folder / "set")
     print(f"casts: {collected.added} of {count} cast, {len(measured.trials)} in a valid set")
     for number, reason in (collected.failed | dict(tracked.lost)).items():

@@ -15,9 +15,9 @@ from robotcast.workflow.comparing import compare_model
 
 def compare(config: DictConfig) -> None:
     require(config, "measurements", "output")
+    folder = output_folder(config.output)
     facts, found = compare_model(config)
     plain = {**facts, **found.as_dict()}
-    folder = output_folder(config.output)
     write_text(folder / "comparison.json", json.dumps(plain, ensure_ascii=False, allow_nan=False))
     write_text(folder / "index.html", comparison_page(plain))
     floor = found.repeats.sample_percent

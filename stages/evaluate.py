@@ -6,13 +6,14 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from robotcast.build import build_rig
-from robotcast.stage import stage
+from robotcast.stage import output_folder, stage
 from robotcast.workflow.evaluating import cast_on_rig, choose, predict_held_out, write_evaluation
 
 
 def evaluate(config: DictConfig) -> None:
     if "learner" not in config.policy:
         raise ValueError(f"policy={config.policy.name} is no forward model: stages/baseline.py")
+    output_folder(config.paths.evaluation)  # tried before anything is cast
     model = instantiate(config.policy.learner).load(Path(config.paths.policy))
     if config.rig.name == "recorded":
         table = predict_held_out(config, model)

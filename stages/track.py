@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 
 from omegaconf import DictConfig
 
@@ -10,6 +9,7 @@ from robotcast.files import write_text
 from robotcast.measurements import reader, writer
 from robotcast.sessions import read_session, recorded_copy, summed_robot_notes
 from robotcast.stage import bar, named_session, output_folder, stage, tell, warn
+from robotcast.vision.facts import TrackingLimits
 from robotcast.vision.track_session import track_session
 
 
@@ -19,19 +19,21 @@ def track(config: DictConfig) -> None:
         measured, summary = reader.read_measurement_set(copy), {"recorded": True}
         tell(f"{sessions}: {len(measured.trials)} recorded casts passed on")
     else:
-        session = read_session(sessions)
+        session, cores = read_session(sessions), len(os.sched_getaffinity(0))
         with bar(f"track {config.cable.name}") as progress:
-            found = track_session(session, workers=len(os.sched_getaffinity(0)), progress=progress)
-        for reason in found.lost.values():
-            warn(f"lost: {reason}")
-        tell(f"{len(found.tracked)} of {len(session.casts)} casts tracked, {len(found.lost)} lost")
-        measured, summary = found.measurement_set(), found.summary()
+            found = track_session(session, TrackingLimits(**config.tracking), cores, progress)
+        measured, summary = found.measurement_set(folder), found.summary()
         summary |= {"robot": robot} if (robot := summed_robot_notes(session)) else {}
+        for line in found.losses:
+            warn(line)
+        tell(f"{len(found.tracked)} of {len(session.casts)} casts tracked, {len(found.lost)} lost")
+    for notice in measured.notices:
+        warn(notice)
     if folder.is_dir() and any(folder.iterdir()) and not (folder / "tracking.json").is_file():
         raise ValueError(f"{folder}: holds files that this stage did not write")
-    shutil.rmtree(folder, ignore_errors=True)
-    writer.write_measurement_set(measured, folder)
-    write_text(folder / "tracking.json", json.dumps(summary, indent=2) + "\n")
+    with writer.replaced(folder) as draft:
+        writer.write_measurement_set(measured, draft)
+        write_text(draft / "tracking.json", json.dumps(summary, indent=2) + "\n")
 
 
 if __name__ == "__main__":

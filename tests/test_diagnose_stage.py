@@ -6,16 +6,13 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 import yaml
 
-from robotcast.casts.action import Action
 from robotcast.casts.action_file import read_actions
-from robotcast.casts.tool_motion import ToolMotion
-from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
+from tests.good_casts import good_set
 
 ROOT = Path(__file__).resolve().parents[1]
 CASTING = ROOT.parent / "shared" / "data" / "casting" / "d"
@@ -52,11 +49,7 @@ def test_three_casts_without_a_tool_log_get_the_best_answer_that_they_allow(tmp_
 
 
 def test_a_measurement_set_is_never_written_into(tmp_path: Path) -> None:
-    cable = Cable("cable", 0.63, 0.008, 0.0045, 0.02)
-    still = ToolMotion(np.array([0.0, 1.0]), np.zeros((2, 3)))
-    seen = (np.array([0.0, 0.5]), np.ones((2, 2)))
-    trial = Trial(0, 0, Action(0.6, 0.6, -0.6, 0.65, 0.5, 1.0), still, *seen)
-    write_measurement_set(MeasurementSet(cable, 0.6, 0.5, None, (trial,)), tmp_path / "set")
+    write_measurement_set(good_set(), tmp_path / "set")
     before = (tmp_path / "set" / "actions.csv").read_bytes()
     done = run(f"measurements={tmp_path / 'set'}", f"output={tmp_path}/x/../set")
     assert done.returncode == 2 and "must be another folder" in " ".join(done.stderr.split())

@@ -5,8 +5,6 @@ import numpy as np
 import pytest
 
 from robotcast.casts.action import Action
-from robotcast.casts.tool_motion import ToolMotion
-from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.sessions import (
@@ -18,6 +16,7 @@ from robotcast.sessions import (
     recorded_copy,
     write_frame_times,
 )
+from tests.good_casts import good_set
 
 SHARED_SET = Path(__file__).parents[2] / "shared/data/casting/a"
 
@@ -27,13 +26,7 @@ ACTION = Action(0.5, 0.6, -0.5, 0.7, 0.2, 1.0)
 
 @pytest.fixture
 def recorded(tmp_path) -> Path:
-    t_s = np.arange(11) * 0.1
-    tool = ToolMotion(t_s, np.stack([0.6 + 0 * t_s, 0.1 * t_s, 0.1 * t_s], axis=1))
-    waypoints = np.stack([1.2 - 0.1 * t_s, 0.2 * t_s], axis=1)
-    trial = Trial(0, 0, ACTION, tool, t_s, waypoints)
-    cable = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
-    measured = MeasurementSet(cable, 0.6, 0.1, None, (trial,))
-    write_measurement_set(measured, tmp_path / "set")
+    write_measurement_set(good_set(), tmp_path / "set")
     return tmp_path / "set"
 
 
@@ -56,7 +49,7 @@ def test_another_set_is_not_put_over_it(recorded, tmp_path):
     other = tmp_path / "other"
     shutil.copytree(recorded, other)
     waypoints = other / "waypoints.csv"
-    waypoints.write_text(waypoints.read_text().replace("1.2", "1.21", 1))
+    waypoints.write_text(waypoints.read_text().replace("1.2", "1.20", 1))
     with pytest.raises(ValueError, match=r"another recorded set .*waypoints.csv"):
         adopt_recorded_set(other, tmp_path / "session")
 

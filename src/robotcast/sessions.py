@@ -13,7 +13,7 @@ import os
 import shutil
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ import polars as pl
 import yaml
 
 from robotcast.casts.action import ACTION_COLUMNS, Action, action_factors
+from robotcast.casts.table import TABLE_COLUMNS, Table, read_table
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.files import atomic_file, atomic_folder, discard_unfinished, write_text
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
@@ -61,6 +62,7 @@ class Session:
     r0_m: float
     facts: dict[str, Any] = field(default_factory=dict)  # plain numbers for the tracker, by block
     casts: tuple[CastRequest, ...] = ()  # the finished ones by number
+    broken: dict[str, str] = field(default_factory=dict)  # folder → why it holds no cast
 
     def cast_folder(self, cast: CastRequest) -> Path:
         return self.folder / cast.folder_name
@@ -117,11 +119,34 @@ def read_session(folder: Path) -> Session:
     path = folder / SESSION_FILE
     if not path.is_file():
         raise ValueError(f"{folder}: no {SESSION_FILE}; not a session, collect writes one")
+    casts, broken = [], {}
+    for entry in sorted(folder.glob("cast_*")):
+        if entry.is_dir():
+            try:
+                casts.append(_read_request(entry))
+            except ValueError as error:
+                broken[entry.name] = str(error)
     values = _load(path)
-    folders = (entry for entry in sorted(folder.glob("cast_*")) if entry.is_dir())
-    casts = tuple(CastRequest(**_with_action(_load(one / REQUEST_FILE))) for one in folders)
-    rig, cable, r0_m = values.pop("rig"), Cable(**values.pop("cable")), float(values.pop("r0_m"))
-    return Session(folder, rig, cable, r0_m, facts=values, casts=casts)
+    with _written_whole(path):
+        rig, cable = str(values.pop("rig")), Cable(**values.pop("cable"))
+        r0_m = float(values.pop("r0_m"))
+    return Session(folder, rig, cable, r0_m, facts=values, casts=tuple(casts), broken=broken)
+
+
+def _read_request(folder: Path) -> CastRequest:
+    path = folder / REQUEST_FILE
+    values = _load(path)
+    with _written_whole(path):
+        action = _action(values["action"])
+        request = CastRequest(int(values["number"]), int(values["action_id"]), action)
+    if folder.name != request.folder_name:
+        raise ValueError(f"{folder}: holds {request.folder_name}; a copy is no cast")
+    return request
+
+
+def write_request(request: CastRequest, folder: Path) -> None:
+    values = {**vars(request), "action": action_factors(request.action.as_array())}
+    write_text(folder / REQUEST_FILE, yaml.safe_dump(values, sort_keys=False))
 
 
 def missing_requests(session: Session, requests: Sequence[CastRequest]) -> list[CastRequest]:
@@ -129,6 +154,8 @@ def missing_requests(session: Session, requests: Sequence[CastRequest]) -> list[
     finished = {cast.number: cast for cast in session.casts}
     missing = []
     for request in requests:
+        if request.folder_name in session.broken:
+            raise ValueError(f"{session.broken[request.folder_name]}; move that folder away")
         cast = finished.get(request.number)
         if cast is None:
             missing.append(request)
@@ -169,9 +196,9 @@ def write_record(record: CastRequest | CastRecord, folder: Path) -> None:
 
 def read_record(folder: Path) -> CastRecord:
     path = folder / CAST_FILE
-    if not path.is_file():
-        raise ValueError(f"{path}: missing; not the folder of a finished cast")
-    return CastRecord(**_with_action(_load(path)))
+    values = _load(path)
+    with _written_whole(path):
+        return CastRecord(action=_action(values.pop("action")), **values)
 
 
 def video_writer(path: Path, fps: float, width: int, height: int) -> cv2.VideoWriter:
@@ -196,10 +223,23 @@ def write_tool(tool: ToolMotion, path: Path) -> None:
 
 
 def read_tool(path: Path) -> ToolMotion:
-    if not path.is_file():
-        raise ValueError(f"{path}: missing; the tool was not logged")
-    table = pl.read_csv(path)
-    return ToolMotion(table["t"].to_numpy(), table.select("x", "y", "yaw").to_numpy())
+    """Read the tool log of a cast."""
+    table = read_table(path, TABLE_COLUMNS["tool"][1:])
+    t_s, *pose = table.columns.values()
+    if len(t_s) < 2:
+        raise ValueError(f"{path}: holds {len(t_s)} samples, expected at least 2")
+    _refuse_clock(table, t_s)
+    return ToolMotion(t_s, np.stack(pose, axis=1))
+
+
+def _refuse_clock(table: Table, t_s: np.ndarray) -> None:
+    """Refuse times (k,) that do not increase; NaN is no time."""
+    known = np.flatnonzero(np.isfinite(t_s))
+    stuck = np.zeros(len(t_s), dtype=bool)
+    stuck[known[1:]] = np.diff(t_s[known]) <= 0
+    table.refuse_where(
+        stuck, lambda i: f"t is {t_s[i]:g} and not above the t before it: the clock began again"
+    )
 
 
 def write_frame_times(t_s: np.ndarray, folder: Path) -> None:
@@ -215,16 +255,23 @@ def read_frame_times(record: CastRecord, exposure_s: float, count: int, folder: 
     path = folder / FRAMES_FILE
     if not path.is_file():
         return record.video_t0_s + exposure_s / 2 + np.arange(count) / record.fps
-    t_s = pl.read_csv(path, schema={"t": pl.Float64})["t"].to_numpy()
+    try:
+        t_s = pl.read_csv(path, schema={"t": pl.Float64})["t"].to_numpy()
+    except pl.exceptions.PolarsError as error:
+        raise ValueError(f"{path}: {str(error).splitlines()[0]}") from None
     if len(t_s) != count:
         raise ValueError(f"{path}: holds {len(t_s)} times for {count} frames")
+    _refuse_clock(Table(path, {"t": t_s}, np.arange(2, 2 + count)), t_s)
     return t_s
 
 
 def summed_robot_notes(session: Session) -> dict[str, Any]:
     """Return what robot.yaml of all casts say together, {} when the rig wrote none."""
     paths = [session.cast_folder(cast) / ROBOT_NOTES_FILE for cast in session.casts]
-    notes = [_load(path) for path in paths if path.is_file()]
+    notes = []
+    for path in filter(Path.is_file, paths):
+        with suppress(ValueError):  # a cast that was cut is lost to the tracker
+            notes.append(_load(path))
     if not notes:
         return {}
     return {
@@ -274,10 +321,27 @@ def _set_files(folder: Path) -> list[Path]:
     return sorted(p for p in folder.iterdir() if p.suffix in (".yaml", ".csv", ".parquet"))
 
 
-def _with_action(values: dict[str, Any]) -> dict[str, Any]:
-    numbers = values["action"]
-    return {**values, "action": Action(*(float(numbers[name]) for name in ACTION_COLUMNS))}
+def _action(numbers: Mapping[str, Any]) -> Action:
+    return Action(*(float(numbers[name]) for name in ACTION_COLUMNS))
 
 
 def _load(path: Path) -> dict[str, Any]:
-    return yaml.safe_load(path.read_text(encoding="utf-8"))
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ValueError(f"{path}: is missing; collect writes it with every cast") from None
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ValueError(f"{path}: cannot be read ({str(error).splitlines()[0]})") from None
+    if not isinstance(values, dict):
+        raise ValueError(f"{path}: is cut or empty")
+    return values
+
+
+@contextmanager
+def _written_whole(path: Path) -> Iterator[None]:
+    """Refuse values of `path` in which something is missing."""
+    try:
+        yield
+    except (KeyError, TypeError, ValueError) as error:
+        why = f": {error} is missing" if isinstance(error, KeyError) else ""
+        raise ValueError(f"{path}: is cut, or was not written by collect{why}") from None

@@ -1,16 +1,21 @@
 """What every stage shares: its entry point, its bar, where its output goes."""
 
 import os
+import re
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
+from typing import Any
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
+from hydra.errors import InstantiationException
 from hydra.types import RunMode
 from omegaconf import DictConfig
+from polars.exceptions import PolarsError
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -24,8 +29,11 @@ from rich.progress import (
 )
 from rich.text import Text
 from threadpoolctl import threadpool_limits
+from yaml import YAMLError
 
 from robotcast.build import CONFIGURATION
+from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.reader import read_measurement_set
 
 
 class _StageConsole(Console):
@@ -52,17 +60,68 @@ def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
     @wraps(body)  # Hydra names the job after the file that `body` stands in
     def run(config: DictConfig) -> None:
         try:
+            for key in (key for key in NAMES if key in config):
+                config[key] = _names(config[key])
             with _one_order_of_sums():
                 return body(config)
-        except (ValueError, FileNotFoundError) as error:
-            said, status = str(error), 2
+        except (ValueError, OSError, InstantiationException, PolarsError, YAMLError) as error:
+            said, status = _sentence(error), 2
         except KeyboardInterrupt:
             said = "interrupted; the same command goes on from what was finished"
             status = INTERRUPTED
         console.print(f"{Path(sys.argv[0]).stem}: {said}", style="bold red", markup=False)
         sys.exit(status)
 
-    return hydra.main(version_base=None, config_path=str(CONFIGURATION), config_name=name)(run)
+    command = hydra.main(version_base=None, config_path=str(CONFIGURATION), config_name=name)(run)
+
+    @wraps(body)
+    def main() -> None:
+        sys.argv[1:] = [as_typed(argument) for argument in sys.argv[1:]]
+        command()
+
+    return main
+
+
+NAMES = ("effects", "exclude")
+PATHS = ("measurements", "output", "tuned", "session", "rig.path", "collect.actions")
+
+
+def as_typed(argument: str) -> str:
+    """Return a setting as Hydra must read it, so that a path may hold whatever a path may hold.
+
+    `effects=board_tilt+air_drag` is a list of two, with commas too where nothing is swept.
+    """
+    key, equals, value = argument.partition("=")
+    sweep = any(a in ("-m", "--multirun") for a in sys.argv)
+    if key in NAMES and value and value[0] not in "['\"$" and not (sweep and "," in value):
+        return f"{key}=[{value}]"
+    path = key in PATHS or key.startswith("paths.") or key == "evaluate.targets"
+    if not (equals and path) or value in ("", "null") or "${" in value:
+        return argument
+    if len(value) > 1 and value[0] in "'\"" and value[0] == value[-1]:
+        return argument
+    if sweep and "," in value:
+        return argument
+    quoted = re.sub(r"(\\+)(?=$|')", r"\1\1", value).replace("'", r"\'")
+    return f"{key}='{quoted}'"
+
+
+def _names(given: Any) -> list[str]:
+    """Return names that were given as a list, or as words with + or commas between."""
+    words = [given] if isinstance(given, str) else list(given or ())
+    return [name for word in words for name in re.split(r"[,+\s]+", str(word)) if name]
+
+
+def _sentence(error: Exception) -> str:
+    """Return what went wrong in one line."""
+    if isinstance(error, InstantiationException):
+        cause = error.__cause__
+        if isinstance(cause, ValueError | OSError):
+            return _sentence(cause)
+        return " ".join(str(cause or error).split())
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"
+    return " ".join(str(error).split())
 
 
 @contextmanager
@@ -98,10 +157,21 @@ def named_session(config: DictConfig) -> Path:
 
 
 def output_folder(default: str) -> Path:
-    """Return where to write: `default`, or the job's own folder in a Hydra multirun."""
-    if HydraConfig.get().mode == RunMode.MULTIRUN:
-        return Path(HydraConfig.get().runtime.output_dir)
-    return Path(default)
+    """Return where to write: `default`, or the job's own folder in a Hydra multirun.
+
+    Raises ValueError, before any work is done, where nothing can be written.
+    """
+    hydra_config = HydraConfig.get()
+    multirun = hydra_config.mode == RunMode.MULTIRUN
+    folder = Path(hydra_config.runtime.output_dir if multirun else default)
+    there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    if not there.is_dir():
+        raise ValueError(f"{there}: is a file; name a folder to write to")
+    try:
+        os.rmdir(tempfile.mkdtemp(dir=there))
+    except OSError as error:
+        raise ValueError(f"{there}: cannot be written to ({error.strerror})") from None
+    return folder
 
 
 def unfinished_file(config: DictConfig, output: Path, suffix: str) -> Path:
@@ -111,6 +181,19 @@ def unfinished_file(config: DictConfig, output: Path, suffix: str) -> Path:
     """
     names = [part for part in output.parts if part != output.anchor]
     return Path(config.paths.unfinished) / f"{'-'.join(names)}{suffix}"
+
+
+def measured_set(folder: str) -> MeasurementSet:
+    """Read the measurement set in `folder` and say what its user must know of it."""
+    measured = read_measurement_set(Path(folder))
+    for notice in measured.notices:
+        warn(notice)
+    return measured
+
+
+def as_note(notice: str) -> str:
+    """Return a notice as a sentence of a page."""
+    return f"{notice[0].upper()}{notice[1:]}."
 
 
 def tell(text: str) -> None:

@@ -23,13 +23,31 @@ def test_what_a_diagnosis_writes_can_be_cast(tmp_path: Path) -> None:
     assert "board_tilt camera_offset" in path.read_text()
 
 
+HEADER = ",".join(ACTION_COLUMNS) + "\n"
+GOOD = "0.5,0.6,-0.6,0.65,0.3,1.2\n"
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         (None, "there is no such file"),
-        ("theta1,r1\n0.5,0.6\n", "expected a column theta2"),
+        ("theta1,r1\n0.5,0.6\n", "column theta2 is missing"),
         (",".join(ACTION_COLUMNS) + "\n", "holds no action"),
-        (",".join(ACTION_COLUMNS) + "\n0.6,0.6,-0.4,,0.2,1.5\n", "line 2: expected six numbers"),
+        (HEADER + GOOD + "0.6,0.6,-0.4,,0.2,1.5\n", "line 3: r2 must be a finite number, got an e"),
+        (HEADER + GOOD + "0.6,0.6,-0.4,NaN,0.2,1.5\n", "line 3: r2 must be a finite number"),
+        (
+            HEADER + "0.6,0.6,-0.4,0.7,0.2,true\n",
+            "line 2: vmax must be a finite number, got 'true'",
+        ),
+        (
+            HEADER + GOOD + "0.6,0.6,-0.4,0.7\n",
+            "line 3: alpha must be a finite number, got an empty",
+        ),
+        (HEADER + GOOD + "28.6,0.6,-34.4,0.65,17.2,1.2\n", "line 3: theta1 is 28.6, .* degrees"),
+        (HEADER + GOOD + "0.5,600,-0.6,650,0.3,1.2\n", "line 3: r1 is 600, .* millimetres"),
+        ("# my casts\n" + HEADER + GOOD, "line 1: expected the names of the columns, got a comm"),
+        (HEADER.replace(",", ";") + "0,5;0,6;-0,6;0,65;0,3;1,2\n", "semicolons"),
+        ("\t".join(ACTION_COLUMNS) + "\n", "separated by tabs"),
     ],
 )
 def test_a_bad_file_is_refused_in_one_sentence(tmp_path: Path, text: str, said: str) -> None:
@@ -38,3 +56,16 @@ def test_a_bad_file_is_refused_in_one_sentence(tmp_path: Path, text: str, said: 
         path.write_text(text)
     with pytest.raises(ValueError, match=said):
         read_actions(path)
+
+
+def test_text_of_another_encoding_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "actions.csv"
+    path.write_text(HEADER + GOOD, encoding="utf-16")
+    with pytest.raises(ValueError, match="is not text in UTF-8; export it"):
+        read_actions(path)
+
+
+def test_a_blank_line_and_a_note_with_a_comma_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "actions.csv"
+    path.write_text(f'{HEADER.strip()},note\n{GOOD.strip()},"a, b"\n\n')
+    assert read_actions(path) == [Action(0.5, 0.6, -0.6, 0.65, 0.3, 1.2)]

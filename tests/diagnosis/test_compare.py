@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from robotcast.casts.action import Action
 from robotcast.casts.tool_motion import ToolMotion
@@ -58,15 +59,17 @@ def as_measurement_set(records: list[Record]) -> MeasurementSet:
 
 
 def test_repeats_are_matched_by_time() -> None:
+    """Frames of another moment, and lost ones, are no scatter of the paths."""
     full = made_up()
-    late = [
-        replace(r, times_s=r.times_s + 0.03 * (r.trial % 2), measured=r.measured)
-        for r in full.records
-    ]
+    late = []
+    for record, path in zip(full.records, full.predicted, strict=True):
+        times_s = TIMES_S + 0.03 * (record.trial % 2)
+        moved = CubicSpline(TIMES_S, path)(times_s) - path
+        late.append(replace(record, times_s=times_s, measured=record.measured + moved))
     gappy = [
         replace(r, times_s=r.times_s[kept], measured=r.measured[kept])
         for r in late
-        for kept in [np.arange(len(TIMES_S)) % 3 != r.trial % 3]
+        for kept in [np.arange(len(TIMES_S)) % 4 != r.trial % 4]
     ]
     before = compared(full).repeats.sample_percent
     after = compared(MadeUp(gappy, full.predicted)).repeats.sample_percent

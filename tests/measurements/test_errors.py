@@ -1,5 +1,6 @@
 """The two metrics are the paper's, in metres and in % of cable length."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,12 @@ from robotcast.measurements.reader import read_measurement_set
 
 @pytest.fixture
 def measured(set_folder: Path) -> MeasurementSet:
-    return read_measurement_set(set_folder)
+    whole = read_measurement_set(set_folder)
+    trials = tuple(
+        replace(t, waypoints_s=t.waypoints_s[:k], waypoints_m=t.waypoints_m[:k])
+        for t, k in zip(whole.trials, (3, 1, 2), strict=True)
+    )
+    return replace(whole, trials=trials)
 
 
 def padded(measured: MeasurementSet, offsets_m: list[list[float]]) -> np.ndarray:
@@ -33,6 +39,12 @@ def test_every_cast_weighs_the_same(measured: MeasurementSet) -> None:
     assert errors.waypoint_percent == pytest.approx(100 * errors.waypoint_m / 0.5)
     assert errors.final_percent == pytest.approx(8)
     assert (errors.n_casts, errors.n_diverged) == (3, 0)
+
+
+def test_the_final_error_is_of_casts_that_rested(measured: MeasurementSet) -> None:
+    trials = [replace(t, rested=t.trial == 2) for t in measured.trials]
+    errors = prediction_errors(padded(measured, [[0, 0, 0.5], [0.5], [0, 0.1]]), trials, 0.5)
+    assert errors.final_m == pytest.approx(0.1)
 
 
 def test_a_perfect_prediction_has_no_error(measured: MeasurementSet) -> None:

@@ -12,16 +12,29 @@ from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
 
 
+def put(path: Path, line: int, column: str, value: str) -> None:
+    """Put `value` into one cell of a CSV file; the header is line 1."""
+    rows = [row.split(",") for row in path.read_text().splitlines()]
+    rows[line - 1][rows[0].index(column)] = value
+    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+
+
 def test_a_set_is_read_as_it_stands(set_folder: Path) -> None:
     measured = read_measurement_set(set_folder)
     assert measured.cable.name == "cable1"
     assert (measured.r0_m, measured.period_s, measured.noise_m) == (0.6, 0.1, 0.002)
     assert measured.rig == "recorded"
-    assert measured.notice is None
-    assert [(t.trial, t.action_id) for t in measured.trials] == [(0, 0), (1, 1), (2, 0)]
-    assert measured.trials[1].action == Action(0.5, 0.6, -0.8, 0.7, 0.4, 1.5)
-    np.testing.assert_array_equal(measured.trials[1].tool.t_s, [0, 0.008])
-    np.testing.assert_array_equal(measured.trials[1].tool.pose[1], [0.59, 0.02, 0.2])
+    assert measured.notices == ()
+    assert [(t.trial, t.action_id, t.rested) for t in measured.trials] == [
+        (0, 0, True),
+        (1, 1, True),
+        (2, 0, True),
+    ]
+    assert measured.trials[1].action == Action(0.5, 0.62, -0.8, 0.7, 0.4, 1.5)
+    for table, read in (("tool", "tool"), ("waypoints", "waypoints_m")):
+        frame = pl.read_csv(set_folder / f"{table}.csv").filter(pl.col("trial") == 1)
+        values = measured.trials[1].tool.pose if read == "tool" else measured.trials[1].waypoints_m
+        np.testing.assert_array_equal(values, frame.to_numpy()[:, 2:])
 
 
 def test_further_numbers_of_a_cast_are_its_factors(set_folder: Path) -> None:
@@ -45,29 +58,40 @@ def test_further_numbers_of_a_cast_are_its_factors(set_folder: Path) -> None:
 
 
 def test_gaps_are_kept(set_folder: Path) -> None:
-    trial = read_measurement_set(set_folder).trials[0]
-    np.testing.assert_array_equal(trial.waypoints_s, [0, 0.1, 0.3])
-    np.testing.assert_array_equal(trial.endpoint_m, [1.2, 0.03])
+    path = set_folder / "waypoints.csv"
+    frame = pl.read_csv(path)
+    frame.filter(pl.int_range(pl.len()) != 5).write_csv(path)
+    before, after = read_measurement_set(set_folder).trials[0], frame.filter(pl.col("trial") == 0)
+    np.testing.assert_array_equal(before.waypoints_s, np.delete(after["t"].to_numpy(), 5))
 
 
 def test_a_set_may_name_its_rig_and_leave_out_its_noise(set_folder: Path) -> None:
-    edit(set_folder / "rig.yaml", ", noise_m: 0.002}", "}\nrig: virtual")
+    path = set_folder / "rig.yaml"
+    path.write_text(path.read_text().replace(", noise_m: 0.002}", "}\nrig: virtual"))
     measured = read_measurement_set(set_folder)
     assert measured.rig == "virtual"
     assert measured.noise_m is None
 
 
-@pytest.mark.parametrize("name", ["a", "b", "c", "d", "e", "f"])
-def test_recorded_sets_are_read(recorded_sets: Path, name: str) -> None:
+# What is astray there is found: k holds five casts that were tracked 0.22 m off, l seven whose
+# last waypoint lies at the base.
+ASTRAY = {"k": 5, "l": 7}
+
+
+@pytest.mark.parametrize("name", "abcdefghijklmnopqrstuvwxy")
+def test_recorded_sets_are_read_without_a_false_word(recorded_sets: Path, name: str) -> None:
     measured = read_measurement_set(recorded_sets / name)
     assert len(measured.trials) == 52
     assert len({t.action_id for t in measured.trials}) == 40
+    assert sum(not t.rested for t in measured.trials) == ASTRAY.get(name, 0)
+    assert len(measured.notices) == (name in ASTRAY)
 
 
 def test_rows_of_a_trial_need_not_stand_together(set_folder: Path) -> None:
     before = read_measurement_set(set_folder)
     header, *rows = (set_folder / "tool.csv").read_text().splitlines()
-    shuffled = [rows[i] for i in (0, 2, 4, 1, 3, 5)]
+    shuffled = rows[::2] + rows[1::2]
+    shuffled = sorted(shuffled, key=lambda row: float(row.split(",")[1]))
     (set_folder / "tool.csv").write_text("\n".join([header, *shuffled]) + "\n")
     after = read_measurement_set(set_folder)
     for old, new in zip(before.trials, after.trials, strict=True):
@@ -75,11 +99,14 @@ def test_rows_of_a_trial_need_not_stand_together(set_folder: Path) -> None:
 
 
 def test_blank_lines_spaces_and_windows_files_are_read(set_folder: Path) -> None:
+    before = read_measurement_set(set_folder).trials[0]
     path = set_folder / "waypoints.csv"
-    text = path.read_text().replace("0,0.1,1.22,0.01\n", "\n0, 0.1 ,1.22,0.01\n")
-    path.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
-    trial = read_measurement_set(set_folder).trials[0]
-    np.testing.assert_array_equal(trial.waypoints_s, [0, 0.1, 0.3])
+    lines = path.read_text().splitlines()
+    lines[2] = " , ".join(lines[2].split(","))
+    path.write_bytes(b"\xef\xbb\xbf" + "\r\n".join([*lines[:2], "", *lines[2:]]).encode())
+    np.testing.assert_array_equal(
+        read_measurement_set(set_folder).trials[0].waypoints_m, before.waypoints_m
+    )
 
 
 def test_without_tool_csv_the_planned_motion_stands_in_and_is_announced(set_folder: Path) -> None:
@@ -88,14 +115,13 @@ def test_without_tool_csv_the_planned_motion_stands_in_and_is_announced(set_fold
     trial = measured.trials[1]
     planned = plan_action(trial.action, r0_m=0.6, limits=PlanLimits())
     np.testing.assert_array_equal(trial.tool.pose, planned.tool.pose)
-    assert measured.notice is not None
-    assert "no tool.csv" in measured.notice
-    assert measured.select([1]).notice == measured.notice
+    assert "no tool.csv" in measured.notices[0]
+    assert measured.select([1]).notices == measured.notices
 
 
 def test_a_cast_that_cannot_be_planned_is_refused_without_tool_csv(set_folder: Path) -> None:
     (set_folder / "tool.csv").unlink()
-    edit(set_folder / "actions.csv", "1,1,0.5,0.6,-0.8", "1,1,0.5,0.6,0.8")
+    put(set_folder / "actions.csv", 3, "theta2", "0.8")
     with pytest.raises(ValueError, match=r"actions\.csv line 3: without tool\.csv .* turn back"):
         read_measurement_set(set_folder)
 
@@ -106,64 +132,72 @@ def edit(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
 
 
-BAD = {
-    "missing column": ("actions.csv", "alpha,", "", "actions.csv", "column alpha is missing"),
-    "column twice": ("waypoints.csv", "t,x,y", "t,x,x", "line 1", "column x stands there twice"),
-    "other separator": (
-        "tool.csv",
-        "trial,t,x,y,yaw",
-        "trial;t;x;y;yaw",
-        "tool.csv",
-        "found trial;t;x;y;yaw",
-    ),
-    "NaN": ("waypoints.csv", "1.22,0.01", "nan,0.01", "waypoints.csv line 3", "finite number"),
-    "infinity": ("tool.csv", "0.59,0.02", "inf,0.02", "tool.csv line 5", "finite number"),
-    "a word": ("tool.csv", "0.59,0.02", "lost,0.02", "tool.csv line 5", "got 'lost'"),
-    "an empty cell": ("tool.csv", "0.59,0.02", ",0.02", "tool.csv line 5", "got an empty cell"),
-    "a cell missing": ("tool.csv", ",0.02,0.2", ",0.02", "tool.csv line 5", "got an empty cell"),
-    "a cell too many": ("tool.csv", ",0.02,0.2", ",0.02,0.2,9", "tool.csv line 5", "got 6"),
-    "half a trial": ("actions.csv", "1,1,0.5", "1.5,1,0.5", "actions.csv line 3", "whole number"),
-    "time stands": ("tool.csv", "1,0.008", "1,0", "tool.csv line 5", "time must increase"),
-    "time falls": ("waypoints.csv", "0,0.3", "0,0.05", "waypoints.csv line 4", "must increase"),
-    "time before 0": ("tool.csv", "1,0,", "1,-0.1,", "tool.csv line 4", "before the start"),
-    "milliseconds": ("waypoints.csv", "0,0.3", "0,300", "waypoints.csv line 4", "milliseconds"),
-    "no waypoints": ("waypoints.csv", "1,0,1.23,0\n", "", "actions.csv line 3", "no waypoints"),
-    "no tool": ("tool.csv", "1,0,", "0,9,", "actions.csv line 3", "1 samples in tool.csv"),
-    "unknown trial": ("waypoints.csv", "1,0,", "7,0,", "waypoints.csv line 5", "unknown"),
-    "trial twice": ("actions.csv", "2,0,0.7", "1,0,0.7", "actions.csv line 4", "twice"),
-    "mixed repeat": ("actions.csv", "2,0,0.7", "2,0,0.9", "actions.csv line 4", "action 0"),
-    "degrees": ("actions.csv", "0.5,0.6,-0.8", "0.5,0.6,-80", "actions.csv line 3", "degrees"),
-    "yaw degrees": ("tool.csv", "0.01,0.1", "0.01,10", "tool.csv line 3", "degrees"),
-    "millimetres": ("waypoints.csv", "1.22,0.01", "1220,10", "waypoints.csv line 3", "millimetres"),
-    "radius in mm": ("actions.csv", "-0.8,0.7", "-0.8,700", "actions.csv line 3", "millimetres"),
-    "backwards": ("actions.csv", "1.25", "-1.25", "actions.csv line 2", "vmax must be above"),
-    "speed in mm": ("actions.csv", "0.4,1.5", "0.4,1500", "actions.csv line 3", "per second"),
-    "length zero": ("rig.yaml", "length_m: 0.63", "length_m: 0", "rig.yaml", "length_m"),
-    "length in mm": ("rig.yaml", "length_m: 0.63", "length_m: 630", "rig.yaml", "millimetres"),
-    "radius too": ("rig.yaml", "radius_m: 0.0045", "radius_m: 4.5", "rig.yaml", "radius_m"),
-    "negative mass": ("rig.yaml", "mass_kg: 0.008", "mass_kg: -1", "rig.yaml", "negative"),
-    "grams": ("rig.yaml", "mass_kg: 0.02", "mass_kg: 20", "rig.yaml", "grams"),
-    "mass missing": ("rig.yaml", "mass_kg: 0.008, ", "", "rig.yaml", "got nothing"),
-    "mass a word": ("rig.yaml", "mass_kg: 0.008", "mass_kg: light", "rig.yaml", "'light'"),
-    "no name": ("rig.yaml", "name: cable1", "name:", "rig.yaml", "cable.name"),
-    "period zero": ("rig.yaml", "period_s: 0.1", "period_s: 0", "rig.yaml", "above zero"),
-    "period in ms": ("rig.yaml", "period_s: 0.1", "period_s: 100", "rig.yaml", "milliseconds"),
-    "noise NaN": ("rig.yaml", "noise_m: 0.002", "noise_m: .nan", "rig.yaml", "finite"),
-    "bad YAML": ("rig.yaml", "robot: {", "robot: }", "rig.yaml line 2", "not YAML"),
-    "no mapping": ("rig.yaml", "robot: {r0_m: 0.6}", "robot: 3", "rig.yaml", "robot.r0_m"),
+CELLS = {
+    "NaN": ("waypoints", 3, "x", "nan", "must be a finite number"),
+    "infinity": ("tool", 5, "x", "inf", "must be a finite number"),
+    "a word": ("tool", 5, "x", "lost", "got 'lost'"),
+    "an empty cell": ("tool", 5, "x", "", "got an empty cell"),
+    "an empty cell at the end": ("tool", 5, "yaw", "", "got an empty cell"),
+    "a cell too many": ("tool", 5, "yaw", "0.2,9", "got 6"),
+    "a decimal comma": ("tool", 5, "x", "0,59", "commas in the numbers"),
+    "half a trial": ("actions", 3, "trial", "1.5", "whole number"),
+    "time stands": ("tool", 5, "t", "0.016", "time must increase"),
+    "time falls": ("waypoints", 5, "t", "0.15", "a clock that began again"),
+    "time before 0": ("tool", 2, "t", "-0.1", "before the start"),
+    "milliseconds": ("waypoints", 4, "t", "200", "milliseconds"),
+    "a clock's time": ("tool", 3, "t", "1714566123.45", "time of a clock"),
+    "unknown trial": ("waypoints", 5, "trial", "7", "trial 7 is unknown"),
+    "trial twice": ("actions", 4, "trial", "1", "twice"),
+    "mixed repeat": ("actions", 4, "theta1", "0.9", "action 0"),
+    "degrees": ("actions", 3, "theta2", "-45.8", "degrees"),
+    "yaw degrees": ("tool", 3, "yaw", "10", "degrees"),
+    "millimetres": ("waypoints", 3, "x", "1220", "millimetres"),
+    "radius in mm": ("actions", 3, "r2", "700", "millimetres"),
+    "backwards": ("actions", 2, "vmax", "-1.25", "vmax must be above"),
+    "speed in mm": ("actions", 3, "vmax", "1500", "per second"),
 }
 
 
-@pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_refused_by_file_row_and_rule(set_folder: Path, case: str) -> None:
-    name, old, new, place, rule = BAD[case]
-    edit(set_folder / name, old, new)
-    with pytest.raises(ValueError) as refusal:
-        read_measurement_set(set_folder)
-    message = str(refusal.value)
-    assert place in message
-    assert rule in message
-    assert "\n" not in message
+@pytest.mark.parametrize("case", CELLS)
+def test_a_bad_cell_is_refused_by_file_line_and_rule(set_folder: Path, case: str) -> None:
+    name, line, column, value, rule = CELLS[case]
+    put(set_folder / f"{name}.csv", line, column, value)
+    assert f"{name}.csv line {line}: " in refusal(set_folder, rule)
+
+
+TEXTS = {
+    "missing column": ("actions.csv", "alpha,", "", "column alpha is missing"),
+    "column twice": ("waypoints.csv", "t,x,y", "t,x,x", "line 1: column x stands there twice"),
+    "no waypoints": ("actions.csv", "0.4,1.5\n", "0.4,1.5\n9,9,1,1,-1,1,1,1\n", "no waypoints"),
+    "comment": ("tool.csv", "trial,t", "# my log\ntrial,t", "line 1: expected .* a comment"),
+    "length zero": ("rig.yaml", "length_m: 0.63", "length_m: 0", "length_m"),
+    "length in mm": ("rig.yaml", "length_m: 0.63", "length_m: 630", "millimetres"),
+    "negative mass": ("rig.yaml", "mass_kg: 0.008", "mass_kg: -1", "negative"),
+    "mass missing": ("rig.yaml", "mass_kg: 0.008, ", "", "got nothing"),
+    "mass a word": ("rig.yaml", "mass_kg: 0.008", "mass_kg: light", "'light'"),
+    "no name": ("rig.yaml", "name: cable1", "name:", "cable.name"),
+    "period in ms": ("rig.yaml", "period_s: 0.1", "period_s: 100", "milliseconds"),
+    "noise NaN": ("rig.yaml", "noise_m: 0.002", "noise_m: .nan", "finite"),
+    "bad YAML": ("rig.yaml", "robot: {", "robot: }", "rig.yaml line 2: is not YAML"),
+    "no mapping": ("rig.yaml", "robot: {r0_m: 0.6}", "robot: 3", "robot.r0_m"),
+}
+
+
+@pytest.mark.parametrize("case", TEXTS)
+def test_a_bad_file_is_refused_by_rule(set_folder: Path, case: str) -> None:
+    name, old, new, rule = TEXTS[case]
+    text = (set_folder / name).read_text(encoding="utf-8")
+    assert old in text
+    (set_folder / name).write_text(text.replace(old, new, 1), encoding="utf-8")
+    assert refusal(set_folder, rule)
+
+
+def refusal(folder: Path, rule: str) -> str:
+    """Return the one line that refuses the set."""
+    with pytest.raises(ValueError, match=rule) as refused:
+        read_measurement_set(folder)
+    assert "\n" not in str(refused.value)
+    return str(refused.value)
 
 
 @pytest.mark.parametrize("name", ["rig.yaml", "actions.csv", "waypoints.csv"])
@@ -201,7 +235,7 @@ def test_two_files_of_one_table_are_refused(set_folder: Path) -> None:
 
 def test_a_parquet_table_is_refused_by_its_row(set_folder: Path) -> None:
     frame = pl.read_csv(set_folder / "waypoints.csv").with_columns(
-        x=pl.when(pl.col("t") == 0.3).then(float("nan")).otherwise("x")
+        x=pl.when(pl.int_range(pl.len()) == 2).then(float("nan")).otherwise("x")
     )
     (set_folder / "waypoints.csv").unlink()
     frame.write_parquet(set_folder / "waypoints.parquet")

@@ -16,11 +16,11 @@ FORMATS: tuple[TableFormat, ...] = ("csv", "parquet")
 def with_awkward_numbers(measured: MeasurementSet) -> MeasurementSet:
     rng = np.random.default_rng(3)
     trials = tuple(
-        replace(t, waypoints_m=rng.normal(size=t.waypoints_m.shape) * 10.0 ** -rng.integers(0, 12))
+        replace(t, waypoints_m=t.waypoints_m + rng.normal(size=t.waypoints_m.shape) * 1e-4 / 3)
         for t in measured.trials
     )
-    cable = replace(measured.cable, mass_kg=np.nextafter(1e-5, 1), radius_m=1 / 300)
-    return replace(measured, trials=trials, cable=cable, noise_m=0.1 / 3, rig="virtual")
+    cable = replace(measured.cable, mass_kg=np.nextafter(0.01, 1), radius_m=1 / 300)
+    return replace(measured, trials=trials, cable=cable, noise_m=0.01 / 3, rig="virtual")
 
 
 def assert_same(one: MeasurementSet, other: MeasurementSet) -> None:
@@ -62,6 +62,24 @@ def test_the_same_set_gives_the_same_bytes(
         write_measurement_set(measured, folder, table_format)
     one, two = ({p.name: p.read_bytes() for p in folder.iterdir()} for folder in folders)
     assert one == two
+
+
+@pytest.mark.parametrize("table_format", FORMATS)
+def test_what_was_not_at_rest_and_long_numbers_come_back(
+    set_folder: Path, tmp_path: Path, table_format: TableFormat
+) -> None:
+    """Trials may be numbered by time stamps in ns, which are no exact floats."""
+    measured = read_measurement_set(set_folder)
+    trials = tuple(
+        replace(t, trial=1714566123456789012 + t.trial, rested=t.trial != 1)
+        for t in measured.trials
+    )
+    write_measurement_set(replace(measured, trials=trials), tmp_path / "new", table_format)
+    again = read_measurement_set(tmp_path / "new")
+    assert [(t.trial, t.rested, t.logged) for t in again.trials] == [
+        (t.trial, t.rested, t.logged) for t in trials
+    ]
+    assert "not seen at rest" in again.notices[0]
 
 
 def test_a_set_on_disk_is_never_changed(set_folder: Path) -> None:

@@ -42,7 +42,7 @@ def test_test_casts_are_left_out_of_d_real(world) -> None:
 
 
 def test_d_real_with_nothing_left_is_refused(world) -> None:
-    with pytest.raises(ValueError, match="no tracked cast is left"):
+    with pytest.raises(ValueError, match="no cast that was seen at rest is left"):
         real_dataset(world.measured(), range(36), validation_fraction=0.2, seed=0)
 
 

@@ -10,10 +10,10 @@ import pytest
 import yaml
 
 from robotcast.casts.action import ACTION_COLUMNS, Action
-from robotcast.casts.tool_motion import ToolMotion
-from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
+from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.reporting.results import Results, read_results
+from tests.good_casts import good_trial
 
 LENGTHS_M = {"cable1": 0.63, "cable2": 0.65, "cable3": 0.65}
 
@@ -80,21 +80,12 @@ def optimizers(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> R
 def _measured(cable: str, length_m: float, rig: str, rng) -> MeasurementSet:
     actions = random_actions(50, rng)
     action_ids = np.concatenate([np.arange(50), np.arange(10)])
-    t_s = np.arange(0, 2.01, 0.1)
-    trials = []
-    for trial, action_id in enumerate(action_ids.tolist()):
-        end = smooth_endpoints(actions[action_id : action_id + 1])[0] + rng.normal(0, 0.006, 2)
-        grown = np.clip(t_s / 1.6, 0, 1)[:, None]
-        start = np.array([0.6 + length_m, 0.0])
-        bulge = np.stack([0.15 * np.sin(2 * np.pi * grown[:, 0]), 0.5 * grown[:, 0] * 0], axis=1)
-        path = start + (end - start) * grown**2 + bulge + rng.normal(0, 0.001, (len(t_s), 2))
-        pose = np.stack([np.full(17, 0.6), np.zeros(17), np.zeros(17)], axis=1)
-        tool = ToolMotion(np.arange(17) / 8, pose)
-        trials.append(
-            Trial(trial, action_id, Action.from_array(actions[action_id]), tool, t_s, path)
-        )
     details = Cable(cable, length_m, 0.03, 0.01, 0.02)
-    return MeasurementSet(details, 0.6, 0.1, 0.001, tuple(trials), rig)
+    trials = tuple(
+        good_trial(trial, action_id, Action.from_array(actions[action_id]), details)
+        for trial, action_id in enumerate(action_ids.tolist())
+    )
+    return MeasurementSet(details, 0.6, 0.1, 0.002, trials, rig)
 
 
 def _write_tuned(folder: Path, measured: MeasurementSet, rng) -> None:

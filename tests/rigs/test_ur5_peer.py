@@ -95,7 +95,7 @@ def test_a_cast_becomes_a_measurement_and_the_clocks_are_compared(
     assert "between the controller's tool pose and ours" in said[-1]
     tracked = track_session(read_session(tmp_path / "session"))
     assert not tracked.lost
-    write_measurement_set(tracked.measurement_set(), tmp_path / "set")
+    write_measurement_set(tracked.measurement_set(tmp_path), tmp_path / "set")
     (trial,) = read_measurement_set(tmp_path / "set").trials
     laid = told.pose[0, :2] + [filmed.cable.length_m, 0.0]  # where resets leave the free end
     assert np.linalg.norm(trial.endpoint_m - laid) > 0.015  # it was pulled

@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import yaml
 
 from robotcast.casts.plan import PlanLimits, plan_actions, plan_cast
 from robotcast.casts.tool_motion import ToolMotion
-from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
+from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.simulators.d_sim import (
     Generated,
@@ -25,6 +25,7 @@ from robotcast.simulators.d_sim import (
     write_d_sim,
 )
 from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast
+from tests.good_casts import good_trial
 
 CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
 LATE_S = 0.024
@@ -146,8 +147,9 @@ def measured_late() -> MeasurementSet:
         planned = plan_cast(theta1, -0.4, 0.7, 0.5, 1.5, r0_m=0.6, limits=PlanLimits())
         t_s = np.arange(0.0, planned.end_s + 0.3, 0.008)
         made = ToolMotion(t_s, planned.tool.at(t_s - LATE_S))
-        waypoints = np.array([0.0, 0.1]), np.array([[1.23, 0.01], [1.2, 0.0]])
-        trials.append(Trial(number, number, planned.action, made, *waypoints))
+        seen = good_trial(number, number, planned.action, CABLE, noise_m=0.0)
+        laid = np.where(seen.waypoints_s[:, None] > 0, seen.waypoints_m, [1.23, 0.01])
+        trials.append(replace(seen, tool=made, waypoints_m=laid))
     return MeasurementSet(CABLE, 0.6, 0.1, None, tuple(trials))
 
 

@@ -1,7 +1,11 @@
 """What every simulator must do, whatever its model of the cable."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hydra.utils import instantiate
+from omegaconf import OmegaConf
 
 from robotcast.simulators.simulator import SimulatedCast
 from tests.simulators.conftest import CABLE, CONFIGURATION, configured, mirrored, nominal
@@ -48,6 +52,19 @@ def test_every_parameter_moves_the_end(kind: str, casts: list[SimulatedCast]) ->
     waypoints = simulator.simulate(casts[: FEW.get(kind)], vectors).waypoints_m
     moved = np.nanmax(np.abs(waypoints[1:] - waypoints[0]), axis=(1, 2, 3))
     assert (moved > 1e-4).all(), moved
+
+
+def test_a_cable_without_a_weight_at_its_end_moves_in_all(casts: list[SimulatedCast]) -> None:
+    """Its weight is not searched, and no body of mass zero stands still."""
+    for kind in KINDS:
+        model = OmegaConf.load(CONFIGURATION / "simulator" / f"{kind}.yaml").model
+        bare = replace(CABLE, endpoint_mass_kg=0.0)
+        simulator = instantiate(model, cable=bare, effects=[])
+        (weight,) = (p for p in simulator.parameters if p.name == "endpoint_mass_kg")
+        assert weight.frozen
+        found = simulator.simulate(casts[:1], nominal(simulator)).waypoints_m[0, 0]
+        path = found[np.isfinite(found[:, 0])]
+        assert np.linalg.norm(path[-1] - path[0]) > 0.2 * CABLE.length_m
 
 
 @pytest.mark.parametrize("kind", CHAINS)

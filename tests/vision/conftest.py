@@ -8,11 +8,21 @@ import numpy as np
 import pytest
 
 from robotcast.casts.action import Action
+from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.casts.tool_motion import ToolMotion
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.kinematics import Gripper, joint_path
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, render_cast
-from robotcast.sessions import TOOL_FILE, VIDEO_FILE, CastRecord, Session, write_record, write_tool
+from robotcast.sessions import (
+    TOOL_FILE,
+    VIDEO_FILE,
+    CastRecord,
+    CastRequest,
+    Session,
+    write_record,
+    write_request,
+    write_tool,
+)
 from robotcast.vision.camera import Camera
 from robotcast.vision.facts import BLOCK, TrackerFacts
 from robotcast.vision.fiducials import FiducialBoard
@@ -22,6 +32,8 @@ FPS, EXPOSURE_S = 60.0, 0.004
 BOARD_BGR, BALL_BGR = (150.0, 85.0, 35.0), (150.0, 30.0, 240.0)
 ACTION = Action(0.5, 0.6, -0.5, 0.7, 0.0, 2.0)
 CABLE = Cable("rope", 0.6, 0.01, 0.0045, 0.02)
+
+STILL = ToolMotion(np.array([0.0, 0.4]), np.zeros((2, 3)))
 
 Path2D = Callable[[np.ndarray], np.ndarray]
 
@@ -56,16 +68,29 @@ class Lab:
         joints = joint_path(ToolMotion(t_s, pose), gripper)
         return SceneMotion(t_s, cable, joints, gripper, CABLE.radius_m, RADIUS_M)
 
-    def film(self, folder: Path, scene: SceneMotion, seed: int = 0) -> Path:
-        """Record one cast into `folder`."""
+    def film(
+        self, folder: Path, scene: SceneMotion, seed: int = 0, tool: ToolMotion = STILL
+    ) -> Path:
+        """Record one cast into `folder`, with what the tool is said to have done."""
         folder.mkdir(parents=True, exist_ok=True)
         render_cast(folder / VIDEO_FILE, scene, self.camera, self.picture, seed)
-        write_tool(ToolMotion(np.array([0.0, 0.4]), np.zeros((2, 3))), folder / TOOL_FILE)
-        start = float(scene.t_s[0])
-        write_record(
-            CastRecord(0, ACTION, "virtual", "rope", start, FPS, 0.2, 0.4, 0.4, False), folder
-        )
+        write_tool(tool, folder / TOOL_FILE)
+        start, end = float(scene.t_s[0]), float(tool.t_s[-1])
+        record = CastRecord(seed, ACTION, "virtual", "rope", start, FPS, end / 2, end, end, False)
+        write_record(record, folder)
         return folder
+
+    def cast(self, folder: Path, number: int) -> Path:
+        """Film a cast in which the free end trails the tool on a taut cable until both rest."""
+        tool = plan_action(ACTION, r0_m=0.6, limits=PlanLimits()).tool
+
+        def trailing(t_s: np.ndarray) -> np.ndarray:
+            behind, held = tool.at(t_s - 0.1)[:, :2], tool.at(t_s)[:, :2]
+            return held + 0.6 * behind / np.linalg.norm(behind, axis=1, keepdims=True)
+
+        scene = self.scene(trailing, until_s=tool.t_s[-1] + 0.3, tool=(0.3, 0.0))
+        write_request(CastRequest(number, number, ACTION), folder)
+        return self.film(folder, scene, number, tool)
 
     def without_markers(self) -> "Lab":
         bare = FiducialBoard(self.picture.fiducials.side_m, ())

@@ -4,9 +4,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import polars as pl
 
 from robotcast.casts.action import ACTION_COLUMNS, Action
+from robotcast.casts.table import read_table
 from robotcast.files import atomic_file
 
 
@@ -19,24 +21,13 @@ def write_actions(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
 
 
 def read_actions(path: Path) -> list[Action]:
-    """Read one action a row; columns with other names are ignored."""
+    """Read one action a row, checked as in a measurement set; other columns are ignored."""
     if not path.is_file():
         raise ValueError(f"{path}: there is no such file; expected a table of actions")
-    try:
-        table = pl.read_csv(path)
-    except pl.exceptions.PolarsError as error:
-        raise ValueError(f"{path}: {str(error).strip().splitlines()[0]}") from None
-    missing = [name for name in ACTION_COLUMNS if name not in table.columns]
-    if missing:
-        raise ValueError(f"{path}: expected a column {missing[0]}, got {', '.join(table.columns)}")
-    actions = []
-    for line, row in enumerate(table.select(ACTION_COLUMNS).rows(), start=2):
-        if not all(isinstance(value, int | float) for value in row):
-            raise ValueError(f"{path} line {line}: expected six numbers, got {row}")
-        actions.append(Action(*map(float, row)))
-    if not actions:
+    columns = read_table(path, ACTION_COLUMNS).columns
+    if not len(columns["vmax"]):
         raise ValueError(f"{path}: holds no action")
-    return actions
+    return [Action.from_array(row) for row in np.stack(list(columns.values()), axis=1)]
 
 
 def _cell(value: Any) -> Any:

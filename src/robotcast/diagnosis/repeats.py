@@ -7,9 +7,12 @@ from itertools import combinations, pairwise
 import numpy as np
 from scipy.stats import t as student
 
-from robotcast.diagnosis.misfit import Misfit, padded
+from robotcast.diagnosis.misfit import Misfit
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.rule import RULE, Rule
+from robotcast.resampling import at_times
+
+MOST_TIMES = 10  # of a grid, for each sample of the longest trial
 
 
 @dataclass(frozen=True)
@@ -24,17 +27,20 @@ class TimeGrid:
 
     times_s: np.ndarray
     steps: tuple[np.ndarray, ...]
+    period_s: float
 
     @classmethod
     def of(cls, records: Sequence[Record]) -> "TimeGrid":
         """Lay the grid through the first trial's first sample."""
         gaps = np.concatenate([np.diff(r.times_s) for r in records])
         period_s = float(np.median(gaps)) if len(gaps) else 1.0
-        origin = records[0].times_s[0]
+        origin, span_s = records[0].times_s[0], max(r.times_s[-1] - r.times_s[0] for r in records)
+        # samples in pairs have no period: no more times than the samples are worth
+        period_s = max(period_s, span_s / (MOST_TIMES * max(len(r.times_s) for r in records)))
         steps = [np.round((r.times_s - origin) / period_s).astype(int) for r in records]
         first, last = min(s.min() for s in steps), max(s.max() for s in steps)
         times_s = origin + period_s * np.arange(first, last + 1)
-        return cls(times_s, tuple(s - first for s in steps))
+        return cls(times_s, tuple(s - first for s in steps), period_s)
 
     def place(self, values: np.ndarray) -> np.ndarray:
         """Bring values of samples (n_trials, k_max, ...) to (n_trials, n_times, ...).
@@ -45,6 +51,15 @@ class TimeGrid:
         for row, step, some in zip(placed, self.steps, values, strict=True):
             row[step] = some[: len(step)]
         return placed
+
+    def paths(self, records: Sequence[Record]) -> np.ndarray:
+        """Return what was measured at the times of the grid, (n_trials, n_times, d), NaN in gaps.
+
+        Between samples a spline goes through them, so that frames that came late do not scatter.
+        """
+        return np.stack(
+            [at_times(self.times_s, r.times_s, r.measured, self.period_s) for r in records]
+        )
 
     def at_samples(self, values: np.ndarray, k_max: int) -> np.ndarray:
         """Return what `values` (n_times,) say at every sample, (n_trials, k_max), NaN past them."""
@@ -95,7 +110,7 @@ def repeat_scatter(
     records: Sequence[Record], grid: TimeGrid, scale: float, rule: Rule = RULE
 ) -> RepeatScatter:
     """Estimate the noise floor from the trials that share a group, in the order of the session."""
-    measured = grid.place(padded(records, [r.measured for r in records]))
+    measured = grid.paths(records)
     strays = _strays(records, measured, rule)
     groups = repeated(records, [row for row in range(len(records)) if row not in strays])
     runs = [run for rows in groups for run in _runs(rows, rule.close * len(records))]

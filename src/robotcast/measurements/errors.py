@@ -16,7 +16,8 @@ class PredictionErrors:
     ----------
     waypoint_m : average waypoint error: L² distance averaged over a cast's tracked waypoints,
         then over casts.
-    final_m : median over casts of the L² distance at the last tracked waypoint.
+    final_m : median of the L² distance at the last tracked waypoint, over the casts whose end was
+        seen at rest (over all where none was).
     waypoint_percent, final_percent : the same in % of cable length.
     n_diverged : casts whose run diverged; each counts with an error of one cable length.
     """
@@ -78,7 +79,9 @@ def prediction_errors(
     average_m, final_m = cast_errors(predicted_m, trials)
     diverged = np.isnan(average_m)
     waypoint_m = float(np.where(diverged, length_m, average_m).mean())
-    median_m = float(np.median(np.where(diverged, length_m, final_m)))
+    counts = np.array([trial.rested for trial in trials])
+    counts |= not counts.any()
+    median_m = float(np.median(np.where(diverged, length_m, final_m)[counts]))
     return PredictionErrors(
         waypoint_m=waypoint_m,
         final_m=median_m,

@@ -34,6 +34,7 @@ class Trial:
     waypoints_m : ndarray of shape (k, 2), the tracked free end in the robot base's frame.
     logged : further numbers that were logged with the cast, by name; "order" is where it stands
         in its session, from 0 for the first cast to 1 for the last.
+    rested : the free end was seen at rest: where it was seen last is where the cast ended.
     """
 
     trial: int
@@ -43,6 +44,7 @@ class Trial:
     waypoints_s: np.ndarray
     waypoints_m: np.ndarray
     logged: Mapping[str, float] = field(default_factory=dict)
+    rested: bool = True
 
     @property
     def factors(self) -> dict[str, float]:
@@ -63,7 +65,7 @@ class Trial:
 
     @property
     def endpoint_m(self) -> np.ndarray:
-        """Where the free end was seen last, (2,)."""
+        """Where the free end was seen last, (2,): where the cast ended, if it `rested`."""
         return self.waypoints_m[-1]
 
 
@@ -76,6 +78,7 @@ class MeasurementSet:
     noise_m : standard deviation of one tracked coordinate, None when unknown.
     rig : which rig the casts come from, as every table names it.
     tool_planned : the tool was not logged; the planned motion stands in for it.
+    notices : what a stage must tell its user before it uses the set, a sentence each.
     """
 
     cable: Cable
@@ -85,13 +88,12 @@ class MeasurementSet:
     trials: tuple[Trial, ...]
     rig: str = "recorded"
     tool_planned: bool = False
+    notices: tuple[str, ...] = ()
 
     @property
-    def notice(self) -> str | None:
-        """What a stage must tell its user before it uses the set, None when nothing."""
-        if self.tool_planned:
-            return "the set has no tool.csv; the planned motion of its actions stands in for it"
-        return None
+    def rested(self) -> "MeasurementSet":
+        """The set with only the casts whose endpoints count."""
+        return replace(self, trials=tuple(t for t in self.trials if t.rested))
 
     def select(self, trials: Iterable[int]) -> "MeasurementSet":
         """Return the set with only the given trial numbers, in this set's order."""

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
+from robotcast.resampling import at_times
+
+GRID = 10  # times for each waypoint at most, whatever period_s says
 
 
 @dataclass(frozen=True)
@@ -40,9 +43,9 @@ def noise_floor(measured: MeasurementSet) -> NoiseFloor:
     A perfect model predicts the mean path μ of an action and misses repeat p_j by |p_j − μ|.
     The mean of only n repeats stands in for μ and lies too near to each of them: for normal
     scatter |p_j − p̄| is on average √((n − 1)/n) times |p_j − μ|, so every deviation is
-    multiplied by √(n/(n − 1)). Waypoints are matched by their time in camera periods; a time
-    counts where at least two repeats were tracked, with n the repeats tracked there. The final
-    deviation compares the last tracked waypoints.
+    multiplied by √(n/(n − 1)). Paths are compared every camera period, between waypoints on a
+    spline through them; a time counts where at least two repeats were tracked, with n the repeats
+    tracked there. The final deviation compares the endpoints of those seen at rest.
     """
     repeats: dict[int, list[Trial]] = {}
     for trial in measured.trials:
@@ -53,10 +56,11 @@ def noise_floor(measured: MeasurementSet) -> NoiseFloor:
     if len(average_m) == 0:
         return NoiseFloor(None, None, 0, 0)
     to_percent = 100 / measured.cable.length_m
-    final_m = np.concatenate([_deviations(np.stack([t.endpoint_m for t in g])) for g in groups])
+    ends_m = [np.array([t.endpoint_m for t in group if t.rested]) for group in groups]
+    final_m = np.concatenate([_deviations(e) for e in ends_m if len(e) > 1] or [[np.nan]])
     return NoiseFloor(
         waypoint_percent=float(average_m.mean() * to_percent),
-        final_percent=float(np.median(final_m) * to_percent),
+        final_percent=float(np.median(final_m) * to_percent) if np.isfinite(final_m[0]) else None,
         n_actions=len(groups),
         n_casts=sum(len(group) for group in groups),
     )
@@ -64,10 +68,9 @@ def noise_floor(measured: MeasurementSet) -> NoiseFloor:
 
 def _average_deviations(group: Sequence[Trial], period_s: float) -> np.ndarray:
     """Return the average deviation of each repeat that shares times with others, (≤ n,)."""
-    steps = [np.round(t.waypoints_s / period_s).astype(int) for t in group]
-    paths_m = np.full((len(group), max(s.max() for s in steps) + 1, 2), np.nan)
-    for path_m, step, trial in zip(paths_m, steps, group, strict=True):
-        path_m[step] = trial.waypoints_m
+    rows, last_s = (max(f(t.waypoints_s) for t in group) for f in (len, max))
+    times_s = np.arange(0.0, last_s + period_s / 2, max(period_s, last_s / (GRID * rows)))
+    paths_m = np.stack([at_times(times_s, t.waypoints_s, t.waypoints_m, period_s) for t in group])
     shared = np.isfinite(paths_m[..., 0]).sum(axis=0) > 1
     deviations_m = _deviations(paths_m[:, shared])
     sharing = np.isfinite(deviations_m).any(axis=1)

@@ -1,27 +1,37 @@
 """Reading a measurement set from disk, checked."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from robotcast.casts.action import ACTION_COLUMNS, Action
 from robotcast.casts.plan import PlanLimits, plan_action
+from robotcast.casts.table import TABLE_COLUMNS, Table, find_table, read_table
 from robotcast.casts.tool_motion import ToolMotion
+from robotcast.measurements.logs import Logs
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.measurements.rig_file import read_rig_file
-from robotcast.measurements.rules import check_actions, check_complete, check_motion
-from robotcast.measurements.table import TABLE_COLUMNS, Table, find_table, read_table
+from robotcast.measurements.rows import Say, tidy_actions, tidy_log, unwrapped
+from robotcast.measurements.rules import Outcome, check, heading_off
 
 DEFAULT_LIMITS = PlanLimits()
+NO_TOOL = "the set has no tool.csv; the planned motion of its actions stands in for it"
+TURNED_RAD = 0.3  # about a quarter turn, in which the cable lies at the start of nearly all casts
+NEARLY_ALL = 0.8
 
 
 def read_measurement_set(folder: Path, limits: PlanLimits = DEFAULT_LIMITS) -> MeasurementSet:
     """Read a measurement set, its tables as CSV or Parquet.
 
+    What was put right on reading, what is doubtful and which casts are left out, or have no
+    endpoint, stands in its `notices`.
+
     Parameters
     ----------
     limits : how a cast is planned; a set without a tool table falls back on the planned motion
-        of its actions, and its `notice` says so.
+        of its actions.
 
     Raises
     ------
@@ -34,22 +44,78 @@ def read_measurement_set(folder: Path, limits: PlanLimits = DEFAULT_LIMITS) -> M
     rig_path = folder / "rig.yaml"
     if not rig_path.is_file():
         raise ValueError(f"{folder}: rig.yaml is missing; a measurement set needs it")
-    facts = read_rig_file(rig_path)
-    actions = _needed_table(folder, "actions")
-    check_actions(actions)
+    facts, notices = read_rig_file(rig_path), []
+    actions = tidy_actions(_needed_table(folder, "actions"), notices.append)
     waypoints = _needed_table(folder, "waypoints")
-    check_motion(waypoints, actions)
-    check_complete(waypoints, actions, least=1, what="waypoints")
-    logged = _logged_tools(folder, actions)
-    return MeasurementSet(
+    waypoints = tidy_log(waypoints, actions, 1, "waypoints", notices.append)
+    logged = _logged_tools(folder, actions, notices.append)
+    tools = logged or _planned(actions, facts.r0_m, limits)
+    read = MeasurementSet(
         cable=facts.cable,
         r0_m=facts.r0_m,
         period_s=facts.period_s,
         noise_m=facts.noise_m,
-        trials=_trials(actions, waypoints, logged or _planned(actions, facts.r0_m, limits)),
+        trials=_trials(actions, waypoints, tools),
         rig=facts.rig,
         tool_planned=logged is None,
+        notices=(*([] if logged else [NO_TOOL]), *notices),
     )
+    return judged(_yaw_along_cable(read), folder)
+
+
+def judged(measured: MeasurementSet, folder: Path) -> MeasurementSet:
+    """Return the set in `folder` with what its rules find.
+
+    Casts that cannot be used are left out, those whose end was not seen at rest marked.
+    """
+    lost: set[int] = set()
+    unrested: set[int] = set()
+    said: list[str] = []
+    most = len(measured.trials) / 2
+    for found in check(Logs(measured)):
+        if len(lost) > most or (found.casts and lost.issuperset(found.casts)):
+            continue
+        path = folder / found.where if "." in found.where else find_table(folder, found.where)
+        said.append(f"{path or folder / found.where}: {found.sentence}")
+        if found.outcome is Outcome.REFUSED:
+            raise ValueError(said[-1])
+        if found.outcome is Outcome.UNUSABLE:
+            lost |= set(found.casts)
+        elif found.outcome is Outcome.UNRESTED:
+            unrested |= set(found.casts)
+    if len(lost) > most:
+        raise ValueError(
+            f"{folder}: {len(lost)} of {len(measured.trials)} casts cannot be used; "
+            + "; ".join(said)
+        )
+    trials = tuple(
+        replace(trial, rested=False) if i in unrested else trial
+        for i, trial in enumerate(measured.trials)
+        if i not in lost
+    )
+    return replace(measured, trials=trials, notices=(*measured.notices, *said))
+
+
+def _yaw_along_cable(measured: MeasurementSet) -> MeasurementSet:
+    """Turn yaw by quarter turns where the flange was mounted so: it points along the cable."""
+    off = heading_off(Logs(measured))
+    off = off[np.isfinite(off)]
+    if measured.tool_planned or not len(off):
+        return measured
+    quarters = round(float(np.angle(np.exp(1j * off).mean())) / (np.pi / 2))
+    turn = quarters * np.pi / 2
+    near = np.abs(np.angle(np.exp(1j * (off - turn)))) < TURNED_RAD
+    if not quarters or near.mean() < NEARLY_ALL:
+        return measured
+    trials = tuple(
+        replace(t, tool=ToolMotion(t.tool.t_s, t.tool.pose + np.array([0.0, 0.0, turn])))
+        for t in measured.trials
+    )
+    notice = (
+        f"tool: the cable lies {turn:.2f} rad from yaw when casts start; yaw was turned so that "
+        "it points along the cable"
+    )
+    return replace(measured, trials=trials, notices=(*measured.notices, notice))
 
 
 def _needed_table(folder: Path, name: str) -> Table:
@@ -61,18 +127,16 @@ def _needed_table(folder: Path, name: str) -> Table:
     return read_table(path, TABLE_COLUMNS[name])
 
 
-def _logged_tools(folder: Path, actions: Table) -> list[ToolMotion] | None:
+def _logged_tools(folder: Path, actions: Table, say: Say) -> list[ToolMotion] | None:
     path = find_table(folder, "tool")
     if path is None:
         return None
-    tool = read_table(path, TABLE_COLUMNS["tool"])
-    check_motion(tool, actions)
-    check_complete(tool, actions, least=2, what="samples")
-    rows = _rows_by_trial(tool)
-    pose = np.stack([tool.columns[name] for name in ("x", "y", "yaw")], axis=1)
+    tool = tidy_log(read_table(path, TABLE_COLUMNS["tool"]), actions, 2, "samples", say)
+    pose = np.stack([tool.columns["x"], tool.columns["y"], unwrapped(tool, say)], axis=1)
+    at = _cuts(tool)
     return [
-        ToolMotion(tool.columns["t"][rows[trial]], pose[rows[trial]])
-        for trial in actions.columns["trial"].tolist()
+        ToolMotion(t_s, poses)
+        for t_s, poses in zip(np.split(tool.columns["t"], at), np.split(pose, at), strict=True)
     ]
 
 
@@ -94,20 +158,24 @@ def _actions(actions: Table) -> list[Action]:
     return [Action.from_array(row) for row in numbers]
 
 
-def _trials(actions: Table, waypoints: Table, tools: list[ToolMotion]) -> tuple[Trial, ...]:
-    rows = _rows_by_trial(waypoints)
-    xy_m = np.stack([waypoints.columns["x"], waypoints.columns["y"]], axis=1)
+def _trials(actions: Table, waypoints: Table, tools: Sequence[ToolMotion]) -> tuple[Trial, ...]:
+    at = _cuts(waypoints)
+    t_s = np.split(waypoints.columns["t"], at)
+    xy_m = np.split(np.stack([waypoints.columns["x"], waypoints.columns["y"]], axis=1), at)
     numbers, ids = actions.columns["trial"].tolist(), actions.columns["action"].tolist()
     order = (np.argsort(np.argsort(numbers)) / max(len(numbers) - 1, 1)).tolist()
+    others = dict(actions.others)
+    rested = others.pop("rested", np.ones(len(numbers)))
     return tuple(
         Trial(
             trial=trial,
             action_id=action_id,
             action=action,
             tool=tool,
-            waypoints_s=waypoints.columns["t"][rows[trial]],
-            waypoints_m=xy_m[rows[trial]],
-            logged={n: float(v[row]) for n, v in actions.others.items()} | {"order": order[row]},
+            waypoints_s=t_s[row],
+            waypoints_m=xy_m[row],
+            logged={n: float(v[row]) for n, v in others.items()} | {"order": order[row]},
+            rested=bool(rested[row]),
         )
         for row, (trial, action_id, action, tool) in enumerate(
             zip(numbers, ids, _actions(actions), tools, strict=True)
@@ -115,8 +183,6 @@ def _trials(actions: Table, waypoints: Table, tools: list[ToolMotion]) -> tuple[
     )
 
 
-def _rows_by_trial(table: Table) -> dict[int, np.ndarray]:
-    trials = table.columns["trial"]
-    order = np.argsort(trials, kind="stable")
-    numbers, starts = np.unique(trials[order], return_index=True)
-    return dict(zip(numbers.tolist(), np.split(order, starts[1:]), strict=True))
+def _cuts(table: Table) -> np.ndarray:
+    """Return the rows at which another cast begins, of a table that stands cast by cast."""
+    return np.flatnonzero(np.diff(table.columns["trial"])) + 1

@@ -1,7 +1,7 @@
 """rig.yaml of a measurement set: the cable, the robot and the camera it was measured with."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +9,13 @@ import yaml
 
 from robotcast.measurements.measurement_set import Cable
 
-MOST_M = 10.0
-MOST_KG = 10.0
-MOST_S = 10.0
+MOST = 10.0  # m, kg or s, of every number
+MISTAKEN = {
+    "m": "millimetres where metres",
+    "kg": "grams where kilograms",
+    "s": "milliseconds where seconds",
+}
+MAY_BE_ZERO = ("cable.endpoint_mass_kg", "camera.noise_m")
 
 
 @dataclass(frozen=True)
@@ -28,51 +32,31 @@ class RigFacts:
 def read_rig_file(path: Path) -> RigFacts:
     """Read and check rig.yaml; messages name the key, since the file is short."""
     facts = _mapping(path)
-    length_m = _length(path, facts, "cable.length_m")
-    radius_m = _length(path, facts, "cable.radius_m")
-    if radius_m >= length_m:
+    names = ("length_m", "mass_kg", "radius_m", "endpoint_mass_kg")
+    sizes = {name: _number(path, facts, f"cable.{name}") for name in names}
+    if sizes["radius_m"] >= sizes["length_m"]:
         raise ValueError(
-            f"{path}: cable.radius_m {radius_m:g} is not below cable.length_m {length_m:g}; "
-            "millimetres where metres are expected?"
+            f"{path}: cable.radius_m {sizes['radius_m']:g} is not below cable.length_m "
+            f"{sizes['length_m']:g}; millimetres where metres are expected?"
         )
-    cable = Cable(
-        name=_name(path, facts, "cable.name"),
-        length_m=length_m,
-        mass_kg=_positive(path, facts, "cable.mass_kg", MOST_KG, "grams where kilograms"),
-        radius_m=radius_m,
-        endpoint_mass_kg=_not_negative(
-            path, facts, "cable.endpoint_mass_kg", MOST_KG, "grams where kilograms"
-        ),
-    )
     noise_known = _find(facts, "camera.noise_m") is not None
     return RigFacts(
-        cable=cable,
-        r0_m=_length(path, facts, "robot.r0_m"),
-        period_s=_positive(path, facts, "camera.period_s", MOST_S, "milliseconds where seconds"),
-        noise_m=_not_negative(path, facts, "camera.noise_m", MOST_M, "millimetres where metres")
-        if noise_known
-        else None,
+        cable=Cable(name=_name(path, facts, "cable.name"), **sizes),
+        r0_m=_number(path, facts, "robot.r0_m"),
+        period_s=_number(path, facts, "camera.period_s"),
+        noise_m=_number(path, facts, "camera.noise_m") if noise_known else None,
         rig=_name(path, facts, "rig") if "rig" in facts else "recorded",
     )
 
 
 def rig_file_text(facts: RigFacts) -> str:
     """Return rig.yaml for `facts`, numbers with all their digits."""
+    cable = {k: v if k == "name" else float(v) for k, v in asdict(facts.cable).items()}
     camera = {"period_s": float(facts.period_s)}
     if facts.noise_m is not None:
         camera["noise_m"] = float(facts.noise_m)
-    content = {
-        "rig": facts.rig,
-        "cable": {
-            "name": facts.cable.name,
-            "length_m": float(facts.cable.length_m),
-            "mass_kg": float(facts.cable.mass_kg),
-            "radius_m": float(facts.cable.radius_m),
-            "endpoint_mass_kg": float(facts.cable.endpoint_mass_kg),
-        },
-        "robot": {"r0_m": float(facts.r0_m)},
-        "camera": camera,
-    }
+    robot = {"r0_m": float(facts.r0_m)}
+    content = {"rig": facts.rig, "cable": cable, "robot": robot, "camera": camera}
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
 
 
@@ -106,37 +90,23 @@ def _name(path: Path, facts: dict[str, Any], key: str) -> str:
 
 
 def _number(path: Path, facts: dict[str, Any], key: str) -> float:
-    value = _find(facts, key)
+    value, number = _find(facts, key), math.nan
     # YAML 1.1 reads 1e-3, without a dot, as a word.
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ValueError(f"{path}: {key} must be a finite number, got {_said(value)}")
-    try:
-        number = float(value)
-    except (ValueError, OverflowError):
-        number = math.nan
+    if isinstance(value, int | float | str) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except (ValueError, OverflowError):
+            number = math.nan
     if not math.isfinite(number):
-        raise ValueError(f"{path}: {key} must be a finite number, got {value!r}")
-    return number
-
-
-def _not_negative(path: Path, facts: dict[str, Any], key: str, most: float, mistaken: str) -> float:
-    number = _number(path, facts, key)
+        raise ValueError(f"{path}: {key} must be a finite number, got {_said(value)}")
     if number < 0:
         raise ValueError(f"{path}: {key} must not be negative, got {number:g}")
-    if number > most:
-        raise ValueError(f"{path}: {key} is {number:g}, beyond {most:g}; {mistaken} are expected?")
-    return number
-
-
-def _positive(path: Path, facts: dict[str, Any], key: str, most: float, mistaken: str) -> float:
-    number = _not_negative(path, facts, key, most, mistaken)
-    if number == 0:
+    if number == 0 and key not in MAY_BE_ZERO:
         raise ValueError(f"{path}: {key} must be above zero, got 0")
+    if number > MOST:
+        mistaken = MISTAKEN[key.rpartition("_")[2]]
+        raise ValueError(f"{path}: {key} is {number:g}, beyond {MOST:g}; {mistaken} are expected?")
     return number
-
-
-def _length(path: Path, facts: dict[str, Any], key: str) -> float:
-    return _positive(path, facts, key, MOST_M, "millimetres where metres")
 
 
 def _said(value: Any) -> str:

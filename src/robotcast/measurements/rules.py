@@ -1,136 +1,292 @@
-"""What the tables of a measurement set must satisfy; each rule refuses with one sentence."""
+"""The rules of a measurement set as a whole; rules.yaml says of each what it reads and does."""
 
-import math
+from dataclasses import dataclass
+from enum import Enum
+from functools import cache
+from importlib.resources import files
+from typing import Any
 
 import numpy as np
+import yaml
 
-from robotcast.measurements.table import Table
+from robotcast.measurements import limits
+from robotcast.measurements.logs import REST_OVER_S, Logs
 
-MOST_ANGLE_RAD = 2 * math.pi
-MOST_COORDINATE_M = 10.0
-MOST_SPEED_M_S = 10.0
-MOST_TIME_S = 60.0
-SAME_ACTION = 1e-6
-
-
-def check_actions(actions: Table) -> None:
-    """Refuse casts that cannot be: none at all, one number twice, wrong units, mixed repeats."""
-    if len(actions.rows) == 0:
-        raise ValueError(f"{actions.path}: holds no casts")
-    _refuse_repeated_trials(actions)
-    for name in ("theta1", "theta2", "alpha"):
-        _refuse_degrees(actions, name)
-    for name in ("r1", "r2"):
-        _refuse_not_positive(actions, name)
-        _refuse_millimetres(actions, name)
-    _refuse_not_positive(actions, "vmax")
-    speed = actions.columns["vmax"]
-    actions.refuse_where(
-        speed > MOST_SPEED_M_S,
-        lambda i: (
-            f"vmax is {speed[i]:g}, beyond {MOST_SPEED_M_S:g} m/s; "
-            "millimetres per second where metres per second are expected?"
-        ),
-    )
-    _refuse_mixed_repeats(actions)
+MOST_NAMED = 20  # casts in one sentence
+FRAMES = {
+    "y negated": np.diag([1.0, -1.0]),
+    "x negated": np.diag([-1.0, 1.0]),
+    "x and y negated": -np.eye(2),
+    "x and y exchanged": np.array([[0.0, 1.0], [1.0, 0.0]]),
+    "a quarter turn to the left": np.array([[0.0, -1.0], [1.0, 0.0]]),
+    "a quarter turn to the right": np.array([[0.0, 1.0], [-1.0, 0.0]]),
+}
+SHIFTS = {"the tool log of the next trial": 1, "the tool log of the trial before": -1}
+TURNED = {"y negated": 0.0, "x and y exchanged": np.pi / 2}  # angles become this less themselves
+AXES = "x goes along the board's axis, y to the left, not down, and angles are counted from x"
+UNITS = {1000: "millimetres", 100: "centimetres", 10: "decimetres", 39.37: "inches", 3.28: "feet"}
 
 
-def check_motion(table: Table, actions: Table) -> None:
-    """Refuse rows of no known cast, time that does not increase and coordinates in wrong units."""
-    trials, known = table.columns["trial"], actions.columns["trial"]
-    table.refuse_where(
-        ~np.isin(trials, known),
-        lambda i: f"trial {trials[i]} is unknown; {actions.path.name} does not list it",
-    )
-    _refuse_time(table)
-    for name in ("x", "y"):
-        _refuse_millimetres(table, name)
-    if "yaw" in table.columns:
-        _refuse_degrees(table, "yaw")
+class Outcome(Enum):
+    """What a broken rule does to the set, or to some casts."""
+
+    REFUSED = "the set is refused"
+    WARNING = "a warning"
+    UNUSABLE = "not used"
+    UNRESTED = "not counted as endpoints"
 
 
-def check_complete(table: Table, actions: Table, *, least: int, what: str) -> None:
-    """Refuse a cast with fewer than `least` rows in `table`."""
-    trials = actions.columns["trial"]
-    numbers, counts = np.unique(table.columns["trial"], return_counts=True)
-    count = dict(zip(numbers.tolist(), counts.tolist(), strict=True))
-    have = np.array([count.get(trial, 0) for trial in trials.tolist()])
-    actions.refuse_where(
-        have < least,
-        lambda i: (
-            f"trial {trials[i]} has {have[i] or 'no'} {what} in {table.path.name}"
-            + (f", expected at least {least}" if least > 1 else "")
-        ),
+@dataclass(frozen=True)
+class Finding:
+    """A rule that is broken, by the whole set or by some casts (their places in it)."""
+
+    outcome: Outcome
+    where: str
+    sentence: str
+    casts: tuple[int, ...] = ()
+
+
+@cache
+def _rules() -> dict[str, dict[str, str]]:
+    return yaml.safe_load(
+        (files("robotcast.measurements") / "rules.yaml").read_text(encoding="utf-8")
     )
 
 
-def _refuse_repeated_trials(actions: Table) -> None:
-    trials = actions.columns["trial"]
-    _, first = np.unique(trials, return_index=True)
-    again = ~np.isin(np.arange(len(trials)), first)
-    actions.refuse_where(again, lambda i: f"trial {trials[i]} stands there twice")
+class Findings(list[Finding]):
+    """What the rules find in one set."""
+
+    def __init__(self, logs: Logs) -> None:
+        super().__init__()
+        self._trials = logs.trials
+
+    def of_set(self, name: str, likely: Any, possible: Any = True, **numbers: Any) -> None:
+        """Note a rule that the set breaks: it is not `likely`, or not even `possible`."""
+        if not (likely and possible):
+            rule = _rules()[name]
+            refused = rule["then"] == "refused" or not possible
+            outcome = Outcome.REFUSED if refused else Outcome.WARNING
+            self.append(Finding(outcome, rule["of"], rule["says"].format(**numbers)))
+
+    def of_casts(self, name: str, bad: np.ndarray, **numbers: Any) -> None:
+        """Note a rule that the casts break which are `bad` (n,), with numbers (n,) of each."""
+        casts = np.flatnonzero(bad).tolist()
+        if casts:
+            rule = _rules()[name]
+            outcome = Outcome[rule["then"].upper()]
+            told = {k: v[casts[0]] if isinstance(v, np.ndarray) else v for k, v in numbers.items()}
+            names = [str(self._trials[i].trial) for i in casts[:MOST_NAMED]]
+            names += ["and more"] if len(casts) > MOST_NAMED else []
+            likewise = f"; so {len(casts) - 1} more, {', '.join(names[1:])}" * (len(casts) > 1)
+            says = f"trial {names[0]}: {rule['says'].format(**told)}{likewise}; {outcome.value}"
+            self.append(Finding(outcome, rule["of"], says, tuple(casts)))
 
 
-def _refuse_mixed_repeats(actions: Table) -> None:
-    names = [name for name in actions.columns if name not in ("trial", "action")]
-    numbers = np.stack([actions.columns[name] for name in names], axis=1)
-    ids = actions.columns["action"]
-    _, first, group = np.unique(ids, return_index=True, return_inverse=True)
-    differs = np.abs(numbers - numbers[first[group]]).max(axis=1) > SAME_ACTION
-    actions.refuse_where(
-        differs,
-        lambda i: (
-            f"action {ids[i]} has other numbers than at {_row(actions, int(first[group[i]]))}; "
-            "casts share an action number only when they repeat the action"
-        ),
+def check(logs: Logs) -> Findings:
+    """Try every rule; what a log lacks is said before what follows from it.
+
+    A planned motion is no measurement: an arm of another planner moves otherwise.
+    """
+    found = Findings(logs)
+    of_tool = () if logs.measured.tool_planned else (told, yaw, tool_log, clocks, frame)
+    for rule in (period, *of_tool, length, cable, tracking, rest):
+        rule(logs, found)
+    return found
+
+
+def period(logs: Logs, found: Findings) -> None:
+    period_s, step_s, tool_s = logs.measured.period_s, logs.end.spacing_s, logs.tool.spacing_s
+    ratio = max(step_s / period_s, period_s / step_s)  # NaN where no cast has two waypoints
+    likely, possible = not ratio > limits.LIKELY_PERIOD, not ratio > limits.MOST_PERIOD
+    found.of_set("period", likely, possible, step=step_s, period=period_s)
+    dense = tool_s <= limits.MOST_SPACING_S or logs.measured.tool_planned
+    miss_mm = 1e3 * limits.MOST_M_S2 * tool_s**2 / 8
+    found.of_set("slow_log", dense, step=tool_s, miss_mm=miss_mm)
+
+
+def told(logs: Logs, found: Findings) -> None:
+    log, r0_m = logs.tool, logs.measured.r0_m
+    starts_m = float(np.median(np.linalg.norm(log.values[log.first, :2], axis=1)))
+    off_m = abs(starts_m - r0_m)
+    likely, possible = off_m <= limits.LIKELY_R0_M, off_m <= limits.MOST_R0_M
+    found.of_set("r0", likely, possible, start=starts_m, r0=r0_m)
+    x, y, _ = log.values.T
+    along, radius = np.arctan2(y, x), np.hypot(x, y)[log.last]
+    angle, (theta1, _, theta2, r2, _, vmax) = along[log.last], logs.actions.T
+    off, turns = np.abs(angle - theta2), np.stack([0 * theta1, theta1, theta2])
+    asked = np.stack([turns.min(axis=0), turns.max(axis=0), theta2])
+    made = np.stack([log.least(along), log.most(along), angle])
+    # turned round, the largest angle becomes the smallest
+    others = {name: (turn - made)[[1, 0, 2]] for name, turn in TURNED.items()}
+    misses = {name: float(np.median(np.abs(o - asked).max(axis=0))) for name, o in others.items()}
+    best = min(misses, key=lambda name: misses[name])
+    fits, usual = misses[best] < limits.NEAR_RAD, float(np.median(off))
+    part = (made[0] > asked[0] - limits.NEAR_RAD) & (made[1] < asked[1] + limits.NEAR_RAD)
+    if usual > limits.FAR_RAD and (fits or np.mean(part) < 0.5):
+        found.of_set("told", False, not fits, off=usual, other=best, miss=misses[best], axes=AXES)
+    else:
+        bad = (off > limits.MOST_OFF_RAD) | (np.abs(radius - r2) > limits.MOST_OFF_M)
+        found.of_casts("cut", bad, angle=angle, radius=radius, theta2=theta2, r2=r2)
+    speed = np.where(jumps(logs), 0.0, log.speed_m_s)
+    times = float(np.median(log.most(speed) / vmax))
+    (low, high), (least, most) = limits.LIKELY_SPEED, limits.POSSIBLE_SPEED
+    found.of_set("vmax", low <= times <= high, least <= times <= most, times=times)
+
+
+def yaw(logs: Logs, found: Findings) -> None:
+    off = np.abs(heading_off(logs))
+    lies = float(np.median(off[np.isfinite(off)])) if np.isfinite(off).any() else 0.0
+    found.of_set("heading", lies < limits.MOST_START_RAD, off=lies)
+    turned = logs.tool.values[logs.tool.last, 2] - logs.tool.values[logs.tool.first, 2]
+    asked = logs.actions[:, 2] + logs.actions[:, 4]
+    off, negated = (float(np.median(np.abs(s * turned - asked))) for s in (1, -1))
+    likely, possible = off <= limits.FAR_RAD, off <= limits.NEAR_RAD or negated > off / 3
+    found.of_set("yaw", likely, possible, off=off, negated=negated)
+
+
+def heading_off(logs: Logs) -> np.ndarray:
+    """Return how far the cable lies from yaw at the start, (n,) [rad]; NaN where it is slack."""
+    x, y = logs.start_m.T
+    apart = np.hypot(x, y) / logs.cable.length_m
+    taut = (apart > limits.LIKELY_TAUT) & (apart < 1 + limits.MOST_BEYOND)
+    angle = np.arctan2(y, x) - logs.tool.values[logs.tool.first, 2]
+    return np.where(taut, np.angle(np.exp(1j * angle)), np.nan)
+
+
+def jumps(logs: Logs) -> np.ndarray:
+    """Tell in which rows of the tool log the pose is not where an arm could bring it, (N,)."""
+    log, turned = logs.tool, np.abs(logs.tool.turned_rad)
+    jump = (log.steps(log.speed_m_s) > limits.JUMP_M_S) & (log.moved_m > limits.MOVED_M)
+    return jump | ((turned > limits.JUMP_RAD_S * log.dt_s) & (turned > limits.NEAR_RAD))
+
+
+def tool_log(logs: Logs, found: Findings) -> None:
+    log = logs.tool
+    t_s, dt_s, moved_m, turned = log.t_s, log.dt_s, log.moved_m, np.abs(log.turned_rad)
+    moving = (t_s > logs.starts_s[log.cast]) & (t_s <= logs.stops_s[log.cast])
+    same = (moved_m == 0) & (turned == 0)
+    stale = float(np.mean(same[moving])) if moving.any() else 0.0
+    updated_s, likely = log.spacing_s / max(1 - stale, 1e-9), stale < limits.STALE
+    possible = likely or updated_s <= limits.MOST_SPACING_S
+    found.of_set("stale", likely, possible, percent=100 * stale, step=updated_s)
+    gap = dt_s > max(limits.GAPS * log.spacing_s, limits.GAP_S)
+    gap &= moved_m > limits.MOVED_M
+    row = log.row_of_most(np.where(gap, dt_s, 0.0))
+    found.of_casts("gap", log.most(gap), since=t_s[row - 1], until=t_s[row], moved=moved_m[row])
+    jump = jumps(logs) & likely
+    row = log.row_of_most(np.where(jump, moved_m + turned, 0.0))
+    numbers = dict(at=t_s[row], moved=moved_m[row], turned=turned[row], step=dt_s[row])
+    found.of_casts("jump", log.most(jump), **numbers)
+    found.of_casts("still", log.most(logs.from_start_m) < limits.MOVED_M)
+    begins, ends = (
+        log.speed_m_s[rows] - limits.MOST_M_S2 * dt_s[rows] for rows in (log.first + 1, log.last)
     )
+    does = np.where(begins > ends, "begins", "ends")
+    speed = np.maximum(begins, ends)
+    found.of_casts("running", speed > limits.RUNNING_M_S, does=does, speed=speed)
 
 
-def _row(table: Table, index: int) -> str:
-    return table.place(index).removeprefix(f"{table.path} ")
+def clocks(logs: Logs, found: Findings) -> None:
+    end, cast, noise_m = logs.end, logs.end.cast, limits.NOISE_SD * logs.noise_m
+    until_s = logs.stops_s + logs.measured.period_s
+    shared = (end.t_s >= logs.starts_s[cast]) & (end.t_s <= until_s[cast])
+    apart = np.add.reduceat(shared.astype(int), end.first) < limits.FEWEST_WAYPOINTS
+    found.of_casts("apart", apart, fewest=limits.FEWEST_WAYPOINTS)
+    away_m = np.linalg.norm(end.values - end.values[end.first[cast]], axis=1)
+    moves_m = end.most(away_m)[~apart]
+    found.of_set("unmoved", not len(moves_m) or np.median(moves_m) > limits.EARLY_M)
+    early = end.t_s < logs.starts_s[cast] - limits.EARLY_S
+    early &= away_m > limits.EARLY_M + noise_m
+    found.of_casts("early", end.most(early), start=logs.starts_s)
+    ends_s = logs.tool.t_s[logs.tool.last]
+    late = logs.end_speed_m_s > limits.COASTING_M_S + noise_m / REST_OVER_S
+    late &= end.t_s > ends_s[cast] + limits.COAST_S
+    found.of_casts("late", end.most(late), coast=limits.COAST_S, end=ends_s)
 
 
-def _refuse_time(table: Table) -> None:
-    trials, t_s = table.columns["trial"], table.columns["t"]
-    table.refuse_where(t_s < 0, lambda i: f"t is {t_s[i]:g}, before the start of the cast at t = 0")
-    table.refuse_where(
-        t_s > MOST_TIME_S,
-        lambda i: (
-            f"t is {t_s[i]:g}, beyond {MOST_TIME_S:g} s; milliseconds where seconds are expected?"
-        ),
-    )
-    order = np.argsort(trials, kind="stable")
-    same_trial = np.diff(trials[order]) == 0
-    stuck = np.zeros(len(trials), dtype=bool)
-    stuck[order[1:]] = same_trial & (np.diff(t_s[order]) <= 0)
-    table.refuse_where(
-        stuck,
-        lambda i: (
-            f"time must increase within a trial; t is {t_s[i]:g} and not above the t "
-            f"before it in trial {trials[i]}"
-        ),
-    )
+def frame(logs: Logs, found: Findings) -> None:
+    most_m, length_m = logs.end.most(logs.away_m()), logs.cable.length_m
+    beyond = np.maximum(most_m / length_m - 1, 0.0)
+    usual, others = float(np.median(beyond)), {}
+    if usual > limits.OUT_OF_FRAME:
+        tried = {name: logs.away_m(turn=turn) for name, turn in FRAMES.items()}
+        tried |= {name: logs.away_m(shift=shift) for name, shift in SHIFTS.items()}
+        for name, away_m in tried.items():
+            others[name] = max(float(np.median(logs.end.most(away_m))) / length_m - 1, 0.0)
+    best = min(others, key=lambda name: others[name], default="")
+    if best and others[best] < min(usual / 2, limits.LIKELY_BEYOND):
+        why = "trials are numbered otherwise" if best in SHIFTS else f"the frames differ; {AXES}"
+        numbers = dict(lengths=1 + usual, other=best, better=1 + others[best], why=why)
+        return found.of_set("frame", False, **numbers)
+    noise = limits.NOISE_SD * logs.noise_m / length_m
+    far, away = beyond > limits.MOST_BEYOND + noise, float(np.median(most_m))
+    likely, possible = usual < limits.LIKELY_BEYOND + noise, np.mean(far) <= 0.5
+    found.of_set("reach", likely, possible, away=away, length=length_m)
+    at_s = logs.end.t_s[logs.end.row_of_most(logs.away_m())]
+    found.of_casts("astray", far, at=at_s, away=most_m, length=length_m)
 
 
-def _refuse_degrees(table: Table, name: str) -> None:
-    angle = table.columns[name]
-    table.refuse_where(
-        np.abs(angle) > MOST_ANGLE_RAD,
-        lambda i: f"{name} is {angle[i]:g}, beyond 2π; degrees where radians are expected?",
-    )
+def length(logs: Logs, found: Findings) -> None:
+    apart_m = logs.end.most(logs.away_m())
+    if logs.measured.tool_planned:
+        apart_m = np.linalg.norm(logs.start_m, axis=1)  # all that is known
+    known = np.isfinite(apart_m)
+    reached_m = float(np.median(apart_m[known])) if known.any() else logs.cable.length_m
+    share = reached_m / logs.cable.length_m
+    unit = [name for times, name in UNITS.items() if 0.9 < share * times < 1.1]
+    hint = f"; {unit[0]} where metres are expected?" if unit else ""
+    likely, possible = share > limits.LIKELY_TAUT, share > limits.LEAST_TAUT
+    numbers = dict(length=logs.cable.length_m, reached=reached_m, hint=hint)
+    found.of_set("length", likely, possible, **numbers)
 
 
-def _refuse_millimetres(table: Table, name: str) -> None:
-    value = table.columns[name]
-    table.refuse_where(
-        np.abs(value) > MOST_COORDINATE_M,
-        lambda i: (
-            f"{name} is {value[i]:g}, beyond {MOST_COORDINATE_M:g} m; "
-            "millimetres where metres are expected?"
-        ),
-    )
+def cable(logs: Logs, found: Findings) -> None:
+    it = logs.cable
+    sizes = dict(mass=it.mass_kg, radius=it.radius_m, length=it.length_m)
+    density = it.mass_kg / (np.pi * it.radius_m**2 * it.length_m)
+    (low, high), (least, most) = limits.LIKELY_KG_M3, limits.POSSIBLE_KG_M3
+    hint = "; grams where kilograms are expected?" if low <= density / 1000 <= high else ""
+    likely, possible = low <= density <= high, least <= density <= most
+    found.of_set("density", likely, possible, density=density, hint=hint, **sizes)
+    found.of_set("thick", it.radius_m <= limits.MOST_RADIUS * it.length_m, **sizes)
+    times = it.endpoint_mass_kg / it.mass_kg
+    likely, possible = times <= limits.LIKELY_WEIGHT, times <= limits.MOST_WEIGHT
+    found.of_set("weight", likely, possible, weight=it.endpoint_mass_kg, times=times, **sizes)
+    quiet = logs.noise_m <= limits.MOST_NOISE * it.length_m
+    found.of_set("noise", quiet, noise=logs.noise_m, **sizes)
 
 
-def _refuse_not_positive(table: Table, name: str) -> None:
-    value = table.columns[name]
-    table.refuse_where(value <= 0, lambda i: f"{name} must be above zero, got {value[i]:g}")
+def tracking(logs: Logs, found: Findings) -> None:
+    end = logs.end
+    differ = np.abs(np.diff(end.values, axis=0))
+    digit_m = float(differ[differ > 0].min(initial=np.inf))
+    same = (end.dt_s > 0) & (end.moved_m == 0) & (logs.noise_m > limits.FROZEN_DIGITS * digit_m)
+    counted = np.cumsum(same)
+    run = 1 + counted - np.maximum.accumulate(np.where(same, 0, counted))
+    rows, frozen = end.row_of_most(run), end.most(run) >= limits.FROZEN
+    found.of_casts("frozen", frozen, times=run[rows], at=end.t_s[rows])
+    seen: dict[bytes, int] = {}
+    places = [trial.waypoints_m.tobytes() for trial in logs.trials]
+    first = np.array([seen.setdefault(place, i) for i, place in enumerate(places)])
+    other = np.array([trial.trial for trial in logs.trials])[first]
+    found.of_casts("copy", first < np.arange(len(first)), other=other)
+
+
+def rest(logs: Logs, found: Findings) -> None:
+    end, last = logs.end, logs.end.last
+    speed, until_s = logs.end_speed_m_s, end.t_s[last]
+    fast = limits.REST_M_S + limits.NOISE_SD * logs.noise_m / REST_OVER_S
+    moving = speed[last] > fast
+    found.of_casts("moving", moving, speed=speed[last], until=until_s)
+    tool_end = logs.tool.values[logs.tool.last, :2]
+    left_m = np.linalg.norm(logs.held_m[last] - tool_end, axis=1)
+    left = (left_m > limits.MOVED_M) & ~moving & (not logs.measured.tool_planned)
+    found.of_casts("left_early", left, until=until_s, left=left_m)
+    # at rest with the tool, and then fast again: something else was followed
+    again = (speed > 2 * fast) & (end.t_s > logs.stops_s[end.cast] + limits.COAST_S / 2)
+    again &= (end.steps(speed) > fast) & (not logs.measured.tool_planned)
+    rows, known = end.row_of_most(again), moving | left
+    moved = end.most(again) & ~known
+    found.of_casts("moved_again", moved, speed=speed[rows], at=end.t_s[rows])
+    told = np.array([not trial.rested for trial in logs.trials])
+    found.of_casts("not_rested", told & ~(known | moved))

@@ -1,17 +1,36 @@
 """Writing a measurement set, once and in one step."""
 
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import polars as pl
 
+from robotcast.casts.action import ACTION_COLUMNS
+from robotcast.casts.table import TABLE_COLUMNS
 from robotcast.files import atomic_folder
 from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.rig_file import RigFacts, rig_file_text
-from robotcast.measurements.table import TABLE_COLUMNS, WHOLE_COLUMNS
 
 TableFormat = Literal["csv", "parquet"]
+
+
+@contextmanager
+def replaced(folder: Path) -> Iterator[Path]:
+    """Yield where to write a set that takes the place of `folder` once it can be read."""
+    draft = folder.with_name(f".{folder.name}.draft")
+    shutil.rmtree(draft, ignore_errors=True)
+    try:
+        yield draft
+        read_measurement_set(draft)
+        shutil.rmtree(folder, ignore_errors=True)
+        draft.rename(folder)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
 
 
 def write_measurement_set(
@@ -36,43 +55,35 @@ def write_measurement_set(
     )
     with atomic_folder(folder) as unfinished:
         (unfinished / "rig.yaml").write_text(rig_file_text(facts), encoding="utf-8")
-        for name, rows in _tables(measured).items():
-            columns = [*TABLE_COLUMNS[name], *(_logged(measured) if name == "actions" else ())]
-            _write_table(unfinished, name, columns, rows, table_format)
+        for name, columns in _tables(measured).items():
+            frame = pl.DataFrame(columns)
+            if table_format == "csv":
+                frame.write_csv(unfinished / f"{name}.csv")
+            else:
+                frame.write_parquet(unfinished / f"{name}.parquet")
 
 
-def _logged(measured: MeasurementSet) -> list[str]:
-    """Return what was logged with every cast beside its action; the order is never written."""
-    names = set.intersection(*(set(t.logged) for t in measured.trials))
-    return sorted(names - {"order"})
-
-
-def _tables(measured: MeasurementSet) -> dict[str, np.ndarray]:
-    trials, logged = measured.trials, _logged(measured)
+def _tables(measured: MeasurementSet) -> dict[str, dict[str, np.ndarray]]:
+    """Return the columns of each table; the order of the casts is never written."""
+    trials = measured.trials
+    numbers = np.array([t.trial for t in trials])
+    actions = np.stack([t.action.as_array() for t in trials])
+    logged = sorted(set.intersection(*(set(t.logged) for t in trials)) - {"order"})
     tables = {
-        "actions": np.stack(
-            [
-                np.r_[t.trial, t.action_id, t.action.as_array(), [t.logged[n] for n in logged]]
-                for t in trials
-            ]
-        ),
-        "waypoints": np.concatenate([_rows(t.trial, t.waypoints_s, t.waypoints_m) for t in trials]),
+        "actions": {"trial": numbers, "action": np.array([t.action_id for t in trials])}
+        | dict(zip(ACTION_COLUMNS, actions.T, strict=True))
+        | {name: np.array([t.logged[name] for t in trials]) for name in logged}
     }
+    if not all(t.rested for t in trials):
+        tables["actions"]["rested"] = np.array([int(t.rested) for t in trials])
+    logs = {"waypoints": [(t.waypoints_s, t.waypoints_m) for t in trials]}
     if not measured.tool_planned:
-        tables["tool"] = np.concatenate([_rows(t.trial, t.tool.t_s, t.tool.pose) for t in trials])
+        logs["tool"] = [(t.tool.t_s, t.tool.pose) for t in trials]
+    for name, log in logs.items():
+        counts = [len(t_s) for t_s, _ in log]
+        values = np.concatenate([some for _, some in log])
+        tables[name] = {
+            "trial": np.repeat(numbers, counts),
+            "t": np.concatenate([t_s for t_s, _ in log]),
+        } | dict(zip(TABLE_COLUMNS[name][2:], values.T, strict=True))
     return tables
-
-
-def _rows(trial: int, t_s: np.ndarray, values: np.ndarray) -> np.ndarray:
-    return np.column_stack([np.full(len(t_s), trial), t_s, values])
-
-
-def _write_table(
-    folder: Path, name: str, columns: list[str], rows: np.ndarray, table_format: TableFormat
-) -> None:
-    whole = [pl.col(column).cast(pl.Int64) for column in columns if column in WHOLE_COLUMNS]
-    frame = pl.DataFrame(rows, schema=columns).with_columns(whole)
-    if table_format == "csv":
-        frame.write_csv(folder / f"{name}.csv")
-    else:
-        frame.write_parquet(folder / f"{name}.parquet")

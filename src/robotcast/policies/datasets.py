@@ -72,14 +72,16 @@ def real_dataset(
     casts: int | None = None,
     first: Collection[int] = (),
 ) -> Dataset:
-    """Make D_real: every tracked cast of `measurements` but the trials in `leave_out`.
+    """Make D_real: every cast of `measurements` seen at rest, but the trials in `leave_out`.
 
     With a number of `casts`, so many are taken action by action, fewer contained in more, and the
     trials `first` before others: where a simulator was tuned to those, the policy has seen no more.
     """
-    trials = [t for t in measurements.trials if t.trial not in leave_out and len(t.waypoints_m)]
+    trials = [t for t in measurements.rested.trials if t.trial not in leave_out]
     if not trials:
-        raise ValueError("dataset real: no tracked cast is left once the test casts are taken out")
+        raise ValueError(
+            "dataset real: once the test casts are out, no cast that was seen at rest is left"
+        )
     if casts is not None:
         trials = _first_casts(trials, casts, first, seed)
     actions, ends_m = zip(*((t.action.as_array(), t.endpoint_m) for t in trials), strict=True)

@@ -108,7 +108,7 @@ def predicted_table(
     Each held-out cast stands for a target: where it ended. The error is how far the forward
     model's endpoint for its action lies from there, so choosing an action is not tested.
     """
-    trials = held_out.trials
+    trials = held_out.rested.trials
     actions = np.stack([t.action.as_array() for t in trials])
     said = zip(trials, model.predict(actions), model.spread(actions), strict=True)
     choices = [Choice(t.endpoint_m, t.action, end_m, spread_m) for t, end_m, spread_m in said]

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.cluster.vq import kmeans2
 
 from robotcast.casts.action import ACTION_COLUMNS
-from robotcast.measurements.table import read_table
+from robotcast.casts.table import read_table
 
 _CELL_M, _EDGE_M, _OUTLINE_BINS = 0.05, 0.1, 72
 _BOOTSTRAP_DRAWS, _BOOTSTRAP_SEED = 2000, 0

@@ -47,7 +47,7 @@ class BatchSimulator:
 
     Its `parameters` are numbers by name: what a `Parameter` has, or in place of its bounds and
     nominal value `weighed` and `spread`: the cable's attribute that is the nominal value, searched
-    from nominal / spread to nominal · spread.
+    from nominal / spread to nominal · spread; one that is zero is held at next to nothing.
     """
 
     name: str
@@ -121,11 +121,14 @@ _Batch = tuple[Sequence[SimulatedCast], np.ndarray, np.ndarray, ActiveEffects]
 """Different casts; of which of them each simulation is, (n_sim,); parameters; and effects."""
 
 
+WEIGHTLESS_KG = 1e-5  # a body without mass would stand still in PyBullet
+
+
 def _parameter(name: str, numbers: dict[str, Any], cable: Cable) -> Parameter:
     if "weighed" in numbers:
         nominal, spread = float(getattr(cable, numbers.pop("weighed"))), numbers.pop("spread")
-        if nominal <= 0:
-            raise ValueError(f"parameter {name}: the cable's own value must be > 0, got {nominal}")
+        if nominal == 0:  # as of a cable without a weight at its end: there is nothing to search
+            nominal, numbers["frozen"] = WEIGHTLESS_KG, True
         numbers |= {"lower": nominal / spread, "upper": nominal * spread, "nominal": nominal}
     return Parameter(name=name, **numbers)
 

@@ -1,15 +1,17 @@
 """The camera's pose and lens from the markers in the video's own frames."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from robotcast.vision.camera import Camera
-from robotcast.vision.facts import TrackerFacts
-from robotcast.vision.fiducials import find_markers
+from robotcast.vision.facts import TrackerFacts, TrackingLimits
+from robotcast.vision.fiducials import FiducialBoard, find_markers
 
 FEWEST_MARKERS = 4
+LIMITS = TrackingLimits()
 _FITTED = 10  # three of place, three of direction, four of distortion
 _FLAGS = (
     cv2.CALIB_USE_INTRINSIC_GUESS
@@ -41,7 +43,9 @@ class Calibration:
         return float(per_coordinate_px * self.camera.position_m[2] / self.camera.focal_px)
 
 
-def calibrate(picture: np.ndarray, facts: TrackerFacts, name: str) -> Calibration:
+def calibrate(
+    picture: np.ndarray, facts: TrackerFacts, name: str, limits: TrackingLimits = LIMITS
+) -> Calibration:
     """Find the camera that sees the markers of `picture` (height, width, 3) where they are.
 
     One view of a plane cannot tell focal length from height, so the focal length stays at its
@@ -51,6 +55,8 @@ def calibrate(picture: np.ndarray, facts: TrackerFacts, name: str) -> Calibratio
     ----------
     picture : a frame, or the mean of several frames; noise averages out of the corners.
     name : what to call the picture's source in an error.
+
+    Raises ValueError for too few markers, and for markers that do not lie where `facts` says.
     """
     height, width = picture.shape[:2]
     found = find_markers(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), facts.fiducials)
@@ -66,6 +72,11 @@ def calibrate(picture: np.ndarray, facts: TrackerFacts, name: str) -> Calibratio
     error_px, _, distortion, rotations, translations = cv2.calibrateCamera(
         [points_m], [corners_px], (width, height), nominal.matrix, np.zeros(5), flags=_FLAGS
     )
+    if error_px > limits.reprojection_px:
+        raise ValueError(
+            f"{name}: the markers lie {error_px:.1f} px from where the session says, more than "
+            f"{limits.reprojection_px:g} px; {_misplaced(found, facts.fiducials)}"
+        )
     camera = replace(
         nominal,
         distortion=tuple(float(d) for d in distortion.ravel()),
@@ -73,3 +84,24 @@ def calibrate(picture: np.ndarray, facts: TrackerFacts, name: str) -> Calibratio
         translation_m=tuple(float(t) for t in translations[0].ravel()),
     )
     return Calibration(camera, float(error_px), len(found))
+
+
+def _misplaced(found: Mapping[int, np.ndarray], board: FiducialBoard) -> str:
+    """Say which markers lie elsewhere than most of them say."""
+    numbers = list(found)
+    seen_px = np.array([found[n].mean(axis=0) for n in numbers])
+    places_m = np.array([board.centres_m[n] for n in numbers])
+    to_board, _ = cv2.findHomography(seen_px, places_m, cv2.RANSAC, board.side_m / 4)
+    if to_board is None:
+        return "measure their places again"
+    lies_m = cv2.perspectiveTransform(seen_px[None], to_board)[0]
+    apart_m = np.linalg.norm(lies_m[:, None] - places_m[None], axis=-1)
+    nearest = apart_m.argmin(axis=1)
+    off = [i for i in range(len(numbers)) if apart_m[i, i] > board.side_m / 4]
+    swapped = {
+        (min(i, j), max(i, j)) for i in off for j in [int(nearest[i])] if j != i and nearest[j] == i
+    }
+    said = [f"{numbers[i]} and {numbers[j]} lie in each other's place" for i, j in sorted(swapped)]
+    alone = [i for i in off if not any(i in pair for pair in swapped)]
+    said += [f"{numbers[i]} lies {apart_m[i, i]:.2f} m from its place" for i in alone]
+    return f"of the markers, {', '.join(said)}" if said else "measure their places again"

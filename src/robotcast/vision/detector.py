@@ -14,6 +14,8 @@ _SMALLEST_SHARE = 0.25
 _COARSE = 2
 _SEARCH_M = 0.1
 _SPREAD_PX = 3
+_SPARSE = 8  # pixels of the picture that tell how bright it is beside the first
+_FLICKER = 0.02  # a smaller change of brightness is noise
 
 
 @dataclass(frozen=True)
@@ -39,10 +41,14 @@ class EndpointDetector:
         self._camera, self._facts = camera, facts
         self._filter = EndpointFilter(facts.endpoint_bgr, facts.board_bgr)
         self._light = self._filter.light(first)
+        self._first = first[::_SPARSE, ::_SPARSE].astype(np.float32) + 1
+        self._gain = 1.0
         self._seen: list[np.ndarray] = []
 
     def detect(self, frame: np.ndarray) -> Detection | None:
         """Return the largest endpoint-coloured blob of the next frame, None without one."""
+        gain = float(np.median((frame[::_SPARSE, ::_SPARSE] + 1.0) / self._first))
+        self._gain = gain if abs(gain - 1) > _FLICKER else 1.0
         expected = self._expected_pixel()
         found = None if expected is None else self._measure(frame, expected)
         if found is None:
@@ -64,7 +70,7 @@ class EndpointDetector:
         coarse = cv2.resize(
             frame, None, fx=1 / _COARSE, fy=1 / _COARSE, interpolation=cv2.INTER_AREA
         )
-        blob = _largest_blob(self._filter.cover(coarse))
+        blob = _largest_blob(self._filter.cover(coarse) / self._gain)
         if blob is None:
             return None
         return (blob.reshape(-1, 2).mean(axis=0) + 0.5) * _COARSE - 0.5
@@ -76,7 +82,7 @@ class EndpointDetector:
         size = np.array([camera.width, camera.height])
         low = np.clip(np.floor(near - reach), 0, size - 1).astype(int)
         high = np.clip(np.ceil(near + reach), low + 1, size).astype(int)
-        cover = self._filter.cover(frame[low[1] : high[1], low[0] : high[0]])
+        cover = self._filter.cover(frame[low[1] : high[1], low[0] : high[0]]) / self._gain
         blob = _largest_blob(cover)
         if blob is None or _cut_by_border(blob, cover.shape):
             return None

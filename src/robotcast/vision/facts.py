@@ -10,6 +10,21 @@ BLOCK = "vision"
 
 
 @dataclass(frozen=True)
+class TrackingLimits:
+    """When a film is not believed.
+
+    Attributes
+    ----------
+    reprojection_px : root mean square distance of seen and explained marker corners, above which
+        the markers do not lie where the session says; they are found to a third of a pixel.
+    moved_px : how far the markers shift in the picture, above which the camera was moved.
+    """
+
+    reprojection_px: float = 1.5
+    moved_px: float = 1.5
+
+
+@dataclass(frozen=True)
 class TrackerFacts:
     """The `vision` block of session.yaml: all that a person can measure or look up.
 

@@ -1,10 +1,13 @@
 """ArUco markers along the edges of the board: where they are, and finding them in a picture."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import cv2
 import numpy as np
+
+from robotcast.vision.camera import Camera
 
 BORDER_MODULES = 1
 MODULES = 4 + 2 * BORDER_MODULES
@@ -72,3 +75,32 @@ def find_markers(grey: np.ndarray, board: FiducialBoard) -> dict[int, np.ndarray
         return {}
     found = zip(np.ravel(numbers), corners, strict=True)
     return {int(i): c.reshape(4, 2) for i, c in found if i < len(board.centres_m)}
+
+
+class Stillness:
+    """Tells from the markers whether a picture was taken from where the first one was."""
+
+    def __init__(self, first: np.ndarray, camera: Camera, board: FiducialBoard) -> None:
+        """Remember every marker of the picture `first` (height, width, 3) with its surroundings."""
+        grey = _grey(first)
+        self._patches = []
+        for number in range(len(board.centres_m)):
+            corners = np.column_stack([board.corners_m(number), np.zeros(4)])
+            pixels = camera.project(corners)
+            reach = np.ptp(pixels, axis=0) / 2
+            low, high = pixels.min(axis=0) - reach, pixels.max(axis=0) + reach
+            if (low >= 0).all() and (high < grey.shape[::-1]).all():
+                rows, columns = (slice(int(low[k]), int(high[k])) for k in (1, 0))
+                self._patches.append((rows, columns, grey[rows, columns]))
+
+    def moved_px(self, frame: np.ndarray) -> float:
+        """Return by how much the markers are shifted in `frame`; some may be hidden."""
+        shifts = [
+            math.hypot(*cv2.phaseCorrelate(first, _grey(frame[rows, columns]))[0])
+            for rows, columns, first in self._patches
+        ]
+        return float(np.median(shifts)) if shifts else 0.0
+
+
+def _grey(picture: np.ndarray) -> np.ndarray:
+    return cv2.cvtColor(np.ascontiguousarray(picture), cv2.COLOR_BGR2GRAY).astype(np.float32)

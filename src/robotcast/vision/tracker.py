@@ -1,5 +1,7 @@
 """The free end's waypoints from a cast's video alone (paper, "Self-Supervised Physical Data")."""
 
+import itertools
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,15 +9,26 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from robotcast.sessions import VIDEO_FILE, Session, read_frame_times, read_record
-from robotcast.vision.calibration import Calibration, calibrate
+from robotcast.sessions import (
+    FRAMES_FILE,
+    VIDEO_FILE,
+    CastRecord,
+    Session,
+    read_frame_times,
+    read_record,
+)
+from robotcast.vision.calibration import LIMITS, Calibration, calibrate
 from robotcast.vision.detector import Detection, EndpointDetector
-from robotcast.vision.facts import TrackerFacts
+from robotcast.vision.facts import TrackerFacts, TrackingLimits
+from robotcast.vision.fiducials import Stillness
 
 _CALIBRATION_FRAMES = 5
 _WHOLE = (0.92, 1.12)
 _BRIGHTNESS = (0.8, 1.2)
 _RELATIVE_TO_PERCENTILE = 75.0
+_WATCHED = 3  # of so many frames, one is looked at for a camera that moves
+_OTHER_RATE = 0.05  # that the film's may differ by from the one that was recorded
+_LATE = 1.5  # periods between the last waypoint and the rest
 
 
 @dataclass(frozen=True)
@@ -30,6 +43,8 @@ class TrackedCast:
     reprojection_px : how well the fitted camera explains the markers.
     noise_m : standard deviation of one tracked coordinate: of the frames about their neighbours,
         and of the calibration; NaN when too few frames were seen.
+    unrested : why the free end was not seen at rest, so that its last waypoint is no endpoint;
+        empty where it was.
     """
 
     t_s: np.ndarray
@@ -39,6 +54,7 @@ class TrackedCast:
     hidden: int
     reprojection_px: float
     noise_m: float
+    unrested: str = ""
 
 
 @dataclass(frozen=True)
@@ -48,20 +64,38 @@ class _Track:
     t_s: np.ndarray
     xy_m: np.ndarray
     calibration: Calibration
+    record: CastRecord
+    moved: str  # that the camera was moved, after which nothing is seen; empty where it was not
 
 
-def track_cast(folder: Path, session: Session) -> TrackedCast:
+def track_cast(folder: Path, session: Session, limits: TrackingLimits = LIMITS) -> TrackedCast:
     """Track the free end through `folder`/video.mp4.
 
-    Raises ValueError when the video shows no fiducials, no endpoint, or not where it came to rest.
+    Raises ValueError when the video shows no fiducials or not where the session says, no
+    endpoint, or not where it came to rest.
     """
     facts = TrackerFacts.of(session)
-    track = _track(folder, facts)
+    track = _track(folder, facts, limits)
     seen = np.isfinite(track.xy_m[:, 0])
-    _require_rest(seen, folder)
+    unrested, rest_s = track.moved, track.record.rest_s
+    if not unrested and rest_s - track.t_s[-1] > _LATE * facts.period_s:
+        unrested = (
+            f"{folder / VIDEO_FILE}: its last frame is of t = {track.t_s[-1]:.2f} s, and the cable "
+            f"came to rest at {rest_s:.2f} s"
+        )
+    if not unrested:
+        _require_rest(seen, folder)
     wanted = np.arange(int(track.t_s[-1] / facts.period_s + 1e-9) + 1) * facts.period_s
     waypoints = waypoints_at(wanted, track.t_s, track.xy_m)
     kept = np.isfinite(waypoints[:, 0])
+    if not kept.any():
+        raise ValueError(f"{folder / VIDEO_FILE}: the endpoint is seen at no waypoint")
+    last_s = float(wanted[kept][-1])
+    if not unrested and rest_s - last_s > _LATE * facts.period_s:
+        unrested = (
+            f"{folder / VIDEO_FILE}: the endpoint is seen last at t = {last_s:.2f} s, and the "
+            f"cable came to rest at {rest_s:.2f} s"
+        )
     return TrackedCast(
         wanted[kept],
         waypoints[kept],
@@ -70,12 +104,15 @@ def track_cast(folder: Path, session: Session) -> TrackedCast:
         int(np.sum(~seen)),
         track.calibration.reprojection_px,
         float(np.hypot(frame_noise(track.xy_m), track.calibration.uncertainty_m)),
+        unrested,
     )
 
 
-def track_rest(folder: Path, session: Session) -> np.ndarray:
+def track_rest(folder: Path, session: Session, limits: TrackingLimits = LIMITS) -> np.ndarray:
     """Return where the free end lies in a video taken after it came to rest, (2,) [m]."""
-    track = _track(folder, TrackerFacts.of(session))
+    track = _track(folder, TrackerFacts.of(session), limits)
+    if track.moved:
+        raise ValueError(track.moved)
     _require_rest(np.isfinite(track.xy_m[:, 0]), folder)
     return np.nanmedian(track.xy_m, axis=0)
 
@@ -124,25 +161,42 @@ def _cubic(
     )
 
 
-def _track(folder: Path, facts: TrackerFacts) -> _Track:
+def _track(folder: Path, facts: TrackerFacts, limits: TrackingLimits) -> _Track:
     video = folder / VIDEO_FILE
     frames = _frames(video)
     first = [f for _, f in zip(range(_CALIBRATION_FRAMES), frames, strict=False)]
-    if not first:
-        raise ValueError(f"{video}: no frames can be read")
+    if len(first) < _CALIBRATION_FRAMES:
+        raise ValueError(f"{video}: only {len(first)} frames can be read")
     picture = np.rint(np.mean(first, axis=0)).astype(np.uint8)
-    calibration = calibrate(picture, facts, str(video))
+    calibration = calibrate(picture, facts, str(video), limits)
     detector = EndpointDetector(calibration.camera, facts, picture)
-    found = [detector.detect(frame) for frame in (*first, *frames)]
-    xy_m = _whole_only(found, video)
-    t_s = read_frame_times(read_record(folder), facts.exposure_s, len(found), folder)
-    known = np.isfinite(t_s)
-    return _Track(t_s[known], xy_m[known], calibration)
+    still = Stillness(picture, calibration.camera, facts.fiducials)
+    found: list[Detection | None] = []
+    good = None  # how many frames were filmed before the camera moved
+    for number, frame in enumerate(itertools.chain(first, frames)):
+        found.append(None if good is not None else detector.detect(frame))
+        if good is None and number % _WATCHED == 0 and still.moved_px(frame) > limits.moved_px:
+            good = max(number - _WATCHED + 1, 0)
+    record = read_record(folder)
+    rate = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG).get(cv2.CAP_PROP_FPS)
+    if not (folder / FRAMES_FILE).is_file() and abs(rate / record.fps - 1) > _OTHER_RATE:
+        raise ValueError(
+            f"{video}: has {rate:g} frames a second, and cast.yaml says {record.fps:g}; "
+            f"{FRAMES_FILE} may say when each was taken"
+        )
+    t_s = read_frame_times(record, facts.exposure_s, len(found), folder)
+    xy_m, known = _whole_only(found, video), np.isfinite(t_s)
+    moved = ""
+    if good is not None:
+        xy_m[good:] = np.nan
+        moved = f"{video}: the camera was moved at t = {t_s[min(good, len(t_s) - 1)]:.2f} s"
+    return _Track(t_s[known], xy_m[known], calibration, record, moved)
 
 
 def _frames(video: Path) -> Iterator[np.ndarray]:
     if not video.is_file():
         raise ValueError(f"{video}: no such video")
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # what is damaged is said here
     reader = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
     try:
         while True:

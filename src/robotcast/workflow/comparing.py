@@ -15,10 +15,9 @@ from robotcast.diagnosis.compare import Comparison, compare
 from robotcast.diagnosis.diagnose import Case, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry, fit_base
 from robotcast.effects.effect import parameters_of
-from robotcast.measurements.reader import read_measurement_set
 from robotcast.progress import Progress
 from robotcast.reporting.names import effect_name
-from robotcast.stage import bar, typed, warn
+from robotcast.stage import as_note, bar, measured_set, typed
 from robotcast.tuning.tuned import read_effects, read_values, vector_of
 
 ITERATIONS = 8  # of the fit, after its several starts
@@ -29,9 +28,7 @@ def compare_model(config: DictConfig) -> tuple[dict[str, Any], Comparison]:
 
     Returns what the page says of where both come from, and the comparison.
     """
-    measured = read_measurement_set(Path(config.measurements))
-    if measured.notice:
-        warn(measured.notice)
+    measured = measured_set(config.measurements)
     records, tuned = cast_records(measured), config.tuned
     active = list(config.effects) if tuned is None else read_effects(Path(tuned))
     model = CastModel(
@@ -54,7 +51,7 @@ def compare_model(config: DictConfig) -> tuple[dict[str, Any], Comparison]:
         )
     effects = f" with {', '.join(effect_name(name) for name in active)}" if active else ""
     of = "tuned to these casts" if tuned is None else f"tuned in {tuned}"
-    notes = [f"{measured.notice[0].upper()}{measured.notice[1:]}."] if measured.notice else []
+    notes = [as_note(notice) for notice in measured.notices]
     facts = {
         "rig": measured.rig,
         "measurements": str(config.measurements),

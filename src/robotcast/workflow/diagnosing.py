@@ -22,10 +22,10 @@ from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.next_trials import Further
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import MeasurementSet
-from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.reader import NO_TOOL
 from robotcast.reporting.diagnosis_page import diagnosis_page
 from robotcast.rigs.envelope import feasible_actions
-from robotcast.stage import bar, output_folder, typed, warn
+from robotcast.stage import as_note, bar, measured_set, output_folder, typed
 
 ACTIONS = "actions.csv"
 NO_LOG = (
@@ -40,13 +40,13 @@ FURTHER = 150  # casts of the collected grid, of which the next to run are chose
 
 def diagnose_set(config: DictConfig) -> tuple[Path, dict[str, Any]]:
     """Diagnose the configured set; write JSON, page and next actions; return folder and JSON."""
-    measured = read_measurement_set(Path(config.measurements))
-    if measured.notice:
-        warn(measured.notice)
+    measured = measured_set(config.measurements)
     folder = output_folder(config.output)
     if folder.resolve() == Path(config.measurements).resolve():
         raise ValueError("output=DIR must be another folder than the measurement set's")
     (folder / ACTIONS).unlink(missing_ok=True)
+    notes = [NO_LOG] if measured.tool_planned else []
+    notes += [as_note(notice) for notice in measured.notices if notice != NO_TOOL]
     facts = {
         "rig": measured.rig,
         "measurements": str(config.measurements),
@@ -57,9 +57,8 @@ def diagnose_set(config: DictConfig) -> tuple[Path, dict[str, Any]]:
     }
 
     def joined(found: Mapping[str, Any]) -> dict[str, Any]:
-        whole = {**facts, **found}
+        whole = {**facts, **found, "notes": [*notes, *found["notes"]]}
         if measured.tool_planned:
-            whole["notes"] = [NO_LOG, *found["notes"]]
             whole["sentence"] += OR_THE_PLAN if found["verdict"] not in ([], ["none"]) else ""
         return whole
 

@@ -13,7 +13,6 @@ from robotcast.build import action_space, build
 from robotcast.casts.action_file import read_actions
 from robotcast.casts.plan import plan_action
 from robotcast.files import atomic_file
-from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
 from robotcast.policies.choosing import (
     Choice,
@@ -29,7 +28,7 @@ from robotcast.policies.targets import Board, read_targets, spread_targets
 from robotcast.rigs import Rig
 from robotcast.rigs.collect import Plan
 from robotcast.rigs.envelope import are_feasible
-from robotcast.stage import bar, output_folder, tell, warn
+from robotcast.stage import bar, measured_set, output_folder, tell, warn
 
 
 def chosen_targets(config: DictConfig) -> np.ndarray:
@@ -87,7 +86,7 @@ def cast_on_rig(
 
 def predict_held_out(config: DictConfig, model: ForwardModel) -> pl.DataFrame:
     """Predict the held-out casts of a recorded set; return evaluation.csv."""
-    measured = read_measurement_set(Path(config.paths.measurements))
+    measured = measured_set(config.paths.measurements)
     _refuse_other_cable(model, measured.cable.name)
     sizes = config.scale.tune
     _, held_out = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)

@@ -11,11 +11,10 @@ from robotcast.build import action_space, build_effects, build_simulator, finger
 from robotcast.casts.following import Following, exact_following, fit_following
 from robotcast.casts.plan import PlanLimits, plan_action, plan_actions
 from robotcast.measurements.measurement_set import Trial
-from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
 from robotcast.rigs.envelope import feasible_actions
 from robotcast.simulators.d_sim import Generated, Shard, generate_casts, mean_reach, write_d_sim
-from robotcast.stage import bar, output_folder, tell, warn
+from robotcast.stage import bar, measured_set, output_folder, tell, warn
 from robotcast.tuning.tuned import read_effects, read_values, vector_of
 
 
@@ -33,7 +32,7 @@ def generate_d_sim(config: DictConfig) -> tuple[Path, Generated]:
     grid, r0_m, limits, envelope = action_space(config, "generated")
     with bar("grid of actions") as progress:
         actions, _ = feasible_actions(grid, r0_m, limits, envelope, progress)
-    measured = read_measurement_set(Path(config.paths.measurements))
+    measured = measured_set(config.paths.measurements)
     tuning, _ = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
     following, reach_m = _following(tuning.trials, r0_m, limits), mean_reach(tuning.trials)
     facts = {

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from omegaconf import DictConfig, ListConfig
 
-from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
 from robotcast.policies.datasets import (
     Dataset,
@@ -28,7 +27,7 @@ from robotcast.policies.residual import ResidualLearner
 from robotcast.policies.training import Learner
 from robotcast.processes import cores, parallel_map
 from robotcast.progress import Progress, silent
-from robotcast.stage import bar, tell
+from robotcast.stage import bar, measured_set, tell
 
 FOLDS = 3
 LEAST_MISS_M = 1e-3  # a miss below what tracking can tell counts as this
@@ -82,7 +81,7 @@ def _values(given: Any) -> list[float]:
 
 
 def _real(config: DictConfig) -> Dataset:
-    measured = read_measurement_set(Path(config.paths.measurements))
+    measured = measured_set(config.paths.measurements)
     sizes = config.scale.tune
     tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
     return real_dataset(

@@ -14,11 +14,10 @@ from robotcast.files import write_text
 from robotcast.measurements.errors import prediction_errors
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.noise_floor import noise_floor
-from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
 from robotcast.reporting.revisions_page import Tuning, revisions_page
 from robotcast.simulators.simulator import Simulator
-from robotcast.stage import output_folder
+from robotcast.stage import measured_set, output_folder
 from robotcast.tuning.asking import Problem
 from robotcast.tuning.certainty import Certainty, certainty, certainty_casts
 from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError, full_vectors
@@ -37,7 +36,7 @@ from robotcast.workflow.searching import open_journal, search_with_bar
 
 def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:
     """Tune the configured simulator, write the tuned folder and return it."""
-    measured = read_measurement_set(Path(config.paths.measurements))
+    measured = measured_set(config.paths.measurements)
     cable, floor_percent = measured.cable, noise_floor(measured).waypoint_percent
     sizes = config.scale.tune
     tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)

@@ -1,5 +1,7 @@
-"""One table of a measurement set: its file, its columns as numbers, where a row stands."""
+"""One table of casts on disk: its columns as numbers in range, and where each row stands."""
 
+import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +15,40 @@ TABLE_COLUMNS = {
     "waypoints": ("trial", "t", "x", "y"),
 }
 WHOLE_COLUMNS = ("trial", "action")
+UNNAMED = "Unnamed"  # as pandas calls a column without a name, its index for one
+
+
+@dataclass(frozen=True)
+class Range:
+    """What a column may hold, and which unit is taken for another where it holds more."""
+
+    most: float
+    unit: str
+    mistaken: str
+    positive: bool = False
+
+
+_ANGLE = Range(2 * math.pi, "rad", "degrees where radians are expected?")
+_LENGTH = Range(10.0, "m", "millimetres where metres are expected?")
+RANGES = {
+    "theta1": _ANGLE,
+    "theta2": _ANGLE,
+    "alpha": _ANGLE,
+    "yaw": _ANGLE,
+    "x": _LENGTH,
+    "y": _LENGTH,
+    "r1": Range(10.0, "m", _LENGTH.mistaken, positive=True),
+    "r2": Range(10.0, "m", _LENGTH.mistaken, positive=True),
+    "vmax": Range(
+        10.0, "m/s", "millimetres per second where metres per second are expected?", positive=True
+    ),
+    "t": Range(
+        60.0,
+        "s",
+        "t counts seconds from the start of its cast: milliseconds, sample numbers or the time of "
+        "a clock instead?",
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -42,6 +78,14 @@ class Table:
             first = int(np.argmax(bad))
             raise ValueError(f"{self.place(first)}: {say(first)}")
 
+    def take(self, rows: np.ndarray) -> "Table":
+        """Return the table with the rows at `rows`, indices in any order."""
+        columns, others = (
+            {name: cells[rows] for name, cells in some.items()}
+            for some in (self.columns, self.others)
+        )
+        return Table(self.path, columns, self.rows[rows], others)
+
 
 def find_table(folder: Path, name: str) -> Path | None:
     """Return the file of table `name`, None when there is none; refuse to choose between two."""
@@ -60,19 +104,41 @@ def read_table(path: Path, names: tuple[str, ...]) -> Table:
     Raises
     ------
     ValueError
-        A file that cannot be parsed, a missing column, or a cell that is no finite number.
+        A file that cannot be parsed, a missing column, a cell that is no finite number, or one
+        beyond the range of its column.
     """
-    if path.suffix == ".csv":
-        frame, rows = _read_csv(path, names)
-    else:
-        frame, rows = _read_parquet(path, names)
+    try:
+        frame, rows = (_read_csv if path.suffix == ".csv" else _read_parquet)(path, names)
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
     columns = {name: _numbers(path, frame[name], rows) for name in names}
-    return Table(path, columns, rows, _others(frame, names))
+    table = Table(path, columns, rows, _others(frame, names))
+    for name in names:
+        if name in RANGES:
+            _refuse_out_of_range(table, name, RANGES[name])
+    return table
+
+
+def _refuse_out_of_range(table: Table, name: str, within: Range) -> None:
+    value = table.columns[name]
+    if name == "t":
+        table.refuse_where(
+            value < 0, lambda i: f"t is {value[i]:g}, before the start of the cast at t = 0"
+        )
+    if within.positive:
+        table.refuse_where(value <= 0, lambda i: f"{name} must be above zero, got {value[i]:g}")
+    most = "2π" if within is _ANGLE else f"{within.most:g}"
+    table.refuse_where(
+        np.abs(value) > within.most,
+        lambda i: f"{name} is {value[i]:g}, beyond {most} {within.unit}; {within.mistaken}",
+    )
 
 
 def _others(frame: pl.DataFrame, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     found = {}
-    for name in (name for name in frame.columns if name not in names):
+    for name in frame.columns:
+        if name in names or name.startswith(UNNAMED):
+            continue
         cells = frame[name]
         if cells.dtype == pl.String:
             cells = cells.str.strip_chars()
@@ -88,27 +154,42 @@ def _place(path: Path, row: int) -> str:
 
 
 def _read_csv(path: Path, names: tuple[str, ...]) -> tuple[pl.DataFrame, np.ndarray]:
+    data = path.read_bytes()
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")  # as old Macs end lines
+    if any(end in data for end in (b",\n", b",\r", b", \n", b", \r", b",\t")) or data[-1:] == b",":
+        data = re.sub(rb"(?:,[ \t]*)+(?=\r?\n|\Z)", b"", data)  # empty cells at the end of a line
     try:
-        header = _csv_header(path)
+        header = _csv_header(path, data)
         _require_columns(path, names, header)
-        frame = pl.read_csv(path, infer_schema=False)
+        frame = pl.read_csv(data, infer_schema=False)
     except UnicodeDecodeError:
-        raise ValueError(f"{path}: is not text in UTF-8") from None
+        raise ValueError(f"{path}: is not text in UTF-8; export it as CSV in UTF-8") from None
     except pl.exceptions.PolarsError as error:
-        raise ValueError(_ragged_line(path) or f"{path}: {_first_line(error)}") from None
+        raise ValueError(_ragged_line(path, data) or f"{path}: {_first_line(error)}") from None
     frame = frame.rename(dict(zip(frame.columns, header, strict=True)))
     blank = frame.select(pl.all_horizontal(pl.all().is_null())).to_series().to_numpy()
     return frame.filter(~blank), np.arange(2, 2 + frame.height)[~blank]
 
 
-def _csv_header(path: Path) -> list[str]:
-    with path.open(encoding="utf-8-sig") as file:
-        header = [name.strip().strip('"') for name in file.readline().split(",")]
-    if header == [""]:
-        raise ValueError(f"{_place(path, 1)}: expected the names of the columns, got nothing")
+def _csv_header(path: Path, data: bytes) -> list[str]:
+    line = data[: data.find(b"\n") if b"\n" in data else None].decode("utf-8-sig").strip()
+    place = _place(path, 1)
+    if not line:
+        raise ValueError(f"{place}: expected the names of the columns, got nothing")
+    if line.startswith("#"):
+        raise ValueError(f"{place}: expected the names of the columns, got a comment: {line}")
+    for separator, called in ((";", "semicolons"), ("\t", "tabs")):
+        if separator in line and "," not in line:
+            raise ValueError(
+                f"{place}: cells are separated by {called}, found {line}; "
+                "export with commas between cells, and points in numbers"
+            )
+    header = [name.strip().strip('"') for name in line.split(",")]
+    header = [name or f"{UNNAMED}: {column}" for column, name in enumerate(header)]
     if len(set(header)) < len(header):
         twice = next(name for name in header if header.count(name) > 1)
-        raise ValueError(f"{_place(path, 1)}: column {twice} stands there twice")
+        raise ValueError(f"{place}: column {twice} stands there twice")
     return header
 
 
@@ -121,14 +202,14 @@ def _require_columns(path: Path, names: tuple[str, ...], found: list[str]) -> No
         )
 
 
-def _ragged_line(path: Path) -> str | None:
-    lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+def _ragged_line(path: Path, data: bytes) -> str | None:
+    lines = data.decode("utf-8", errors="replace").splitlines()
     expected = lines[0].count(",") + 1
     for number, line in enumerate(lines, start=1):
         if line.count(",") + 1 > expected:
             return (
                 f"{_place(path, number)}: expected {expected} cells as in the header, "
-                f"got {line.count(',') + 1}"
+                f"got {line.count(',') + 1}; are there commas in the numbers?"
             )
     return None
 
@@ -151,18 +232,20 @@ def _numbers(path: Path, cells: pl.Series, rows: np.ndarray) -> np.ndarray:
         cells = cells.str.strip_chars()
     if not (cells.dtype.is_numeric() or cells.dtype in (pl.String, pl.Null)):
         raise ValueError(f"{path}: column {cells.name} holds {cells.dtype}, expected numbers")
+    whole = cells.name in WHOLE_COLUMNS
     values = cells.cast(pl.Float64, strict=False).to_numpy().astype(float)
     bad = ~np.isfinite(values)
-    expected = "a finite number"
-    if cells.name in WHOLE_COLUMNS:
-        bad |= values != np.round(values)
-        bad |= np.abs(values) > 2**53
-        expected = "a whole number"
+    if whole:
+        bad |= (values != np.round(values)) | (np.abs(values) >= 2**63)
     if bad.any():
         first = int(np.argmax(bad))
         cell = cells[first]
         got = "an empty cell" if cell in (None, "") else repr(cell)
+        expected = "a whole number" if whole else "a finite number"
         raise ValueError(
             f"{_place(path, int(rows[first]))}: {cells.name} must be {expected}, got {got}"
         )
-    return values.astype(np.int64) if cells.name in WHOLE_COLUMNS else values
+    if not whole:
+        return values
+    exact = cells.cast(pl.Int64, strict=False)  # a time stamp in ns is no exact float
+    return values.astype(np.int64) if exact.null_count() else exact.to_numpy()

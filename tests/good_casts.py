@@ -1,0 +1,34 @@
+"""Casts as they are measured when nothing is wrong: the rules of a set let them pass."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from robotcast.casts.action import Action
+from robotcast.casts.plan import PlanLimits, plan_action
+from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
+
+CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
+NOISE_M = 0.002
+ACTIONS = (Action(0.7, 0.62, -0.6, 0.65, 0.5, 1.25), Action(0.5, 0.62, -0.8, 0.7, 0.4, 1.5))
+
+
+def good_trial(
+    number: int, action_id: int, action: Action, cable: Cable = CABLE, noise_m: float = NOISE_M
+) -> Trial:
+    """A cast whose free end trails the tool on a taut cable until both rest."""
+    tool = plan_action(action, r0_m=0.6, limits=PlanLimits()).tool
+    t_s = np.round(np.arange(0, tool.t_s[-1] + 1.0, 0.1), 6)
+    behind, held = (tool.at(t_s - late_s)[:, :2] for late_s in (0.15, 0.0))
+    end = held + 0.98 * cable.length_m * behind / np.linalg.norm(behind, axis=1, keepdims=True)
+    end += noise_m * np.random.default_rng(number).standard_normal(end.shape)
+    return Trial(number, action_id, action, tool, t_s, np.round(end, 6))
+
+
+def good_set(
+    actions: Sequence[Action] = (*ACTIONS, ACTIONS[0]), cable: Cable = CABLE, rig: str = "recorded"
+) -> MeasurementSet:
+    """Casts of these actions; those that stand there twice are repeats."""
+    ids = [list(actions).index(action) for action in actions]
+    trials = (good_trial(n, i, a, cable) for n, (i, a) in enumerate(zip(ids, actions, strict=True)))
+    return MeasurementSet(cable, 0.6, 0.1, NOISE_M, tuple(trials), rig)
