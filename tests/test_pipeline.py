@@ -19,7 +19,7 @@ ORDER = (
 # result, nor does what is drawn instead of cast.
 PLUMBING = {
     ROOT / "src/robotcast" / f"{name}.py"
-    for name in ("stage", "workflow/dry_run", "files", "processes", "progress", "source")
+    for name in ("files", "processes", "progress", "running", "source", "stage", "workflow/dry_run")
 }
 
 

@@ -2,8 +2,9 @@
 
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import wraps
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from rich.progress import (
 from rich.text import Text
 from threadpoolctl import threadpool_limits
 
+from robotcast import running
 from robotcast.build import CONFIGURATION
 
 
@@ -52,7 +54,7 @@ def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
     @wraps(body)  # Hydra names the job after the file that `body` stands in
     def run(config: DictConfig) -> None:
         try:
-            with _one_order_of_sums():
+            with _one_order_of_sums(), _followed(config):
                 return body(config)
         except (ValueError, FileNotFoundError) as error:
             said, status = str(error), 2
@@ -63,6 +65,11 @@ def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
         sys.exit(status)
 
     return hydra.main(version_base=None, config_path=str(CONFIGURATION), config_name=name)(run)
+
+
+def _followed(config: DictConfig) -> AbstractContextManager[None]:
+    job = HydraConfig.get()
+    return running.followed(Path(config.paths.running), job.job.name, job.overrides.task)
 
 
 @contextmanager
@@ -148,7 +155,10 @@ class _Rate(ProgressColumn):
 
 @contextmanager
 def bar(title: str) -> Iterator[Callable[..., None]]:
-    """Show a progress bar with a rate and what is left; yield its `progress(done, total, note)`."""
+    """Show a progress bar with a rate and what is left; yield its `progress(done, total, note)`.
+
+    `robotcast watch` shows it too.
+    """
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(bar_width=20),
@@ -160,10 +170,12 @@ def bar(title: str) -> Iterator[Callable[..., None]]:
         console=console,
     ) as shown:
         task = shown.add_task(title, total=None, note="")
+        running.say(title=title, begun_s=time.time(), done=0, total=0, note="")
 
         def progress(done: int, total: int, note: str = "") -> None:
             # set past `update`, which forgets the rate whenever the total changes
             shown.tasks[0].total = total
             shown.update(task, completed=done, note=note)
+            running.say(now=done == total, done=done, total=total, note=note)
 
         yield progress
