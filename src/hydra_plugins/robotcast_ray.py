@@ -31,7 +31,8 @@ class RayLauncher(Launcher):
     def launch(
         self, job_overrides: Sequence[Sequence[str]], initial_job_idx: int
     ) -> Sequence[JobReturn]:
-        import ray  # an extra, and slow to import, like the launcher whose jobs these are
+        # an extra, and slow to import, like the launcher whose jobs these are
+        import ray  # pyright: ignore[reportMissingImports]
         from hydra_plugins.hydra_joblib_launcher._core import execute_job
 
         here, state = os.getcwd(), Singleton.get_state()

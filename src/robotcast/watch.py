@@ -15,6 +15,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 from aiohttp import web
+from dvc.exceptions import DvcException
 
 from robotcast.pipeline import Cell, pipeline
 from robotcast.reporting.page import render
@@ -36,12 +37,17 @@ def serve(root: Path, runs: Path, port: int) -> None:
     ----------
     runs : where commands say how far they are.
     """
-    rendering = asyncio.Lock()
+    rendering, shown = asyncio.Lock(), ""
 
     async def page(_: web.Request) -> web.Response:
+        nonlocal shown
         async with rendering:
-            text = await asyncio.to_thread(watch_page, root, runs)
-        return web.Response(text=text, content_type="text/html")
+            try:
+                shown = await asyncio.to_thread(watch_page, root, runs)
+            except (OSError, DvcException):  # a file is being replaced: the page stays for now
+                if not shown:
+                    raise
+        return web.Response(text=shown, content_type="text/html")
 
     async def file(request: web.Request) -> web.FileResponse:
         path = os.path.normpath(request.path.lstrip("/"))  # a link of DVC's leads to its cache
@@ -150,7 +156,8 @@ def _picture(video: Path) -> str:
     film.release()
     if picture is None:
         return ""
-    return "data:image/jpeg;base64," + base64.b64encode(cv2.imencode(".jpg", picture)[1]).decode()
+    coded = cv2.imencode(".jpg", picture)[1].tobytes()
+    return f"data:image/jpeg;base64,{base64.b64encode(coded).decode()}"
 
 
 @dataclass(frozen=True)
