@@ -7,12 +7,15 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import yaml
 
+from robotcast.measurements.reader import read_measurement_set
+from robotcast.measurements.writer import write_measurement_set
 from robotcast.pipeline import pipeline
 from robotcast.running import Run, followed, read_runs, say, write_page
 from robotcast.watch import watch_page
@@ -21,6 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CHROMIUM = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
 )
+PATIENCE_MS = 600_000
 EFFECTS = ROOT / "conf" / "effects.yaml"
 
 
@@ -119,32 +123,50 @@ def page_address(tmp_path: Path) -> Iterator[str]:
     server.wait()
 
 
+@pytest.fixture
+def diagnosis(tmp_path: Path) -> Iterator[Callable[[], subprocess.Popen[bytes]]]:
+    """Begins a small diagnosis beside the page: a few casts, two effects."""
+    whole = read_measurement_set(ROOT / "examples" / "hidden_effect")
+    write_measurement_set(replace(whole, trials=whole.trials[:14]), tmp_path / "casts")
+    known = yaml.safe_load(EFFECTS.read_text(encoding="utf-8"))["effects"]
+    others = sorted(set(known) - {"board_tilt", "camera_latency"})
+    given = ("diagnose", "casts", f"exclude=[{','.join(others)}]")
+    begun: list[subprocess.Popen[bytes]] = []
+
+    def begin() -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", "robotcast.cli", *given]
+        begun.append(subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL))
+        return begun[-1]
+
+    yield begin
+    for process in begun:
+        process.kill()
+        process.wait()
+
+
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+@pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
 def test_in_a_browser_the_ladder_falls_while_a_diagnosis_runs(
-    tmp_path: Path, page_address: str
+    page_address: str, diagnosis: Callable[[], subprocess.Popen[bytes]]
 ) -> None:
     playwright = pytest.importorskip("playwright.sync_api")
-    words = []
+    words: list[str] = []
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1280, "height": 900})
-        page.set_default_timeout(300_000)
+        page = browser.new_page()
+        page.set_default_timeout(PATIENCE_MS)
         page.on("console", lambda message: words.append(message.text))
         page.on("pageerror", lambda error: words.append(str(error)))
         page.goto(page_address)
         page.get_by_text("Begin with").wait_for()
-        known = yaml.safe_load(EFFECTS.read_text(encoding="utf-8"))["effects"]
-        others = ",".join(sorted(set(known) - {"board_tilt", "camera_latency"}))
-        given = [str(ROOT / "examples/hidden_effect"), f"exclude=[{others}]"]
-        command = [sys.executable, "-m", "robotcast.cli", "diagnose", *given]
-        with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL) as diagnosis:
-            page.get_by_text("diagnose runs").wait_for()
-            ladder = page.frame_locator("iframe")
-            ladder.get_by_label("Error ladder of 1 models").wait_for()
-            ladder.get_by_label("Error ladder of 2 models").wait_for()
-            ladder.get_by_text("−").first.wait_for()  # by so many per cent the error fell
-            diagnosis.terminate()
+        process = diagnosis()
+        page.get_by_text("diagnose runs").wait_for()
+        ladder = page.frame_locator("iframe")
+        ladder.get_by_label("Error ladder of 1 models").wait_for()
+        ladder.get_by_label("Error ladder of 2 models").wait_for()
+        ladder.get_by_text("−").first.wait_for()  # by so many per cent the error fell
+        process.kill()
+        process.wait()
         page.get_by_text("diagnose was killed").wait_for()
         browser.close()
     assert words == []
