@@ -30,6 +30,9 @@ GRID = "scale.generate.grid={theta1:5,theta2:5,r2:4,alpha:4,vmax:2}"
 ON_RAY = "hydra/launcher=ray"
 
 
+os.environ["RAY_AUTH_MODE"] = "token"  # which nodes ask for, and all commands must then say
+
+
 def node(*given: str) -> subprocess.Popen[bytes]:
     """Start a Ray node of one core."""
     command = [str(RAY), "start", "--block", "--num-cpus=1", "--disable-usage-stats", *given]
@@ -68,7 +71,9 @@ def run(command: Sequence[str]) -> None:
 def on_the_cluster(command: Sequence[str], folder: Path, wanted: str, jobs: int) -> None:
     """Run a sweep on both nodes; kill the second one when the first file `wanted` is there."""
     head = node("--head", f"--port={PORT}", "--node-ip-address=127.0.0.1")
-    time.sleep(8)
+    asked = [str(RAY), "status", f"--address=127.0.0.1:{PORT}"]
+    while subprocess.run(asked, capture_output=True).returncode:
+        time.sleep(2)
     second = node(f"--address=127.0.0.1:{PORT}")
     time.sleep(8)
     try:

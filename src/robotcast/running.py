@@ -83,8 +83,9 @@ def followed(folder: Path, stage: str, overrides: Sequence[str]) -> Iterator[Non
     key = zlib.crc32(json.dumps(list(overrides)).encode())
     before, run = _current, Run(stage, list(overrides), os.getpid(), time.time())
     _current = folder / f"{stage}-{key:08x}.json", run
-    for old in sorted(folder.glob("*.json"), key=os.path.getmtime)[:-KEPT]:
-        old.unlink(missing_ok=True)
+    with suppress(OSError):  # another command forgets them too
+        for old in sorted(folder.glob("*.json"), key=os.path.getmtime)[:-KEPT]:
+            old.unlink()
     say(status=None)
     status = 1
     try:
@@ -103,7 +104,8 @@ def say(now: bool = True, **facts: Any) -> None:
     vars(run).update(facts)
     if now or time.time() - run.updated_s >= EVERY_S:
         run.updated_s = time.time()
-        write_text(path, json.dumps(asdict(run), ensure_ascii=False))
+        with suppress(OSError):  # a run must not fail because nobody can follow it
+            write_text(path, json.dumps(asdict(run), ensure_ascii=False))
 
 
 def write_page(path: Path, page: str) -> None:
