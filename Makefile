@@ -7,11 +7,12 @@ LAST := table
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro hidden-effects hidden-effects-few sim2sim \
+.PHONY: help install repro watch hidden-effects hidden-effects-few sim2sim \
 	tune-size tune-size-few real-casts real-casts-few better-model better-model-few test quick format
 
 help:
 	@echo "make repro    set up, then run the pipeline (what changed since the last run)"
+	@echo "make watch    follow what runs, on a page in the browser"
 	@echo "make hidden-effects  draw, diagnose and score the hidden-effect benchmark (hours)"
 	@echo "make hidden-effects-few  the same on four small sets (minutes)"
 	@echo "make sim2sim  how near each optimizer comes to parameters that are known (hours)"
@@ -49,6 +50,9 @@ repro: $(INSTALLED)
 		dvc --wait-for-lock repro --glob '*@cable1*'; here=$$?; \
 		wait $$beside || { tail -n 20 $(BESIDE); exit 1; }; exit $$here
 	dvc repro
+
+watch: $(INSTALLED)
+	robotcast watch
 
 # A study and its small variant are two ends of one pipeline: studies/<name>/dvc.yaml.
 hidden-effects hidden-effects-few: LAST = score

@@ -1,11 +1,11 @@
 """A sweep and a sharded D_sim on a Ray cluster of two nodes, one of them killed half-way.
 
-    .venv-ray/bin/python benchmarks/ray_nodes.py --measurements DIR --tuned DIR
+    python benchmarks/ray_nodes.py --measurements DIR --tuned DIR
 
-Run it with the Python of an environment that has the extra `ray`. Both nodes are processes of
-this machine, on loopback. The second one is killed when the first job has ended; its jobs go to
-the other. What the cluster wrote is compared, byte by byte, with the same jobs run one after the
-other without it. Exits with 1 when a file differs.
+It needs the extra `ray`. Both nodes are processes of this machine, on loopback. The second one is
+killed when the first job has ended; its jobs go to the other. What the cluster wrote is compared,
+byte by byte, with the same jobs run one after the other without it. Exits with 1 when a file
+differs.
 """
 
 import argparse
@@ -27,7 +27,10 @@ SHARDS = 4
 ONE_CORE = "++simulator.model.settings.processes=1"
 BUDGET = "scale.tune.segmented.budget_casts.de=800"
 GRID = "scale.generate.grid={theta1:5,theta2:5,r2:4,alpha:4,vmax:2}"
-ON_RAY = "hydra/launcher=ray_cluster"
+ON_RAY = "hydra/launcher=ray"
+
+
+os.environ["RAY_AUTH_MODE"] = "token"  # which nodes ask for, and all commands must then say
 
 
 def node(*given: str) -> subprocess.Popen[bytes]:
@@ -68,7 +71,9 @@ def run(command: Sequence[str]) -> None:
 def on_the_cluster(command: Sequence[str], folder: Path, wanted: str, jobs: int) -> None:
     """Run a sweep on both nodes; kill the second one when the first file `wanted` is there."""
     head = node("--head", f"--port={PORT}", "--node-ip-address=127.0.0.1")
-    time.sleep(8)
+    asked = [str(RAY), "status", f"--address=127.0.0.1:{PORT}"]
+    while subprocess.run(asked, capture_output=True).returncode:
+        time.sleep(2)
     second = node(f"--address=127.0.0.1:{PORT}")
     time.sleep(8)
     try:

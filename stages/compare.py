@@ -9,6 +9,7 @@ from omegaconf import DictConfig
 
 from robotcast.files import write_text
 from robotcast.reporting.comparison_page import comparison_page
+from robotcast.running import write_page
 from robotcast.stage import output_folder, require, stage, tell
 from robotcast.workflow.comparing import compare_model
 
@@ -19,7 +20,7 @@ def compare(config: DictConfig) -> None:
     facts, found = compare_model(config)
     plain = {**facts, **found.as_dict()}
     write_text(folder / "comparison.json", json.dumps(plain, ensure_ascii=False, allow_nan=False))
-    write_text(folder / "index.html", comparison_page(plain))
+    write_page(folder / "index.html", comparison_page(plain))
     floor = found.repeats.sample_percent
     noise = "unknown" if floor is None else f"{floor:.2f} %"
     tell(

@@ -3,6 +3,8 @@
 python stages/diagnose.py measurements=DIR output=DIR [effects=[…]] [exclude=[…]]
 """
 
+from pathlib import Path
+
 from omegaconf import DictConfig
 
 from robotcast.stage import require, stage, tell
@@ -16,6 +18,8 @@ def diagnose(config: DictConfig) -> None:
     for note in found["notes"]:
         tell(f"- {note}")
     tell(f"open {folder / 'index.html'}")
+    if (sealed := Path(config.measurements) / "answer.sealed").is_file():
+        tell(f"what was hidden: python -m studies.hidden_effects.answer {sealed}")
 
 
 if __name__ == "__main__":

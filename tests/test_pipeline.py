@@ -24,7 +24,7 @@ LOOP = (
 PLUMBING = {
     ROOT / "src/robotcast" / f"{name}.py"
     for name in (
-        *("stage", "workflow/dry_run", "files", "processes", "progress", "source"),
+        *("stage", "workflow/dry_run", "files", "processes", "progress", "running", "source"),
         "reporting/revisions_page",
     )
 }

@@ -4,8 +4,9 @@ import os
 import re
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from rich.text import Text
 from threadpoolctl import threadpool_limits
 from yaml import YAMLError
 
+from robotcast import running
 from robotcast.build import CONFIGURATION
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
@@ -62,7 +64,7 @@ def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
         try:
             for key in (key for key in NAMES if key in config):
                 config[key] = _names(config[key])
-            with _one_order_of_sums():
+            with _one_order_of_sums(), _followed(config):
                 return body(config)
         except (ValueError, OSError, InstantiationException, PolarsError, YAMLError) as error:
             said, status = _sentence(error), 2
@@ -122,6 +124,11 @@ def _sentence(error: Exception) -> str:
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror}"
     return " ".join(str(error).split())
+
+
+def _followed(config: DictConfig) -> AbstractContextManager[None]:
+    job = HydraConfig.get()
+    return running.followed(Path(config.paths.running), job.job.name, job.overrides.task)
 
 
 @contextmanager
@@ -231,7 +238,10 @@ class _Rate(ProgressColumn):
 
 @contextmanager
 def bar(title: str) -> Iterator[Callable[..., None]]:
-    """Show a progress bar with a rate and what is left; yield its `progress(done, total, note)`."""
+    """Show a progress bar with a rate and what is left; yield its `progress(done, total, note)`.
+
+    `robotcast watch` shows it too.
+    """
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(bar_width=20),
@@ -243,10 +253,12 @@ def bar(title: str) -> Iterator[Callable[..., None]]:
         console=console,
     ) as shown:
         task = shown.add_task(title, total=None, note="")
+        running.say(title=title, begun_s=time.time(), done=0, total=0, note="")
 
         def progress(done: int, total: int, note: str = "") -> None:
             # set past `update`, which forgets the rate whenever the total changes
             shown.tasks[0].total = total
             shown.update(task, completed=done, note=note)
+            running.say(now=done == total, done=done, total=total, note=note)
 
         yield progress

@@ -25,6 +25,7 @@ from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import NO_TOOL
 from robotcast.reporting.diagnosis_page import diagnosis_page
 from robotcast.rigs.envelope import feasible_actions
+from robotcast.running import write_page
 from robotcast.stage import as_note, bar, measured_set, output_folder, typed
 
 ACTIONS = "actions.csv"
@@ -66,7 +67,7 @@ def diagnose_set(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         whole = joined(found)
         text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
         write_text(folder / "diagnosis.json", text)
-        write_text(folder / "index.html", diagnosis_page(whole))
+        write_page(folder / "index.html", diagnosis_page(whole))
 
     with bar("diagnose") as progress:
         whole = joined(diagnose(case_of(config, measured), write, progress))

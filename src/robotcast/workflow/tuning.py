@@ -10,12 +10,12 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from robotcast.build import build_effects, build_simulator
-from robotcast.files import write_text
 from robotcast.measurements.errors import prediction_errors
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.noise_floor import noise_floor
 from robotcast.measurements.split import split_by_action
 from robotcast.reporting.revisions_page import Tuning, revisions_page
+from robotcast.running import write_page
 from robotcast.simulators.simulator import Simulator
 from robotcast.stage import measured_set, output_folder
 from robotcast.tuning.asking import Problem
@@ -58,7 +58,7 @@ def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:
         """Write the page beside the tuned folders, live while one is tuned."""
         revisions = read_revisions(folder.parent / LEDGER)
         page = revisions_page(revisions, replace(shown, trace=trace, finished=finished))
-        write_text(folder.parent / "revisions.html", page)
+        write_page(folder.parent / "revisions.html", page)
 
     look(())
     objective = WaypointError(simulator, tuning.trials, cable.length_m)

@@ -1,0 +1,209 @@
+"""The live page of what runs here. It only reads what stages and DVC write, and disturbs no run."""
+
+import asyncio
+import base64
+import html
+import os
+import re
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+from aiohttp import web
+from dvc.exceptions import DvcException
+
+from robotcast.pipeline import Cell, pipeline
+from robotcast.reporting.page import render
+from robotcast.running import read_runs
+from robotcast.sessions import VIDEO_FILE
+
+HOST, OURS = "127.0.0.1", ("127.0.0.1", "localhost")
+FOLDERS = ("data", "outputs", "reports")  # all that the page shows and links to
+PAGES = ("index.html", "revisions.html")
+SCAN_S = 3  # how often the folders are looked through
+FILMED, INSTANTS, WIDE = 3, 6, 480  # pictures, moments in each, pixels
+BOX, GAP, ROW = 128, 30, 66  # of the drawn pipeline, pixels
+
+
+def serve(root: Path, runs: Path, port: int) -> None:
+    """Serve the page of what runs in `root`, to this machine alone, until it is interrupted.
+
+    Parameters
+    ----------
+    runs : where commands say how far they are.
+    """
+    rendering, shown = asyncio.Lock(), ""
+
+    async def page(_: web.Request) -> web.Response:
+        nonlocal shown
+        async with rendering:
+            try:
+                shown = await asyncio.to_thread(watch_page, root, runs)
+            except (OSError, DvcException):  # a file is being replaced: the page stays for now
+                if not shown:
+                    raise
+        return web.Response(text=shown, content_type="text/html")
+
+    async def file(request: web.Request) -> web.FileResponse:
+        path = os.path.normpath(request.path.lstrip("/"))  # a link of DVC's leads to its cache
+        if not path.startswith(tuple(f"{f}/" for f in FOLDERS)) or not (root / path).is_file():
+            raise web.HTTPNotFound
+        return web.FileResponse(root / path, headers={"Cache-Control": "no-cache"})
+
+    @web.middleware
+    async def ours(request: web.Request, handler):
+        """Refuse pages of others that the browser was told lie here."""
+        if request.host.rpartition(":")[0] not in OURS:
+            raise web.HTTPForbidden
+        return await handler(request)
+
+    app = web.Application(middlewares=[ours])
+    app.add_routes([web.get("/", page), web.get("/{path:.+}", file)])
+    web.run_app(app, host=HOST, port=port, print=None, access_log=None)
+
+
+def watch_page(root: Path, runs: Path) -> str:
+    """Return the page as it is now."""
+    known = [run for run in read_runs(runs) if run.stage != "watch"]
+    cells, active = pipeline(root, known), [run for run in known if run.runs]
+    left = [cell.left_s for cell in cells if cell.state != "done"]
+    at_once = max(1, sum(cell.state == "running" for cell in cells))
+    moment = int(time.time() / SCAN_S)
+    results, films = _results(root, moment), _films(root, moment)
+    shown = [_link(root, run.page) for run in active if run.page]
+    return render(
+        "watch.html",
+        place=root.resolve().name,
+        cells=cells,
+        drawing=_drawing(cells),
+        left_s=sum(s for s in left if s is not None) / at_once,
+        unknown=sum(s is None for s in left),
+        active=active,
+        last=next((run for run in known if not run.runs), None),
+        shown=[link for link in shown if link] or [r.link for r in results[:1]],
+        results=results,
+        films=[(path.parent, _picture(path)) for path in films],
+        time=_time,
+        ago=lambda then_s: _time(time.time() - then_s),
+    )
+
+
+@dataclass(frozen=True)
+class Result:
+    """A page that a stage wrote: its title, its place below the root, when."""
+
+    title: str
+    link: str
+    written_s: float
+
+
+@lru_cache(maxsize=1)
+def _results(root: Path, moment: int) -> list[Result]:
+    """Return the pages there are, the last one first."""
+    found = [
+        Result(_title(path), path.relative_to(root).as_posix(), path.stat().st_mtime)
+        for path in _files(root, PAGES)
+    ]
+    return sorted(found, key=lambda result: -result.written_s)
+
+
+@lru_cache(maxsize=1)
+def _films(root: Path, moment: int) -> list[Path]:
+    """Return the videos that were finished last."""
+    return sorted(_files(root, (VIDEO_FILE,)), key=os.path.getmtime)[: -FILMED - 1 : -1]
+
+
+def _files(root: Path, names: Sequence[str]) -> Iterator[Path]:
+    for folder in FOLDERS:
+        for place, folders, files in os.walk(root / folder):
+            folders[:] = [name for name in folders if not name.startswith(".")]
+            yield from (Path(place) / name for name in names if name in files)
+
+
+def _title(path: Path) -> str:
+    with path.open(encoding="utf-8") as page:
+        found = re.search(r"<title>(.*?)</title>", page.read(4000), re.S)
+    return html.unescape(found[1]) if found else path.parent.name
+
+
+def _link(root: Path, page: str) -> str | None:
+    """Return where the page lies below the root, None where it is not shown."""
+    link = os.path.relpath(page, root.resolve())
+    return link if link.startswith(tuple(f"{folder}/" for folder in FOLDERS)) else None
+
+
+@lru_cache(maxsize=4 * FILMED)
+def _picture(video: Path) -> str:
+    """Return what moved in a video, at several moments, in one picture: a data URI."""
+    film = cv2.VideoCapture(str(video))
+    count, picture, moved = int(film.get(cv2.CAP_PROP_FRAME_COUNT)), None, None
+    for number in range(INSTANTS):
+        film.set(cv2.CAP_PROP_POS_FRAMES, number * (count - 1) // (INSTANTS - 1))
+        read, frame = film.read()
+        if not read:
+            continue
+        frame = cv2.resize(frame, (WIDE, WIDE * frame.shape[0] // frame.shape[1]))
+        if picture is None or moved is None:
+            first, picture, moved = frame, frame, frame.max(axis=2) * 0
+        change = cv2.absdiff(frame, first).max(axis=2)
+        picture = np.where((change > moved)[..., None], frame, picture)
+        moved = np.maximum(change, moved)
+    film.release()
+    if picture is None:
+        return ""
+    coded = cv2.imencode(".jpg", picture)[1].tobytes()
+    return f"data:image/jpeg;base64,{base64.b64encode(coded).decode()}"
+
+
+@dataclass(frozen=True)
+class Box:
+    """All cells of one name, where they are drawn [pixels]."""
+
+    name: str
+    cells: list[Cell]
+    x: int
+    y: int
+
+
+def _drawing(cells: Sequence[Cell]) -> SimpleNamespace:
+    """Place the stages in columns, each to the right of all that it needs, with arrows between."""
+    groups: dict[str, list[Cell]] = {}
+    above: dict[str, set[str]] = {}  # all that a stage needs, at whatever distance
+    direct: dict[str, set[str]] = {}
+    by_name = {cell.name: cell.stage for cell in cells}
+    for cell in cells:
+        groups.setdefault(cell.stage, []).append(cell)
+        needs = {by_name[name] for name in cell.needs if name in by_name} - {cell.stage}
+        direct[cell.stage] = direct.get(cell.stage, set()) | needs
+    for stage in groups:
+        above[stage] = direct[stage].union(*(above.get(need, ()) for need in direct[stage]))
+    column: dict[str, int] = {}
+    for stage in groups:
+        column[stage] = 1 + max((column.get(need, -1) for need in direct[stage]), default=-1)
+    rows = [0] * (1 + max(column.values(), default=0))
+    boxes = {}
+    for stage, members in groups.items():
+        x = column[stage]
+        boxes[stage] = Box(stage, members, x * (BOX + GAP), rows[x] * ROW)
+        rows[x] += 1
+    arrows = [
+        (boxes[need], boxes[stage])
+        for stage in groups
+        for need in direct[stage]
+        if not any(need in above[other] for other in direct[stage])
+    ]
+    size = len(rows) * (BOX + GAP) - GAP, max(rows) * ROW
+    return SimpleNamespace(boxes=boxes.values(), arrows=arrows, size=size, box=BOX, gap=GAP)
+
+
+def _time(seconds: float) -> str:
+    """Return a length of time in few letters: 40 s, 12 min, 3 h."""
+    for unit_s, unit in ((86400, "days"), (3600, "h"), (60, "min")):
+        if seconds >= 2 * unit_s:
+            return f"{seconds / unit_s:.0f} {unit}"
+    return f"{max(0.0, seconds):.0f} s"
