@@ -180,8 +180,10 @@ def decide(
             if known:
                 return Verdict(Code.NAMED, known)
             near = _near(more, rule)
-        if left.enough or far:
+        if left.enough or (far and not floor.is_least):
             return Verdict(Code.UNKNOWN, (), near, left)
+        if far:  # above the sensors' noise, and repeats may differ by as much
+            return Verdict(Code.CANNOT_TELL, (), near, left)
         return Verdict(Code.NONE, (), near, Unexplained() if unfinished else None)
     if _refuted(found, floor, left, rule):
         return Verdict(Code.UNKNOWN, (), (top,), left)

@@ -28,11 +28,13 @@ class Floor:
     percent : of the repeats in the middle, % of the scale; None when nothing is known.
     unit : errors are judged in units of it: the floor, or the least noise that is believed.
     typical : the repeats' typical error (see `typical`), % of the scale; 0 when not known.
+    is_least : whether repeats may differ by more, and only the sensors' noise is known.
     """
 
     percent: float | None
     unit: float
     typical: float
+    is_least: bool = False
 
     @classmethod
     def of(cls, repeats: RepeatScatter, least_percent: float) -> "Floor":
@@ -45,10 +47,10 @@ class Floor:
         return cls(middle, unit, typical(misses(scatter, unit), unit))
 
     @classmethod
-    def known(cls, percent: float, least_percent: float) -> "Floor":
+    def known(cls, percent: float, least_percent: float, is_least: bool = False) -> "Floor":
         """Take the floor from elsewhere."""
         unit = max(percent, least_percent)
-        return cls(percent, unit, percent)
+        return cls(percent, unit, percent, is_least)
 
     @property
     def reach(self) -> float:

@@ -1,0 +1,49 @@
+"""A robot's MJCF beside its logs: which effect does the model lack?"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hydra.utils import instantiate
+from omegaconf import DictConfig
+
+from robotcast.diagnosis.diagnose import diagnose
+from robotcast.files import plain, write_text
+from robotcast.reporting.diagnosis_page import diagnosis_page
+from robotcast.robots.robot_case import read_case
+from robotcast.stage import bar, output_folder
+
+
+def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
+    """Diagnose the configured folder; write JSON, page and model; return folder and JSON."""
+    source, folder = Path(config.robot), output_folder(config.output)
+    if folder.resolve() == source.resolve():
+        raise ValueError("output=DIR must be another folder than the robot's")
+    case = read_case(source)
+    question = case.question(
+        config.exclude,
+        config.effects,
+        instantiate(config.diagnosis.rule),
+        instantiate(config.diagnosis.effort),
+    )
+    facts = {
+        "rig": "",
+        "measurements": str(config.robot),
+        "output": str(config.output),
+        "overrides": ["model=mjcf"],
+        "notes": [],
+    }
+
+    def joined(found: Mapping[str, Any]) -> dict[str, Any]:
+        return {**facts, **found, "notes": [*case.notes, *found["notes"]]}
+
+    def write(found: Mapping[str, Any]) -> None:
+        whole = joined(found)
+        text = json.dumps(plain(whole), ensure_ascii=False, allow_nan=False, indent=1)
+        write_text(folder / "diagnosis.json", text)
+        write_text(folder / "index.html", diagnosis_page(whole))
+
+    with bar("diagnose") as progress:
+        whole = joined(diagnose(question, write, progress))
+    return folder, whole
