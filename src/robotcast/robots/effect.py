@@ -39,17 +39,14 @@ class Motion:
     Attributes
     ----------
     log_time_s : since the start of the log, (n_sim, 1).
-    qpos, qvel : (n_sim, nv), one position and one velocity a degree of freedom.
-    torque : what drove each joint in the step before, (n_sim, nv) [N m or N].
-    memory : what an effect wants to find again at the next step; arrays with n_sim rows.
+    qpos, qvel : of the effect's joints, (n_sim, n_dofs).
+    torque : what drove each of them in the step before, (n_sim, n_dofs) [N m or N].
     """
 
-    step_s: float
     log_time_s: np.ndarray
     qpos: np.ndarray
     qvel: np.ndarray
     torque: np.ndarray
-    memory: dict[str, np.ndarray]
 
 
 class RobotEffect:
@@ -103,10 +100,6 @@ class RobotEffect:
         """Return further dry friction of the joints, (n_sim, n_dofs), solved by MuJoCo."""
         raise NotImplementedError
 
-    def damping(self, motion: Motion, **values: np.ndarray) -> np.ndarray:
-        """Return further damping of the joints, (n_sim, n_dofs), integrated by MuJoCo."""
-        raise NotImplementedError
-
     def seen(self, qpos: np.ndarray, **values: np.ndarray) -> np.ndarray:
         """Return what the joints' encoders show of true positions (n_sim, n, n_dofs)."""
         raise NotImplementedError
@@ -114,6 +107,10 @@ class RobotEffect:
     def unseen(self, qpos: np.ndarray, **values: np.ndarray) -> np.ndarray:
         """Return the true positions (n_sim, n, n_dofs) where encoders show these."""
         raise NotImplementedError
+
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, **values: float) -> bool:
+        """Write into a model what MuJoCo can do of the effect beyond `write`; False if nothing."""
+        return False
 
     def acts_through(self, hook: str) -> bool:
         """Tell whether the effect overrides this hook."""

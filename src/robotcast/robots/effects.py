@@ -13,6 +13,12 @@ from robotcast.robots.names import Address, address, names_of
 AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 
 
+def springref(spec: mujoco.MjSpec, joint: Any, value: float) -> float:
+    """Return a rest position [rad, m] as the file has it, which may be in degrees."""
+    angular = joint.type == mujoco.mjtJoint.mjJNT_HINGE
+    return float(np.degrees(value)) if angular and spec.compiler.degree else value
+
+
 class ModelField(RobotEffect):
     """An effect that MuJoCo has itself: numbers of the model are other ones.
 
@@ -131,6 +137,12 @@ class DeadTime(RobotEffect):
     def delay_s(self, *, tau: np.ndarray) -> np.ndarray:
         return tau
 
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, tau: float) -> bool:
+        for i in self.where.actuators:
+            spec.actuators[i].delay = tau
+            spec.actuators[i].nsample = int(np.ceil(tau / model.opt.timestep)) + 2
+        return bool(self.where.actuators)
+
 
 class Lag(RobotEffect):
     """Commands act through a first-order filter of time constant `tau`."""
@@ -147,6 +159,15 @@ class Lag(RobotEffect):
             out[:, step] = reached
         return out
 
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, tau: float) -> bool:
+        own = [spec.actuators[i] for i in self.where.actuators]
+        if not own or any(a.dyntype != mujoco.mjtDyn.mjDYN_NONE for a in own):
+            return False
+        for actuator in own:
+            actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
+            actuator.dynprm[0] = tau
+        return True
+
 
 class CommandLimit(RobotEffect):
     """Drives follow commands up to ±1/s only: torque of a motor, position of a servo."""
@@ -156,6 +177,12 @@ class CommandLimit(RobotEffect):
     def command(self, drive: np.ndarray, step_s: float, *, s: np.ndarray) -> np.ndarray:
         limit = np.where(s > 0, 1 / np.where(s > 0, s, 1.0), np.inf)
         return np.clip(drive, -limit, limit)
+
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, s: float) -> bool:
+        for i in self.where.actuators:
+            spec.actuators[i].ctrllimited = int(mujoco.mjtLimited.mjLIMITED_TRUE)
+            spec.actuators[i].ctrlrange = [-1 / s, 1 / s]
+        return bool(self.where.actuators)
 
 
 class Stribeck(RobotEffect):
@@ -172,13 +199,6 @@ class LoadFriction(RobotEffect):
         return mu * np.abs(motion.torque)
 
 
-class Drag(RobotEffect):
-    """Resistance that grows with the square of the speed."""
-
-    def damping(self, motion: Motion, *, c: np.ndarray) -> np.ndarray:
-        return c * np.abs(motion.qvel)
-
-
 class ConstantTorque(RobotEffect):
     """A torque that is always there."""
 
@@ -191,6 +211,14 @@ class Spring(RobotEffect):
 
     def force(self, motion: Motion, *, k: np.ndarray, torque: np.ndarray) -> np.ndarray:
         return torque - k * motion.qpos
+
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, k: float, torque: float) -> bool:
+        joints = [spec.joints[int(model.dof_jntid[dof])] for dof in self.where.dofs]
+        if k <= 0 or any(joint.stiffness[0] for joint in joints):
+            return False
+        for joint in joints:
+            joint.stiffness[0], joint.springref = k, springref(spec, joint, torque / k)
+        return True
 
 
 class EncoderOffset(RobotEffect):

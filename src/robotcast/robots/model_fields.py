@@ -1,5 +1,6 @@
 """Fields of a model that differ between the simulations of a batch, or are written into one."""
 
+from collections.abc import Callable
 from typing import Protocol
 
 import mujoco
@@ -10,6 +11,9 @@ from robotcast.robots.names import Address, elements, field_of
 
 CONSTANTS = ("body_mass", "body_inertia", "body_ipos", "dof_armature", "actuator_armature")
 """Fields from which MuJoCo derives others: `mj_setConst` follows a change of them."""
+
+
+Change = Callable[[np.ndarray], np.ndarray]
 
 
 class ModelFields(Protocol):
@@ -54,7 +58,7 @@ class _Written:
         else:
             self._change(at, lambda old: np.broadcast_to(values, old.shape))
 
-    def _change(self, at: Address, change) -> None:
+    def _change(self, at: Address, change: Change) -> None:
         field = self.field(at.field)
         new = change(elements(field, at))
         rows = list(at.rows)
@@ -86,12 +90,19 @@ class BatchFields(_Written):
 
 
 class OneModel(_Written):
-    """Fields of a single model, as a batch of one."""
+    """Fields of a single model, as a batch of one; `changed` is what was."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self.model = model
-        self.written: set[str] = set()
+        self.changed: list[Address] = []
 
     def field(self, name: str) -> np.ndarray:
-        self.written.add(name)
         return field_of(self.model, name)[None]
+
+    def _change(self, at: Address, change: Change) -> None:
+        self.changed.append(at)
+        if at.field.startswith("opt.") and at.column is None:  # a number, not a view of it
+            old = field_of(self.model, at.field)[None]
+            setattr(self.model.opt, at.field[4:], float(change(old[:, None])[0, 0]))
+        else:
+            super()._change(at, change)

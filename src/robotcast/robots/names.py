@@ -19,6 +19,7 @@ Place = Literal["dof", "joint", "qpos", "object"]
 FIELDS: dict[str, dict[str, tuple[str, Place]]] = {
     "joint": {
         "damping": ("dof_damping", "dof"),
+        "dampingpoly": ("dof_dampingpoly", "dof"),  # by |v| and by v²
         "frictionloss": ("dof_frictionloss", "dof"),
         "armature": ("dof_armature", "dof"),
         "stiffness": ("jnt_stiffness", "joint"),

@@ -60,7 +60,7 @@ class Rollout:
         self._channels = list(robot.drive)
         self._signals = list(robot.measured)
         self._drives = [_Drive(log) for log in logs]
-        self._qpos_of_dof = self._model.jnt_qposadr[self._model.dof_jntid]
+        self.qpos_of_dof = self._model.jnt_qposadr[self._model.dof_jntid]
 
     def simulate(
         self,
@@ -119,9 +119,9 @@ class Rollout:
         windows = [self.windows[s.window] for s in starts]
         qpos = np.array([w.qpos for w in windows])
         moved = np.array([s.moved for s in starts])
-        qpos[:, self._qpos_of_dof] += moved[:, 0]
+        qpos[:, self.qpos_of_dof] += moved[:, 0]
         for effect, own in _through("unseen", acting):
-            at = self._qpos_of_dof[list(effect.where.dofs)]
+            at = self.qpos_of_dof[list(effect.where.dofs)]
             qpos[:, at] = effect.unseen(qpos[:, None, at], **_deeper(own))[:, 0]
         batch.bind("qpos")[:] = qpos
         batch.bind("qvel")[:] = np.array([w.qvel for w in windows]) + moved[:, 1]
@@ -187,7 +187,7 @@ class Rollout:
         """Return what the columns show at the wanted times, (k, n_signals) a simulation."""
         nq, nv = self._model.nq, self._model.nv
         for effect, own in _through("seen", acting):
-            at = self._qpos_of_dof[list(effect.where.dofs)]
+            at = self.qpos_of_dof[list(effect.where.dofs)]
             shown = effect.seen(path[:, :, at].swapaxes(0, 1), **_deeper(own))
             path[:, :, at] = shown.swapaxes(0, 1)
         first = {"position": 0, "velocity": nq, "sensor": nq + nv}
@@ -226,67 +226,50 @@ class _Drive:
 
 
 class _Forces:
-    """Applies what effects compute at every step: torques, friction and damping of the joints."""
+    """Applies what effects compute at every step: torques on the joints, and dry friction."""
 
     def __init__(
         self, owner: Rollout, batch: Batch, starts: Sequence[Start], acting: Acting
     ) -> None:
-        self._owner, self._batch = owner, batch
         self.lost = np.zeros(len(starts), bool)
-        self._by_hook = {
-            hook: list(_through(hook, acting)) for hook in ("force", "friction", "damping")
-        }
-        self._memory: dict[str, dict[str, np.ndarray]] = {e.name: {} for e, _ in acting}
-        self._dofs = [at.dof for at in owner.robot.drive if at.dof is not None]
-        if not any(self._by_hook.values()):
+        self._forces, self._frictions = (
+            [(list(e.where.dofs), getattr(e, hook), own) for e, own in _through(hook, acting)]
+            for hook in ("force", "friction")
+        )
+        if not (self._forces or self._frictions):
             return
+        nv = owner.robot.model.nv
+        self._driven = [at.dof for at in owner.robot.drive if at.dof is not None]
+        self._others = [dof for dof in range(nv) if dof not in self._driven]
         windows = [owner.windows[s.window] for s in starts]
         began = [owner.logs[w.log].times_s[w.first] - owner.logs[w.log].times_s[0] for w in windows]
         self._log_time_s = np.array(began)[:, None]
-        self._actuated = batch.bind("qfrc_actuator")
-        self._fields = {
-            hook: (batch.expand(name), batch.expand(name).copy())
-            for hook, name in (("friction", "dof_frictionloss"), ("damping", "dof_damping"))
-            if self._by_hook[hook]
-        }
+        self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
+        self._applied, self._actuated = batch.bind("qfrc_applied"), batch.bind("qfrc_actuator")
+        self._qpos_of_dof = owner.qpos_of_dof
+        if self._frictions:
+            self._frictionloss = batch.expand("dof_frictionloss")
+            self._nominal = self._frictionloss.copy()
 
     def apply(self, time_s: float) -> None:
         """Write the forces of the step that begins at `time_s`."""
-        if not any(self._by_hook.values()):
+        if not (self._forces or self._frictions):
             return
-        batch, owner = self._batch, self._owner
-        applied = batch.bind("qfrc_applied")
         torque = self._actuated.copy()
-        torque[:, self._dofs] += applied[:, self._dofs]
-        motion = Motion(
-            step_s=owner._step_s,
-            log_time_s=self._log_time_s + time_s,
-            qpos=batch.bind("qpos")[:, owner._qpos_of_dof],
-            qvel=batch.bind("qvel"),
-            torque=torque,
-            memory={},
-        )
-        undriven = [dof for dof in range(owner._model.nv) if dof not in self._dofs]
-        applied[:, undriven] = 0.0
-        for effect, own in self._by_hook["force"]:
-            applied[:, list(effect.where.dofs)] += effect.force(self._of(motion, effect), **own)
-        for hook, (field, nominal) in self._fields.items():
-            field[:] = nominal
-            for effect, own in self._by_hook[hook]:
-                more = getattr(effect, hook)(self._of(motion, effect), **own)
-                field[:, list(effect.where.dofs)] += more
+        torque[:, self._driven] += self._applied[:, self._driven]
+        qpos = self._qpos[:, self._qpos_of_dof]
 
-    def _of(self, motion: Motion, effect: RobotEffect) -> Motion:
-        """Return the motion of an effect's joints alone, with the effect's own memory."""
-        at = list(effect.where.dofs)
-        return Motion(
-            motion.step_s,
-            motion.log_time_s,
-            motion.qpos[:, at],
-            motion.qvel[:, at],
-            motion.torque[:, at],
-            self._memory[effect.name],
-        )
+        def of(dofs: list[int]) -> Motion:
+            log_time_s = self._log_time_s + time_s
+            return Motion(log_time_s, qpos[:, dofs], self._qvel[:, dofs], torque[:, dofs])
+
+        self._applied[:, self._others] = 0.0
+        for dofs, force, own in self._forces:
+            self._applied[:, dofs] += force(of(dofs), **own)
+        if self._frictions:
+            self._frictionloss[:] = self._nominal
+        for dofs, friction, own in self._frictions:
+            self._frictionloss[:, dofs] += friction(of(dofs), **own)
 
 
 def _acting(tune: Sequence[Tunable], effects: Sequence[RobotEffect], values: np.ndarray) -> Acting:
