@@ -25,6 +25,7 @@ ARM = """
 <motor name="e" joint="elbow"/></actuator></mujoco>"""
 
 PERIOD_S, QUANTUM = 0.01, 1e-4
+AMPLITUDE = np.array([1.0, 0.3])
 
 
 def said_of(model: mujoco.MjModel, **more: object) -> dict[str, object]:
@@ -66,7 +67,8 @@ def write_folder(
         hertz, phase = rng.uniform(0.4, 2.0, (2, model.nu))
         for k in range(round(length_s / PERIOD_S)):
             t_s = k * PERIOD_S
-            command = 4.0 * np.sin(2 * np.pi * (hertz * t_s + phase)) / (1 + np.arange(model.nu))
+            command = AMPLITUDE[: model.nu] * np.sin(2 * np.pi * (hertz * t_s + phase))
+            command *= 4.0 if model.nu == 1 else 1.0
             data.ctrl[:] = command
             seen = data.qpos + noise * rng.normal(size=model.nq)
             rows.append([t_s, *command, *(np.round(seen / QUANTUM) * QUANTUM)])

@@ -224,7 +224,8 @@ def _single_arrows(
 
 def in_plane(comparison: Comparison) -> bool:
     """Tell whether the signal is a place in a plane."""
-    return len(comparison["words"]["axes"]) == 2
+    axes = comparison["words"]["axes"]
+    return len(axes) == 2 and all(axis["unit"] != "1" for axis in axes)
 
 
 @style(on_page=True)

@@ -28,13 +28,14 @@ from robotcast.reporting.missing_force import drafts, field_figure, focus, stron
 from robotcast.reporting.names import effect_name, factor_name, rig_name
 from robotcast.reporting.numbers import error, number, with_interval, with_unit
 from robotcast.reporting.page import render
+from robotcast.reporting.robot_page import robot_block
 from robotcast.reporting.style import BLUE, GREY, beside, canvas, hint, inline, style
 
 State = Literal["running", "too-few", "unknown", "none", "near", "open", "confused", "found"]
 
 _NOT_KNOWN: dict[str, Any] = {
     **dict.fromkeys(("casts", "actions", "noise_floor_percent", "comparison"), None),
-    **dict.fromkeys(("simulated_casts", "seconds", "unexplained"), None),
+    **dict.fromkeys(("simulated_casts", "seconds", "unexplained", "robot", "patched"), None),
     **dict.fromkeys(("code", "sentence", "rig", "measurements", "output"), ""),
     **dict.fromkeys(("verdict", "confusion_set", "nearest", "overrides", "notes"), ()),
     **dict.fromkeys(("ladder", "ranking", "next_actions"), ()),
@@ -78,7 +79,10 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
         outputs=_outputs(d),
         actions=shlex.quote(f"{d.output}/actions.csv"),
         where=_where(json.dumps(c)) if c else None,
-        casts=casts_block(c) if c and d.finished else None,  # what reloads itself cannot play
+        robot=robot_block(d.robot, d.patched) if d.robot else "",
+        casts=casts_block(c)
+        if c and d.finished and not d.robot
+        else None,  # what reloads itself cannot play
         rig=rig_name(d.rig),
         parameter_name=parameter_name,
     )

@@ -16,7 +16,7 @@ from robotcast.robots.logs import Log, periods, read_logs
 from robotcast.robots.robot_file import RobotFile, read_robot
 from robotcast.robots.robot_model import RobotModel, tuned_parameters
 from robotcast.robots.rollout import Rollout, Start
-from robotcast.robots.sizes import sizes_of
+from robotcast.robots.sizes import Sizes, sizes_of
 from robotcast.robots.windows import GROUPS, LEAST_SAMPLES, StartStates, Window, cut, noise_of
 
 LOSES = 0.5  # of how far a joint moves in a log: predictions that err by more have lost the trial
@@ -37,6 +37,8 @@ class RobotCase:
 
     robot: RobotFile
     model: RobotModel
+    starts: StartStates
+    sizes: Sizes
     length_s: float
     floor_percent: float
     repeated: bool
@@ -76,15 +78,22 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
     starts = StartStates(robot, logs, noise)
     length_s = robot.length_s or _length(robot, logs, starts, threads)
     windows = cut(robot, logs, starts, length_s)
-    effects = candidates(robot, sizes_of(robot.model, logs, starts))
+    sizes = sizes_of(robot.model, logs, starts)
+    effects = candidates(robot, sizes)
     model = RobotModel(robot, logs, windows, noise, effects, threads)
     _refuse_diverging(robot, model)
     repeated = _repeated_miss(robot, logs, model)
     known = model.perfect_miss(model.records) if repeated is None else repeated
-    floor = float(np.hypot(known, model.step_miss()))
-    return RobotCase(
-        robot, model, length_s, floor, repeated is not None, _notes(robot, logs, windows, length_s)
-    )
+    step = model.step_miss()
+    floor = float(np.hypot(known, step))
+    notes = _notes(robot, logs, windows, length_s)
+    if step > known:
+        notes = (
+            *notes,
+            f"The model's own step of {1e3 * robot.model.opt.timestep:.3g} ms makes it err by "
+            f"{step:.2g} % of the usual motion, more than noise: a shorter timestep shows more.",
+        )
+    return RobotCase(robot, model, starts, sizes, length_s, floor, repeated is not None, notes)
 
 
 def wording_of(robot: RobotFile, repeated: bool) -> Wording:
@@ -96,7 +105,7 @@ def wording_of(robot: RobotFile, repeated: bool) -> Wording:
         groups="parts of logs",
         mover="the robot",
         floor="repeats differ by" if repeated else "noise leaves",
-        axes=tuple(Axis(at.name, at.unit) for at in robot.measured),
+        axes=tuple(Axis(at.name, "1") for at in robot.measured),  # in units of their motion
         factor_units={"time in the log": "s"},
     )
 

@@ -1,6 +1,6 @@
 """How large things usually are on a robot's logs, so that bounds of effects fit any robot."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -71,28 +71,31 @@ class Sizes:
         return float(np.median(values)), UNITS[kind][0 if self.hinge[at[0]] else 1]
 
 
+def inverse_states(
+    logs: Sequence[Log], starts: StartStates, most: int
+) -> Iterator[tuple[int, int, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield states that are spread over the logs: log, sample, qpos, qvel, qacc."""
+    every, gap = max(1, sum(len(log.times_s) for log in logs) // most), starts.margin
+    for index, log in enumerate(logs):
+        for first in range(2 * gap, len(log.times_s) - 2 * gap, every):
+            before, here, after = (starts.at(index, first + step) for step in (-gap, 0, gap))
+            if before and here and after:
+                span_s = log.times_s[first + gap] - log.times_s[first - gap]
+                yield index, first, here[0], here[1], (after[1] - before[1]) / span_s
+
+
 def sizes_of(model: mujoco.MjModel, logs: Sequence[Log], starts: StartStates) -> Sizes:
     """Measure them by inverse dynamics on states that are spread over the logs."""
     data = mujoco.MjData(model)
-    every = max(1, sum(len(log.times_s) for log in logs) // MOST_STATES)
     qpos_of = model.jnt_qposadr[model.dof_jntid]
     rows = []
     mass = np.empty((model.nv, model.nv))
-    gap = starts.margin
-    for index, log in enumerate(logs):
-        for first in range(2 * gap, len(log.times_s) - 2 * gap, every):
-            states = [starts.at(index, first + step) for step in (-gap, 0, gap)]
-            if any(state is None for state in states):
-                continue
-            before, here, after = (state for state in states if state is not None)
-            span_s = log.times_s[first + gap] - log.times_s[first - gap]
-            data.qpos[:], data.qvel[:] = here[0], here[1]
-            data.qacc[:] = (after[1] - before[1]) / span_s
-            mujoco.mj_inverse(model, data)
-            mujoco.mj_fullM(model, data, mass)
-            own = np.diag(mass)
-            torque = np.hypot(own * data.qacc, data.qfrc_inverse)
-            rows.append((torque, here[1], here[0][qpos_of], own))
+    for _, _, qpos, qvel, qacc in inverse_states(logs, starts, MOST_STATES):
+        data.qpos[:], data.qvel[:], data.qacc[:] = qpos, qvel, qacc
+        mujoco.mj_inverse(model, data)
+        mujoco.mj_fullM(model, data, mass)
+        own = np.diag(mass)
+        rows.append((np.hypot(own * qacc, data.qfrc_inverse), qvel, qpos[qpos_of], own.copy()))
     if not rows:
         raise ValueError("no state can be taken from the logs: too many samples are missing")
     torque, speed, position, inertia = (np.array(part) for part in zip(*rows, strict=True))

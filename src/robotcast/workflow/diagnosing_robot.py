@@ -11,8 +11,13 @@ from omegaconf import DictConfig
 from robotcast.diagnosis.diagnose import diagnose
 from robotcast.files import plain, write_text
 from robotcast.reporting.diagnosis_page import diagnosis_page
+from robotcast.robots.patch import write_patched
 from robotcast.robots.robot_case import read_case
+from robotcast.robots.shown import shown
 from robotcast.stage import bar, output_folder
+
+
+PATCHED = "model.xml"
 
 
 def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
@@ -27,7 +32,7 @@ def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         instantiate(config.diagnosis.rule),
         instantiate(config.diagnosis.effort),
     )
-    facts = {
+    facts: dict[str, Any] = {
         "rig": "",
         "measurements": str(config.robot),
         "output": str(config.output),
@@ -39,11 +44,17 @@ def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         return {**facts, **found, "notes": [*case.notes, *found["notes"]]}
 
     def write(found: Mapping[str, Any]) -> None:
-        whole = joined(found)
-        text = json.dumps(plain(whole), ensure_ascii=False, allow_nan=False, indent=1)
+        whole = plain(joined(found))
+        text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
         write_text(folder / "diagnosis.json", text)
         write_text(folder / "index.html", diagnosis_page(whole))
 
     with bar("diagnose") as progress:
-        whole = joined(diagnose(question, write, progress))
-    return folder, whole
+        found = diagnose(question, write, progress)
+    facts["robot"] = shown(case, found)
+    if found["model"]:
+        effects = case.model.effects
+        left_out = write_patched(case.robot, effects, found["model"], folder / PATCHED)
+        facts |= {"patched": PATCHED, "robot": {**facts["robot"], "left_out": left_out}}
+    write(found)
+    return folder, joined(found)
