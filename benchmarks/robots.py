@@ -132,7 +132,9 @@ CASES = {
         "two_link", ("viscous_friction_elbow",), _set("dof_damping", 1, 0.3)
     ),
     "two_link_payload": Hidden("two_link", ("mass_fore",), _scaled_body("fore", 1.6)),
-    "two_link_dead_time": Hidden("two_link", ("dead_time_elbow",), delay_s=0.05),
+    "two_link_dead_time": Hidden(
+        "two_link", ("dead_time_shoulder", "dead_time_elbow"), delay_s=0.05
+    ),
     "two_link_offset": Hidden("two_link", ("encoder_offset_shoulder",), offset=(0.08, 0.0)),
     "slider_control": Hidden("slider", ("none",)),
     "slider_dry": Hidden("slider", ("dry_friction_axis",), force=_coulomb(0, 6.0, 0.002)),

@@ -31,6 +31,7 @@ class RobotCase:
     Attributes
     ----------
     floor_percent : what a perfect model with this step would still miss, % of the usual motion.
+    step_percent : the part of it that the model's own step makes it err by.
     repeated : whether repeats told it; else noise and start states alone, the least it can be.
     notes : what to know of the data, a sentence each.
     """
@@ -41,6 +42,7 @@ class RobotCase:
     sizes: Sizes
     length_s: float
     floor_percent: float
+    step_percent: float
     repeated: bool
     notes: tuple[str, ...]
 
@@ -65,6 +67,7 @@ class RobotCase:
             wording=wording_of(self.robot, self.repeated),
             floor=self.floor_percent,
             floor_is_least=not self.repeated,
+            numerical_error=self.step_percent,
             rule=replace(rule, blunder=np.inf),
             effort=effort,
         )
@@ -93,7 +96,9 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
             f"The model's own step of {1e3 * robot.model.opt.timestep:.3g} ms makes it err by "
             f"{step:.2g} % of the usual motion, more than noise: a shorter timestep shows more.",
         )
-    return RobotCase(robot, model, starts, sizes, length_s, floor, repeated is not None, notes)
+    return RobotCase(
+        robot, model, starts, sizes, length_s, floor, step, repeated is not None, notes
+    )
 
 
 def wording_of(robot: RobotFile, repeated: bool) -> Wording:

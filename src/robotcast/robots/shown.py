@@ -16,21 +16,22 @@ MOST_STATES = 400
 
 def shown(case: RobotCase, said: Mapping[str, Any]) -> dict[str, Any]:
     """Return `robot` of diagnosis.json: windows with traces, and torques against speed."""
-    return {
-        "signals": [{"name": at.name, "unit": at.unit} for at in case.robot.measured],
-        "windows": _windows(case, said),
-        "torques": _torques(case),
-    }
-
-
-def _windows(case: RobotCase, said: Mapping[str, Any]) -> list[dict[str, Any]]:
-    model = case.model
     before = _predicted(case, (), [p["value"] for p in said["base"]["parameters"].values()])
-    last = said["model"]
-    after = before
+    last, after = said["model"], before
     if last:
         values = [p["value"] for p in last["parameters"].values()]
         after = _predicted(case, last["effects"], values)
+    return {**_traces(case, before, after), "torques": _torques(case)}
+
+
+def preview(case: RobotCase) -> dict[str, Any]:
+    """Return signals and windows of the model as the file has it."""
+    path = _predicted(case, (), [p.nominal for p in case.model.parameters])
+    return _traces(case, path, path)
+
+
+def _traces(case: RobotCase, before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
+    model = case.model
     missed = [
         float(np.nanmean(np.linalg.norm(path[: len(r.times_s)] - r.measured, axis=1)))
         for path, r in zip(before, model.records, strict=True)
@@ -52,7 +53,8 @@ def _windows(case: RobotCase, said: Mapping[str, Any]) -> list[dict[str, Any]]:
                 "model": after[record.trial, :k] * model.units.si,
             }
         )
-    return found
+    signals = [{"name": at.name, "unit": at.unit} for at in case.robot.measured]
+    return {"signals": signals, "windows": found}
 
 
 def _predicted(case: RobotCase, effects: Sequence[str], values: Sequence[float]) -> np.ndarray:

@@ -11,13 +11,15 @@ from omegaconf import DictConfig
 from robotcast.diagnosis.diagnose import diagnose
 from robotcast.files import plain, write_text
 from robotcast.reporting.diagnosis_page import diagnosis_page
+from robotcast.reporting.robot_page import traces_figure
+from robotcast.reporting.style import svg
+from robotcast.robots.describe import describe
 from robotcast.robots.patch import write_patched
 from robotcast.robots.robot_case import read_case
-from robotcast.robots.shown import shown
+from robotcast.robots.shown import preview, shown
 from robotcast.stage import bar, output_folder
 
-
-PATCHED = "model.xml"
+PATCHED, PREVIEW = "model.xml", "robot.svg"
 
 
 def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
@@ -58,3 +60,21 @@ def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         facts |= {"patched": PATCHED, "robot": {**facts["robot"], "left_out": left_out}}
     write(found)
     return folder, joined(found)
+
+
+def describe_robot(folder: Path) -> list[str]:
+    """Write robot.yaml and a figure of a window beside the simulation; say what was guessed."""
+    path, said = describe(folder)
+    said = [f"{path}:", *(f"- {sentence}" for sentence in said)]
+    try:
+        case = read_case(folder)
+    except ValueError as error:
+        return [*said, f"It does not run yet: {error}"]
+    drawn = plain(preview(case))
+    write_text(folder / PREVIEW, svg(traces_figure(drawn["signals"], drawn["windows"][0])).decode())
+    return [
+        *said,
+        *(f"- {note}" for note in case.notes),
+        f"{folder / PREVIEW} lays a window beside the simulation: does it begin alike?",
+        f"Then: python stages/diagnose.py model=mjcf robot={folder} output=OUT",
+    ]
