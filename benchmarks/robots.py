@@ -141,7 +141,7 @@ CASES = {
     "slider_stribeck": Hidden(
         "slider",
         ("dry_friction_axis", "stribeck_friction_axis"),
-        force=_stribeck(0, 4.0, 8.0, 0.05, 0.002),
+        force=_stribeck(0, 4.0, 8.0, 0.3, 0.002),
     ),
     "slider_drag": Hidden("slider", ("drag_axis",), force=_law(0, lambda q, v: -30 * v * abs(v))),
     "slider_gain": Hidden("slider", ("drive_gain_axis",), _set("actuator_gear", 0, 8.0)),
