@@ -124,7 +124,7 @@ CASES = {
     "cart_pole_mass": Hidden("cart_pole", ("mass_pole",), _scaled_body("pole", 1.5)),
     "cart_pole_dead_time": Hidden("cart_pole", ("dead_time_slider",), delay_s=0.04),
     "cart_pole_ripple": Hidden(
-        "cart_pole", ("unknown",), force=_law(0, lambda q, v: 1.5 * np.sin(40 * q))
+        "cart_pole", ("unknown",), force=_law(0, lambda q, v: 1.5 * np.sin(10 * q))
     ),
     "two_link_control": Hidden("two_link", ("none",)),
     "two_link_dry": Hidden("two_link", ("dry_friction_elbow",), force=_coulomb(1, 0.25, 0.02)),

@@ -27,14 +27,14 @@ def folder_with(tmp_path: Path, names: dict[str, str], degrees: bool = False) ->
     "names",
     [
         {},
-        {"t": "timestamp", "q_shoulder": "pos_1", "q_elbow": "pos_2", "u_s": "cmd_1", "u_e": "cmd_2"},
+        {"t": "stamp", "q_shoulder": "pos_1", "q_elbow": "pos_2", "u_s": "cmd_1", "u_e": "cmd_2"},
         {"q_shoulder": "shoulder.position", "q_elbow": "elbow.position", "u_s": "ctrl/shoulder"},
     ],
 )
 def test_what_is_guessed_runs(tmp_path: Path, names: dict[str, str]) -> None:
     folder = folder_with(tmp_path, names)
     path, _ = describe(folder)
-    assert list(read_case(folder).robot.drive)[0].name == "actuator[s]"
+    assert next(iter(read_case(folder).robot.drive)).name == "actuator[s]"
     with pytest.raises(ValueError, match="exists already"):
         describe(folder)
     assert "measured" in yaml.safe_load(path.read_text())
