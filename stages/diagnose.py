@@ -1,6 +1,7 @@
 """Learn which physical effect a simulator lacks on a set of measured casts.
 
 python stages/diagnose.py measurements=DIR output=DIR [effects=[…]] [exclude=[…]]
+python stages/diagnose.py model=mjcf robot=FOLDER output=DIR [effects=[…]] [exclude=[…]]
 """
 
 from pathlib import Path
@@ -9,11 +10,13 @@ from omegaconf import DictConfig
 
 from robotcast.stage import require, stage, tell
 from robotcast.workflow.diagnosing import diagnose_set
+from robotcast.workflow.diagnosing_robot import diagnose_robot
 
 
 def diagnose(config: DictConfig) -> None:
-    require(config, "measurements", "output")
-    folder, found = diagnose_set(config)
+    of_robot = config.model == "mjcf"
+    require(config, "robot" if of_robot else "measurements", "output")
+    folder, found = (diagnose_robot if of_robot else diagnose_set)(config)
     tell(f"{folder}: {found['sentence']}")
     for note in found["notes"]:
         tell(f"- {note}")

@@ -171,7 +171,9 @@ def decide(
         code = Code.NAMED if named else Code.NONE
         return Verdict(code, named, () if named else near)
     left = look()
-    unfinished = floor.above(top.errors.waypoint[scales.usual], rule.at_floor)
+    # what is a little above the sensors' noise alone may vary from run to run
+    enough = rule.beyond if floor.is_least else rule.at_floor
+    unfinished = floor.above(top.errors.waypoint[scales.usual], enough)
     if not named:
         far = floor.above(top.errors.waypoint[scales.usual], rule.beyond)
         if left.enough:
@@ -180,8 +182,10 @@ def decide(
             if known:
                 return Verdict(Code.NAMED, known)
             near = _near(more, rule)
-        if left.enough or far:
+        if left.enough or (far and not floor.is_least):
             return Verdict(Code.UNKNOWN, (), near, left)
+        if far:  # above the sensors' noise, and repeats may differ by as much
+            return Verdict(Code.CANNOT_TELL, (), near, left)
         return Verdict(Code.NONE, (), near, Unexplained() if unfinished else None)
     if _refuted(found, floor, left, rule):
         return Verdict(Code.UNKNOWN, (), (top,), left)
@@ -206,7 +210,8 @@ def _name_for(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> tupl
     if not likely:
         return ()
     known = replace(found, chosen=min(likely)[2])
-    unfinished = floor.above(known.top.errors.waypoint[scales.usual], rule.at_floor)
+    enough = rule.beyond if floor.is_least else rule.at_floor
+    unfinished = floor.above(known.top.errors.waypoint[scales.usual], enough)
     return () if unfinished or _refuted(known, floor, left, rule) else known.named
 
 

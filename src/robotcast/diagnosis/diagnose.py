@@ -40,6 +40,8 @@ class Case:
     candidates : names of the effects to try, fields left out: they come when nothing else pays.
     fixed : effects that act from the start.
     floor : noise floor in % of the scale where it is known from elsewhere than from repeats.
+    floor_is_least : whether that is only the least: repeats may differ by more.
+    numerical_error : what the model errs by because its step is no shorter, % of the scale.
     further : makes the trials that could be run next; None when nobody can run any.
     draw : draws the fitted field, as `unexplained.field` of diagnosis.json.
     """
@@ -50,6 +52,8 @@ class Case:
     fixed: Sequence[str] = ()
     wording: Wording = PLAIN
     floor: float | None = None
+    floor_is_least: bool = False
+    numerical_error: float = 0.0
     further: Callable[[], Further] | None = None
     draw: Draw = lambda inquiry, left: None
     rule: Rule = field(default_factory=Rule)
@@ -111,7 +115,11 @@ def _floor(case: Case, repeats: RepeatScatter) -> tuple[Floor, float]:
     moved = [np.linalg.norm(r.measured - r.measured.mean(axis=0), axis=1) for r in case.records]
     travel = float(np.median([np.sqrt((one**2).mean()) for one in moved]))
     least = 100 * case.rule.least_noise * travel / case.model.scale
-    floor = Floor.of(repeats, least) if case.floor is None else Floor.known(case.floor, least)
+    floor = (
+        Floor.of(repeats, least)
+        if case.floor is None
+        else Floor.known(case.floor, least, case.floor_is_least, case.numerical_error)
+    )
     return floor, floor.unit / 100 * case.model.scale
 
 

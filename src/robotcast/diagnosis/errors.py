@@ -28,11 +28,16 @@ class Floor:
     percent : of the repeats in the middle, % of the scale; None when nothing is known.
     unit : errors are judged in units of it: the floor, or the least noise that is believed.
     typical : the repeats' typical error (see `typical`), % of the scale; 0 when not known.
+    is_least : whether repeats may differ by more, and only the sensors' noise is known.
+    numerical : what the model errs by because its step is no shorter, % of the scale; an effect
+        that takes away less makes up for the step.
     """
 
     percent: float | None
     unit: float
     typical: float
+    is_least: bool = False
+    numerical: float = 0.0
 
     @classmethod
     def of(cls, repeats: RepeatScatter, least_percent: float) -> "Floor":
@@ -45,10 +50,16 @@ class Floor:
         return cls(middle, unit, typical(misses(scatter, unit), unit))
 
     @classmethod
-    def known(cls, percent: float, least_percent: float) -> "Floor":
+    def known(
+        cls,
+        percent: float,
+        least_percent: float,
+        is_least: bool = False,
+        numerical: float = 0.0,
+    ) -> "Floor":
         """Take the floor from elsewhere."""
         unit = max(percent, least_percent)
-        return cls(percent, unit, percent)
+        return cls(percent, unit, percent, is_least, numerical)
 
     @property
     def reach(self) -> float:
@@ -118,6 +129,8 @@ class Scales:
         first, second = (typical(one, self.floor.unit) for one in missed)
         groups = np.unique(self.groups[self.usual], return_inverse=True)[1]
         p_value = worse(missed[0] - missed[1], groups, self.rule.far)
+        if first - second < self.floor.numerical:
+            return Gain(0.0, 0.0, p_value)
         above = self.floor.percent is not None and first > self.rule.at_floor * self.floor.reach
         rest = (first - second) / (first - self.floor.reach) if above else 0.0
         return Gain((first - second) / max(self.base, 1e-12), rest, p_value)

@@ -92,7 +92,7 @@ class Inquiry:
 
     def free(self, active: Sequence[str]) -> np.ndarray:
         """Return which parameters a fit may change, bool (n,)."""
-        return np.array([not p.frozen for p in self.parameters(active)])
+        return np.array([not p.frozen for p in self.parameters(active)], bool)
 
     def prior(self, active: Sequence[str]) -> Prior:
         """Return what a fit expects: strengths near null, all else near nominal."""
@@ -108,8 +108,11 @@ class Inquiry:
 
     def values(self, active: Sequence[str], vectors: np.ndarray) -> np.ndarray:
         """Return unit vectors (n_vectors, n) as parameter values."""
-        columns = zip(self.parameters(active), np.atleast_2d(vectors).T, strict=True)
-        return np.stack([p.from_unit(column) for p, column in columns], axis=1)
+        vectors = np.atleast_2d(vectors)
+        found = np.empty_like(vectors)
+        for k, parameter in enumerate(self.parameters(active)):
+            found[:, k] = parameter.from_unit(vectors[:, k])
+        return found
 
     def residuals(self, active: Sequence[str]) -> Residuals:
         """Return the residuals of the model with these effects as a fit wants them."""
@@ -307,6 +310,9 @@ def fit_base(
     nominal = early.nominal(effects) if about is None else about
     free = early.free(effects)
     free[len(early.model.parameters) :] = False
+    if not free.any():
+        begun = early.fit(effects, nominal, EARLY_ITERATIONS)
+        return Revision(effects, inquiry.fit(effects, begun.vector, effort.base, like=begun))
     members = np.where(free, hypercube(nominal, ALL_OVER, MEMBERS, effort.seed), nominal)
     members[0] = nominal
     few = spread(early.everything, max(1, round(FEW * effort.some)))

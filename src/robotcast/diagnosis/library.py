@@ -70,7 +70,7 @@ def _best_place(early: Inquiry, acting: tuple[str, ...], base: Fit) -> np.ndarra
             rows.append(np.concatenate([base.vector, row]))
     moved = early.residuals(acting)(np.array(rows), early.everything) - base.residual
     root = np.sqrt(base.weights)[:, None]
-    slopes = (base.jacobian * root[..., None]).reshape(-1, base.jacobian.shape[2])
+    slopes = (base.jacobian * root[..., None]).reshape(base.residual.size, base.jacobian.shape[2])
     target, moved = (base.residual * root).ravel(), (moved * root).reshape(len(rows), -1)
     losses = []
     for at in range(len(places)):
@@ -167,7 +167,8 @@ class Library:
 
     @cached_property
     def _normal(self) -> tuple[np.ndarray, np.ndarray, float]:
-        residual, slopes = (part.reshape(-1, *part.shape[2:]) for part in self.weighted)
+        residual, slopes = self.weighted
+        residual, slopes = residual.ravel(), slopes.reshape(residual.size, slopes.shape[2])
         return slopes.T @ slopes, slopes.T @ residual, float(residual @ residual)
 
     def _solved(self, effects: Sequence[str]) -> tuple[list[int], np.ndarray, float]:

@@ -40,12 +40,12 @@ def sentence(
     middle = {e: float(np.median(rung.errors.waypoint[usual])) for e, rung in found.judged.items()}
     before, after = middle[found.base.effects], middle[found.chosen]
     unit, trials = inquiry.model.error_unit, wording.trials
-    times = f"{after / floor.percent:.1f} times what repeats differ by" if floor.percent else ""
+    times = f"{after / floor.percent:.1f} times what {wording.floor}" if floor.percent else ""
     blunders = _blunders(int((~usual).sum()), len(usual), wording)
     near = _nearest(inquiry, found, verdict, wording)
     if verdict.code in (Code.NONE, Code.CANNOT_TELL):
         stays = f"the typical error on held-out {trials} stays at {before:.2f} {unit}"
-        beside = f", where repeats differ by {floor.percent:.2f}" if floor.percent else ""
+        beside = f", where {wording.floor} {floor.percent:.2f}" if floor.percent else ""
         said = (
             "No effect of the library is confirmed"
             if near

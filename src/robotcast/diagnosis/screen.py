@@ -90,7 +90,8 @@ def _probe(parameter, pick) -> float:
 
 def _without(base: np.ndarray, sensitivity: np.ndarray) -> np.ndarray:
     """Return what of sensitivities (m, D, q) no change of the parameters behind `base` gives."""
-    flat, target = (part.reshape(-1, part.shape[-1]) for part in (base, sensitivity))
+    rows = base.shape[0] * base.shape[1]
+    flat, target = (part.reshape(rows, part.shape[-1]) for part in (base, sensitivity))
     ridge = np.vstack([flat, np.eye(flat.shape[1])])
     held = np.vstack([target, np.zeros((flat.shape[1], target.shape[1]))])
     return (target - flat @ np.linalg.lstsq(ridge, held, rcond=None)[0]).reshape(sensitivity.shape)

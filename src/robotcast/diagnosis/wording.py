@@ -29,6 +29,7 @@ class Wording:
     trial, trials, sample, samples : what one trial and one of its samples are called.
     group, groups : what trials repeat, "action".
     mover : what is tracked, "the free end".
+    floor : what no model can come below, "repeats differ by".
     axes : of the signal, in order; empty when they have no names.
     factor_units : factor → unit.
     """
@@ -40,6 +41,7 @@ class Wording:
     group: str = "action"
     groups: str = "actions"
     mover: str = "the signal"
+    floor: str = "repeats differ by"
     axes: Sequence[Axis] = ()
     factor_units: Mapping[str, str] = field(default_factory=dict)
 
@@ -58,6 +60,7 @@ class Wording:
         return {
             **{name: getattr(self, name) for name in nouns},
             "mover": self.mover,
+            **({} if self.floor == Wording.floor else {"floor": self.floor}),
             "axes": [asdict(self.axis(i)) for i in range(d)],
             "factor_units": dict(self.factor_units),
         }

@@ -192,7 +192,7 @@ def slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
     Their residuals are the `values` (n_vectors, n_trials, D).
     """
     apart = vectors[1:] - vectors[0]
-    moved = (values[1:] - values[0]).reshape(len(apart), -1)
+    moved = (values[1:] - values[0]).reshape(len(apart), values[0].size)
     found = np.linalg.lstsq(apart, moved, rcond=None)[0].T
     return found.reshape(*values[0].shape, vectors.shape[1])
 

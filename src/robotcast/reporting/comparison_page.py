@@ -285,7 +285,8 @@ def _mean_arrows(axes: Axes, row: np.ndarray, start: np.ndarray, end: np.ndarray
 
 def _in_plane(comparison: Comparison) -> bool:
     """Tell whether the signal is a place in a plane."""
-    return len(comparison["words"]["axes"]) == 2
+    axes = comparison["words"]["axes"]
+    return len(axes) == 2 and all(axis["unit"] != "1" for axis in axes)
 
 
 @style(on_page=True)

@@ -27,13 +27,14 @@ from robotcast.reporting.names import (
     with_unit,
 )
 from robotcast.reporting.page import render
+from robotcast.reporting.robot_page import robot_block
 from robotcast.reporting.style import inline
 
 State = Literal["running", "too-few", "unknown", "none", "near", "open", "confused", "found"]
 
 _NOT_KNOWN: dict[str, Any] = {
     **dict.fromkeys(("casts", "actions", "noise_floor_percent", "comparison", "simulated_casts")),
-    **dict.fromkeys(("seconds", "unexplained")),
+    **dict.fromkeys(("seconds", "unexplained", "robot", "patched")),
     **dict.fromkeys(("code", "sentence", "rig", "measurements", "output"), ""),
     **dict.fromkeys(("verdict", "confusion_set", "nearest", "overrides", "notes"), ()),
     **dict.fromkeys(("ladder", "ranking", "next_actions"), ()),
@@ -67,7 +68,10 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
         factors=[(n, factor_name(n), d.words["factor_units"].get(n, "")) for n in factors],
         outputs=_outputs(d),
         where=_where(json.dumps(c)) if c else None,
-        casts=casts_block(c) if c and d.finished else None,  # what reloads itself cannot play
+        robot=robot_block(d.robot, d.patched) if d.robot else "",
+        casts=casts_block(c)
+        if c and d.finished and not d.robot
+        else None,  # what reloads itself cannot play
         rig=rig_name(d.rig),
         parameter_name=parameter_name,
     )

@@ -1,0 +1,121 @@
+"""What an effect of a robot is: one mechanism that its MJCF may lack.
+
+An effect overrides the hooks through which it acts, and no others. Every hook gets the values of
+the effect's parameters by name, arrays of shape (n_sim, 1), one row a simulation of the batch. At
+its null an effect must change no bit: add 0, multiply by 1.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robotcast.fitting.parameter import Parameter
+from robotcast.robots.model_fields import ModelFields
+
+
+@dataclass(frozen=True)
+class Where:
+    """What one effect acts on: the joints, bodies and driven channels of a part of the robot.
+
+    Attributes
+    ----------
+    name : as it is read, "elbow"; empty for the whole robot.
+    dofs, bodies, channels : their numbers; channels count in the order of robot.yaml's `drive`.
+    """
+
+    name: str
+    dofs: tuple[int, ...]
+    bodies: tuple[int, ...]
+    channels: tuple[int, ...]
+    actuators: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A batch of simulations at one instant.
+
+    Attributes
+    ----------
+    log_time_s : since the start of the log, (n_sim, 1).
+    qpos, qvel : of the effect's joints, (n_sim, n_dofs).
+    torque : what drove each of them in the step before, (n_sim, n_dofs) [N m or N].
+    """
+
+    log_time_s: np.ndarray
+    qpos: np.ndarray
+    qvel: np.ndarray
+    torque: np.ndarray
+
+
+class RobotEffect:
+    """One effect on one part of the robot.
+
+    Attributes
+    ----------
+    name : its id, as reports and `diagnosis.json` have it.
+    text : what it is, in a few words.
+    parameters : in the order in which they stand in parameter vectors.
+    depends_on : None, or of a flexible field that stands for any mechanism, what it depends on.
+    """
+
+    part: str = "joint"  # what it acts on: joint, body, drive or robot
+
+    def __init__(
+        self,
+        name: str,
+        text: str,
+        parameters: Sequence[Parameter],
+        where: Where,
+        depends_on: str | None = None,
+    ) -> None:
+        self.name, self.text, self.where = name, text, where
+        self.parameters, self.depends_on = tuple(parameters), depends_on
+        if not any(p.null is not None for p in self.parameters):
+            raise ValueError(f"effect {name}: one of its parameters needs a null value")
+
+    @classmethod
+    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
+        """Tell whether the effect can act on a part of this model at all."""
+        return True
+
+    def write(self, fields: ModelFields, **values: np.ndarray) -> None:
+        """Change fields of the model, before the first step."""
+        raise NotImplementedError
+
+    def delay_s(self, **values: np.ndarray) -> np.ndarray:
+        """Return by how much the channels' commands come late, (n_sim, 1)."""
+        raise NotImplementedError
+
+    def command(self, drive: np.ndarray, step_s: float, **values: np.ndarray) -> np.ndarray:
+        """Return what becomes of the channels' commands (n_sim, n_steps, n_channels)."""
+        raise NotImplementedError
+
+    def force(self, motion: Motion, **values: np.ndarray) -> np.ndarray:
+        """Return a further torque on the joints, (n_sim, n_dofs)."""
+        raise NotImplementedError
+
+    def friction(self, motion: Motion, **values: np.ndarray) -> np.ndarray:
+        """Return further dry friction of the joints, (n_sim, n_dofs), solved by MuJoCo."""
+        raise NotImplementedError
+
+    def seen(self, qpos: np.ndarray, **values: np.ndarray) -> np.ndarray:
+        """Return what the joints' encoders show of true positions (n_sim, n, n_dofs)."""
+        raise NotImplementedError
+
+    def unseen(self, qpos: np.ndarray, **values: np.ndarray) -> np.ndarray:
+        """Return the true positions (n_sim, n, n_dofs) where encoders show these."""
+        raise NotImplementedError
+
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, **values: float) -> bool:
+        """Write into a model what MuJoCo can do of the effect beyond `write`; False if nothing."""
+        return False
+
+    def acts_through(self, hook: str) -> bool:
+        """Tell whether the effect overrides this hook."""
+        return getattr(type(self), hook) is not getattr(RobotEffect, hook)
+
+
+Acting = list[tuple[RobotEffect, dict[str, np.ndarray]]]
+"""Effects with the values of their parameters by name, (n_sim, 1) each."""

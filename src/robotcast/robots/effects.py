@@ -1,0 +1,269 @@
+"""What a robot's model may lack. conf/robot_effects.yaml gives each its parameters and bounds."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from robotcast.robots.effect import Motion, RobotEffect
+from robotcast.robots.model_fields import ModelFields
+from robotcast.robots.names import Address, address, names_of
+
+AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
+
+
+def springref(spec: mujoco.MjSpec, joint: Any, value: float) -> float:
+    """Return a rest position [rad, m] as the file has it, which may be in degrees."""
+    angular = joint.type == mujoco.mjtJoint.mjJNT_HINGE
+    return float(np.degrees(value)) if angular and spec.compiler.degree else value
+
+
+class ModelField(RobotEffect):
+    """An effect that MuJoCo has itself: numbers of the model are other ones.
+
+    Parameters
+    ----------
+    writes : parameter → fields of the part, "damping" or "ipos[0]", that it changes.
+    how : "add" the parameter, "subtract" it, or "scale" by 1 + it.
+    """
+
+    def __init__(
+        self, *args: Any, writes: Mapping[str, Sequence[str]], how: str = "add", **more: Any
+    ) -> None:
+        super().__init__(*args, **more)
+        self.writes = {name: tuple(fields) for name, fields in writes.items()}
+        self.how = how
+
+    def addresses(self, model: mujoco.MjModel) -> dict[str, list[Address]]:
+        """Return what each parameter changes."""
+        kind, numbers = self.objects(model)
+        names = names_of(model, kind) if kind != "option" else []
+        found: dict[str, list[Address]] = {}
+        for name, fields in self.writes.items():
+            texts = (
+                [f"option.{field}" for field in fields]
+                if kind == "option"
+                else [f"{kind}[{names[i]}].{field}" for field in fields for i in numbers]
+            )
+            found[name] = [address(model, text, self.name) for text in texts]
+        return found
+
+    def objects(self, model: mujoco.MjModel) -> tuple[str, Sequence[int]]:
+        """Return the kind and the numbers of what is changed."""
+        if self.part == "joint":
+            return "joint", [int(model.dof_jntid[dof]) for dof in self.where.dofs]
+        if self.part == "body":
+            return "body", self.where.bodies
+        return ("actuator", self.where.actuators) if self.part == "drive" else ("option", ())
+
+    def write(self, fields: ModelFields, **values: np.ndarray) -> None:
+        for name, some in self.addresses(fields.model).items():
+            for at in some:
+                if self.how == "scale":
+                    fields.multiply(at, 1 + values[name])
+                else:
+                    fields.add(at, values[name] if self.how == "add" else -values[name])
+
+
+class JointField(ModelField):
+    """A number of joints."""
+
+    part = "joint"
+
+
+class BodyField(ModelField):
+    """A number of bodies."""
+
+    part = "body"
+
+
+class OptionField(ModelField):
+    """A number of the whole simulation."""
+
+    part = "robot"
+
+
+class ServoField(ModelField):
+    """A number of actuators that close a loop, position servos."""
+
+    part = "drive"
+
+    @classmethod
+    def fits(cls, model: mujoco.MjModel, where: Any) -> bool:
+        return bool(where.actuators) and all(
+            model.actuator_biastype[i] == AFFINE and model.actuator_biasprm[i, 1] != 0
+            for i in where.actuators
+        )
+
+
+class Tilt(RobotEffect):
+    """Gravity is turned by small angles about x and y, as if the base stood askew."""
+
+    part = "robot"
+
+    def write(self, fields: ModelFields, *, about_x: np.ndarray, about_y: np.ndarray) -> None:
+        x, y, z = fields.model.opt.gravity
+        turned = (
+            np.cos(about_y) * x + np.sin(about_y) * z,
+            np.cos(about_x) * y - np.sin(about_x) * z,
+        )
+        for column, (new, old) in enumerate(zip(turned, (x, y), strict=True)):
+            at = Address("option.gravity", "opt.gravity", (), column)
+            fields.add(at, new - old)
+
+
+class DriveGain(RobotEffect):
+    """Drives push (1 + k) times as hard as commanded: torque constants, gear ratios."""
+
+    part = "drive"
+
+    def write(self, fields: ModelFields, *, k: np.ndarray) -> None:
+        rows = self.where.actuators
+        if rows:
+            for field, column in (("gainprm", 0), ("biasprm", 0), ("biasprm", 1), ("biasprm", 2)):
+                at = Address(f"actuator.{field}", f"actuator_{field}", rows, column)
+                fields.multiply(at, 1 + k)
+
+    def command(self, drive: np.ndarray, step_s: float, *, k: np.ndarray) -> np.ndarray:
+        return drive if self.where.actuators else drive * (1 + k)
+
+
+class DeadTime(RobotEffect):
+    """Commands act `tau` late."""
+
+    part = "drive"
+
+    def delay_s(self, *, tau: np.ndarray) -> np.ndarray:
+        return tau
+
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, tau: float) -> bool:
+        for i in self.where.actuators:
+            spec.actuators[i].delay = tau
+            spec.actuators[i].nsample = int(np.ceil(tau / model.opt.timestep)) + 2
+        return bool(self.where.actuators)
+
+
+class Lag(RobotEffect):
+    """Commands act through a first-order filter of time constant `tau`."""
+
+    part = "drive"
+
+    def command(self, drive: np.ndarray, step_s: float, *, tau: np.ndarray) -> np.ndarray:
+        lags = tau[:, 0] > 0
+        keep = np.exp(-step_s / np.where(lags, tau[:, 0], 1.0))
+        reached, out = drive[:, 0], np.empty_like(drive)
+        for step in range(drive.shape[1]):
+            wanted = drive[:, step]
+            reached = np.where(lags, wanted + keep * (reached - wanted), wanted)
+            out[:, step] = reached
+        return out
+
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, tau: float) -> bool:
+        own = [spec.actuators[i] for i in self.where.actuators]
+        if not own or any(a.dyntype != mujoco.mjtDyn.mjDYN_NONE for a in own):
+            return False
+        for actuator in own:
+            actuator.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
+            actuator.dynprm[0] = tau
+        return True
+
+
+class CommandLimit(RobotEffect):
+    """Drives follow commands up to ±1/s only: torque of a motor, position of a servo."""
+
+    part = "drive"
+
+    def command(self, drive: np.ndarray, step_s: float, *, s: np.ndarray) -> np.ndarray:
+        limit = np.where(s > 0, 1 / np.where(s > 0, s, 1.0), np.inf)
+        return np.clip(drive, -limit, limit)
+
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, s: float) -> bool:
+        for i in self.where.actuators:
+            spec.actuators[i].ctrllimited = int(mujoco.mjtLimited.mjLIMITED_TRUE)
+            spec.actuators[i].ctrlrange = [-1 / s, 1 / s]
+        return bool(self.where.actuators)
+
+
+class Stribeck(RobotEffect):
+    """Dry friction near rest alone, peak · exp(−(v / speed)²), beside dry friction at any speed."""
+
+    def friction(self, motion: Motion, *, peak: np.ndarray, speed: np.ndarray) -> np.ndarray:
+        return peak * np.exp(-((motion.qvel / speed) ** 2))
+
+
+class LoadFriction(RobotEffect):
+    """Dry friction that grows with the torque that a joint carries, as in gears."""
+
+    def friction(self, motion: Motion, *, mu: np.ndarray) -> np.ndarray:
+        return mu * np.abs(motion.torque)
+
+
+class ConstantTorque(RobotEffect):
+    """A torque that is always there."""
+
+    def force(self, motion: Motion, *, torque: np.ndarray) -> np.ndarray:
+        return torque + 0.0 * motion.qpos
+
+
+class Spring(RobotEffect):
+    """A spring, or a cable that pulls: −k q + torque."""
+
+    def force(self, motion: Motion, *, k: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        return torque - k * motion.qpos
+
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, k: float, torque: float) -> bool:
+        joints = [spec.joints[int(model.dof_jntid[dof])] for dof in self.where.dofs]
+        if k <= 0 or any(joint.stiffness[0] for joint in joints):
+            return False
+        for joint in joints:
+            joint.stiffness[0], joint.springref = k, springref(spec, joint, torque / k)
+        return True
+
+
+class EncoderOffset(RobotEffect):
+    """The encoder's zero is off by `q0`."""
+
+    def seen(self, qpos: np.ndarray, *, q0: np.ndarray) -> np.ndarray:
+        return qpos + q0
+
+    def unseen(self, qpos: np.ndarray, *, q0: np.ndarray) -> np.ndarray:
+        return qpos - q0
+
+
+class EncoderScale(RobotEffect):
+    """The encoder shows 1 + k times the angle."""
+
+    def seen(self, qpos: np.ndarray, *, k: np.ndarray) -> np.ndarray:
+        return qpos * (1 + k)
+
+    def unseen(self, qpos: np.ndarray, *, k: np.ndarray) -> np.ndarray:
+        return qpos / (1 + k)
+
+
+class TorqueField(RobotEffect):
+    """A flexible field: any torque that depends on one quantity, piecewise linear between knots.
+
+    Parameters
+    ----------
+    of : "position", "speed", "torque" or "time".
+    knots : where it is given, (n,); as many parameters.
+    """
+
+    def __init__(self, *args: Any, of: str, knots: np.ndarray, **more: Any) -> None:
+        super().__init__(*args, **more)
+        self.of, self.knots = of, knots
+
+    def force(self, motion: Motion, **values: np.ndarray) -> np.ndarray:
+        at = {
+            "position": motion.qpos,
+            "speed": motion.qvel,
+            "torque": motion.torque,
+            "time": np.broadcast_to(motion.log_time_s, motion.qpos.shape),
+        }[self.of]
+        table = np.hstack(list(values.values()))  # (n_sim, n)
+        place = np.interp(at, self.knots, np.arange(len(self.knots)))
+        left = np.minimum(place.astype(int), len(self.knots) - 2)
+        share = place - left
+        row = np.arange(len(table))[:, None]
+        return (1 - share) * table[row, left] + share * table[row, left + 1]

@@ -1,0 +1,197 @@
+"""The candidates for one robot: every entry of conf/robot_effects.yaml on every part it fits."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import yaml
+
+from robotcast.build import CONFIGURATION, build
+from robotcast.fitting.parameter import Parameter
+from robotcast.robots.effect import RobotEffect, Where
+from robotcast.robots.effects import ModelField, TorqueField
+from robotcast.robots.names import joint_of_dof, names_of
+from robotcast.robots.robot_file import RobotFile
+from robotcast.robots.sizes import Sizes
+
+FEW_JOINTS = 4  # up to as many, each is looked at alone; of more, groups of them
+FIELD_KNOTS = np.array([-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0])
+PROBE, BOUND = 0.1, 2.0  # of a field, in usual torques
+
+
+def library(path: Path = CONFIGURATION / "robot_effects.yaml") -> dict[str, dict[str, Any]]:
+    """Return the entries of the library, by name."""
+    return yaml.safe_load(path.read_text(encoding="utf-8"))
+
+
+def candidates(robot: RobotFile, sizes: Sizes) -> tuple[RobotEffect, ...]:
+    """Make every effect of the library on every part, and the fields that stand for anything."""
+    parts = parts_of(robot)
+    found: list[RobotEffect] = []
+    for name, entry in library().items():
+        for where in parts[entry["part"]]:
+            effect = _made(robot.model, name, entry, where, sizes)
+            if effect is not None and not _tuned(robot, effect):
+                found.append(effect)
+    return (*found, *_fields(parts["joint"], sizes))
+
+
+def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
+    """Return the joints, links and drives that effects act on: each alone, or groups of them."""
+    model, groups = robot.model, dict(robot.groups)
+    if not groups:
+        if model.nv <= FEW_JOINTS:
+            groups = {joint_of_dof(model, dof): (dof,) for dof in range(model.nv)}
+        else:
+            kinds = model.jnt_type[model.dof_jntid]
+            for kind, name in ((3, "all_hinges"), (2, "all_slides")):
+                dofs = tuple(np.flatnonzero(kinds == kind).tolist())
+                groups |= {name: dofs} if dofs else {}
+    channels = list(robot.drive)
+    driven = [_driven_dof(model, at) for at in channels]
+
+    def where(name: str, dofs: tuple[int, ...], own: Sequence[int]) -> Where:
+        bodies = tuple(dict.fromkeys(int(model.dof_bodyid[dof]) for dof in dofs))
+        actuators = tuple(a for c in own if (a := channels[c].actuator) is not None)
+        return Where(name, dofs, bodies, tuple(own), actuators)
+
+    joints = [
+        where(name, dofs, [c for c, dof in enumerate(driven) if dof in dofs])
+        for name, dofs in groups.items()
+    ]
+    drives = [one for one in joints if one.channels]
+    loose = [c for c, dof in enumerate(driven) if not any(dof in j.dofs for j in joints)]
+    drives += [where(channels[c].name, (), [c]) for c in loose]
+    bodies = [int(model.dof_bodyid[dof]) for dof in range(model.nv)]
+    if model.nv > FEW_JOINTS:  # loads hang on the last bodies
+        bodies = [b for b in bodies if not (model.body_parentid == b).any()]
+    names = names_of(model, "body")
+    links = [Where(names[b], (), (b,), (), ()) for b in dict.fromkeys(bodies)]
+    everything = where("", tuple(range(model.nv)), range(len(channels)))
+    return {"joint": joints, "body": links, "drive": drives, "robot": [everything]}
+
+
+def _driven_dof(model: mujoco.MjModel, at: Any) -> int | None:
+    """Return the joint that a channel drives, None of a tendon or a site."""
+    if at.dof is not None:
+        return at.dof
+    if model.actuator_trntype[at.actuator] != int(mujoco.mjtTrn.mjTRN_JOINT):
+        return None
+    return int(model.jnt_dofadr[model.actuator_trnid[at.actuator, 0]])
+
+
+def _made(
+    model: mujoco.MjModel, name: str, entry: Mapping[str, Any], where: Where, sizes: Sizes
+) -> RobotEffect | None:
+    """Make one effect on one part, None where it cannot act there."""
+    more = {k: v for k, v in entry.items() if k not in ("text", "parameters", "part", "needs")}
+    dofs = where.dofs or tuple(range(model.nv))
+    if not _needed(model, entry.get("needs"), where):
+        return None
+    effect = build(
+        more,
+        name=f"{name}_{where.name}" if where.name else name,
+        text=entry["text"].format(where=where.name.replace("_", " ")),
+        parameters=[
+            _parameter(n, p, dofs, where.channels, sizes) for n, p in entry["parameters"].items()
+        ],
+        where=where,
+    )
+    if not type(effect).fits(model, where):
+        return None
+    return _within_physics(model, effect)
+
+
+def _needed(model: mujoco.MjModel, what: str | None, where: Where) -> bool:
+    if what == "gravity":
+        return bool(np.any(model.opt.gravity))
+    return what != "drive" or bool(where.channels)
+
+
+def _parameter(
+    name: str,
+    given: Mapping[str, Any],
+    dofs: Sequence[int],
+    channels: Sequence[int],
+    sizes: Sizes,
+) -> Parameter:
+    """Make a parameter whose numbers are in units of a usual size."""
+    size, unit = sizes.of(given["of"], dofs, channels)
+    null = given.get("null_at")
+    lower, upper = size * given["lower"], size * given["upper"]
+    nominal = size * (null if null is not None else given["nominal"])
+    probes = tuple(size * p for p in given.get("probes", ()))
+    return Parameter(
+        name, unit, lower, upper, nominal, null=None if null is None else nominal, probes=probes
+    )
+
+
+def _within_physics(model: mujoco.MjModel, effect: RobotEffect) -> RobotEffect | None:
+    """Keep what is added to friction, damping and armature from making them negative."""
+    if not isinstance(effect, ModelField) or effect.how != "add" or effect.part != "joint":
+        return effect
+    bounded = []
+    for parameter in effect.parameters:
+        least = min(at.nominal(model).min() for at in effect.addresses(model)[parameter.name])
+        lower = max(parameter.lower, -float(least))
+        probes = tuple(p for p in parameter.probes if p > lower)
+        bounded.append(
+            Parameter(
+                parameter.name, parameter.unit, lower, parameter.upper, 0.0, null=0.0, probes=probes
+            )
+        )
+    effect.parameters = tuple(bounded)
+    return effect
+
+
+def _tuned(robot: RobotFile, effect: RobotEffect) -> bool:
+    """Tell whether the nominal fit may already change what an effect changes."""
+    if not isinstance(effect, ModelField):
+        return False
+    tuned = {(t.at.field, row, t.at.column) for t in robot.tune for row in t.at.rows or (-1,)}
+    own = {
+        (at.field, row, at.column)
+        for some in effect.addresses(robot.model).values()
+        for at in some
+        for row in at.rows or (-1,)
+    }
+    return own <= tuned
+
+
+def _fields(joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:
+    """Make the flexible fields of every joint: a torque that depends on this or that."""
+    found: list[RobotEffect] = []
+    for where in joints:
+        torque, unit = sizes.of("torque", where.dofs, ())
+        speed, _ = sizes.of("speed", where.dofs, ())
+        at = list(where.dofs)
+        span = np.linspace(sizes.lowest[at].min(), sizes.highest[at].max(), len(FIELD_KNOTS))
+        knots = {
+            "speed": speed * FIELD_KNOTS,
+            "position": span,
+            "time": np.linspace(0.0, sizes.log_s, 5),
+        }
+        if where.channels:
+            knots["torque"] = torque * FIELD_KNOTS
+        for of, places in knots.items():
+            own = [
+                Parameter(
+                    f"c{k}",
+                    unit,
+                    -BOUND * torque,
+                    BOUND * torque,
+                    0.0,
+                    null=0.0,
+                    probes=(PROBE * torque,),
+                )
+                for k in range(len(places))
+            ]
+            what = {"time": "the time into the log", "torque": "the torque it carries"}
+            on = what.get(of, f"its {of}")
+            text = f"a torque on {where.name.replace('_', ' ')} that depends on {on}"
+            name = f"{of}_field_{where.name}"
+            depends = f"the {of} of {where.name.replace('_', ' ')}" if of != "time" else "time"
+            found.append(TorqueField(name, text, own, where, depends, of=of, knots=places))
+    return found

@@ -1,0 +1,108 @@
+"""Fields of a model that differ between the simulations of a batch, or are written into one."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from robotcast.robots.names import Address, elements, field_of
+
+CONSTANTS = ("body_mass", "body_inertia", "body_ipos", "dof_armature", "actuator_armature")
+"""Fields from which MuJoCo derives others: `mj_setConst` follows a change of them."""
+
+
+Change = Callable[[np.ndarray], np.ndarray]
+
+
+class ModelFields(Protocol):
+    """What `RobotEffect.write` changes: values are (n_sim, 1) or (n_sim, n_rows)."""
+
+    model: mujoco.MjModel
+
+    def add(self, at: Address, values: np.ndarray) -> None:
+        """Add to the addressed elements."""
+        ...
+
+    def multiply(self, at: Address, values: np.ndarray) -> None:
+        """Multiply the addressed elements; of masses the inertias too."""
+        ...
+
+    def set(self, at: Address, values: np.ndarray) -> None:
+        """Overwrite the addressed elements."""
+        ...
+
+
+class _Written:
+    """Fields as arrays with one row a simulation, wherever they lie."""
+
+    model: mujoco.MjModel
+
+    def field(self, name: str) -> np.ndarray:
+        """Return a field (n_sim, ...), to be written."""
+        raise NotImplementedError
+
+    def add(self, at: Address, values: np.ndarray) -> None:
+        self._change(at, lambda old: old + values)
+
+    def multiply(self, at: Address, values: np.ndarray) -> None:
+        self._change(at, lambda old: old * values)
+        if at.mass:
+            inertia = self.field("body_inertia")
+            inertia[:, list(at.rows)] *= np.asarray(values)[..., None]
+
+    def set(self, at: Address, values: np.ndarray) -> None:
+        if at.mass:
+            self.multiply(at, values / elements(self.field(at.field), at))
+        else:
+            self._change(at, lambda old: np.broadcast_to(values, old.shape))
+
+    def _change(self, at: Address, change: Change) -> None:
+        field = self.field(at.field)
+        new = change(elements(field, at))
+        rows = list(at.rows)
+        if not at.rows and at.column is None:
+            field[...] = new[..., 0]
+        elif not at.rows:
+            field[:, at.column] = new[..., 0]
+        elif at.column is None:
+            field[:, rows] = new
+        else:
+            field[:, rows, at.column] = new
+
+
+class BatchFields(_Written):
+    """Fields of a batch, one row a simulation."""
+
+    def __init__(self, batch: Batch) -> None:
+        self._batch, self.model = batch, batch.model
+        self._constants = False
+
+    def field(self, name: str) -> np.ndarray:
+        self._constants |= name in CONSTANTS
+        return self._batch.expand(name)
+
+    def finish(self) -> None:
+        """Derive what hangs on the fields that were changed."""
+        if self._constants:
+            self._batch.set_const()
+
+
+class OneModel(_Written):
+    """Fields of a single model, as a batch of one; `changed` is what was."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.model = model
+        self.changed: list[Address] = []
+
+    def field(self, name: str) -> np.ndarray:
+        return field_of(self.model, name)[None]
+
+    def _change(self, at: Address, change: Change) -> None:
+        self.changed.append(at)
+        if at.field.startswith("opt.") and at.column is None:  # a number, not a view of it
+            old = field_of(self.model, at.field)[None]
+            setattr(self.model.opt, at.field[4:], float(change(old[:, None])[0, 0]))
+        else:
+            super()._change(at, change)

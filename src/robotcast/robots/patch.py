@@ -1,0 +1,105 @@
+"""The model with what was found, as an MJCF file: parameters that were fitted, effects, or both."""
+
+import os
+from collections.abc import Mapping, Sequence
+from copy import copy
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from robotcast.robots.effect import RobotEffect
+from robotcast.robots.effects import springref
+from robotcast.robots.model_fields import OneModel
+from robotcast.robots.names import Address
+from robotcast.robots.robot_file import RobotFile, compiled, load_spec
+
+OF_JOINTS = {
+    "dof_damping": "damping",
+    "dof_frictionloss": "frictionloss",
+    "dof_armature": "armature",
+    "jnt_stiffness": "stiffness",
+    "qpos_spring": "springref",
+}
+
+
+def write_patched(
+    robot: RobotFile, effects: Mapping[str, RobotEffect], said: Mapping[str, Any], path: Path
+) -> list[str]:
+    """Write the model that a diagnosis ended with; return the effects that MJCF cannot hold.
+
+    Parameters
+    ----------
+    said : `model` of diagnosis.json: the effects that act, and every parameter's value.
+    """
+    values = {name: size["value"] for name, size in said["parameters"].items()}
+    acting = [
+        (effects[name], {p.name: values[f"{name}.{p.name}"] for p in effects[name].parameters})
+        for name in said["effects"]
+    ]
+    tuned = [values[one.at.name] for one in robot.tune]
+    spec, left_out = patched(robot, tuned, acting)
+    spec.meshdir = os.path.relpath(robot.model_path.parent / spec.meshdir, path.parent)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    spec.to_file(str(path))
+    return left_out
+
+
+def patched(
+    robot: RobotFile,
+    tuned: Sequence[float],
+    acting: Sequence[tuple[RobotEffect, Mapping[str, float]]],
+) -> tuple[mujoco.MjSpec, list[str]]:
+    """Return the model with fitted parameters and effects, and the names of those left out."""
+    fields = OneModel(copy(robot.model))
+    for one, value in zip(robot.tune, tuned, strict=True):
+        (fields.multiply if one.factor else fields.set)(one.at, np.array([[value]]))
+    spec = load_spec(robot.model_path)
+    left_out = []
+    for effect, values in acting:
+        writes = effect.acts_through("write")
+        if writes:
+            effect.write(fields, **{name: np.array([[v]]) for name, v in values.items()})
+        if not effect.patch(spec, robot.model, **values) and not writes:
+            left_out.append(effect.name)
+    for at in fields.changed:
+        _copy(fields.model, spec, at)
+    compiled(spec, robot.model_path)
+    return spec, left_out
+
+
+def _copy(model: mujoco.MjModel, spec: mujoco.MjSpec, at: Address) -> None:
+    """Write the addressed elements of a model into the spec that it was compiled from."""
+    if at.field.startswith("opt."):
+        name = at.field[4:]
+        setattr(spec.option, name, getattr(model.opt, name))
+        return
+    values = getattr(model, at.field)
+    for row in at.rows:
+        if at.field in OF_JOINTS:
+            joint = _joint(model, at.field, row)
+            owner, name = spec.joints[joint], OF_JOINTS[at.field]
+            if name == "springref":
+                owner.springref = springref(spec, owner, float(values[row]))
+            elif name in ("damping", "stiffness"):
+                getattr(owner, name)[0] = values[row]
+            else:
+                setattr(owner, name, float(values[row]))
+        elif at.field == "dof_dampingpoly":
+            spec.joints[_joint(model, at.field, row)].damping[1:] = values[row]
+        elif at.field.startswith("body_"):
+            body = spec.bodies[row]
+            body.explicitinertial = True
+            body.mass, body.ipos = float(model.body_mass[row]), model.body_ipos[row]
+            body.inertia, body.iquat = model.body_inertia[row], model.body_iquat[row]
+        else:
+            kind, _, name = at.field.partition("_")
+            owner = getattr(spec, f"{kind}s")[row]
+            setattr(owner, name, np.atleast_1d(values[row]))
+
+
+def _joint(model: mujoco.MjModel, field: str, row: int) -> int:
+    if field.startswith("dof_"):
+        return int(model.dof_jntid[row])
+    return row if field.startswith("jnt_") else int(np.flatnonzero(model.jnt_qposadr == row)[0])

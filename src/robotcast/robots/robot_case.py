@@ -1,0 +1,205 @@
+"""The question that a folder with robot.yaml asks: its model, windows, candidates and noise."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from robotcast.diagnosis.diagnose import Case
+from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.diagnosis.wording import Axis, Wording
+from robotcast.robots.library import candidates
+from robotcast.robots.logs import Log, periods, read_logs
+from robotcast.robots.robot_file import RobotFile, read_robot
+from robotcast.robots.robot_model import RobotModel, tuned_parameters
+from robotcast.robots.rollout import Rollout, Start
+from robotcast.robots.sizes import Sizes, sizes_of
+from robotcast.robots.windows import GROUPS, LEAST_SAMPLES, StartStates, Window, cut, noise_of
+
+LOSES = 0.5  # of how far a joint moves in a log: predictions that err by more have lost the trial
+LONGEST_S = 2.0
+LOOKED_AT = 24  # starts from which the length of windows is judged
+
+
+@dataclass(frozen=True)
+class RobotCase:
+    """A robot's model beside its logs, ready to be diagnosed.
+
+    Attributes
+    ----------
+    floor_percent : what a perfect model with this step would still miss, % of the usual motion.
+    step_percent : the part of it that the model's own step makes it err by.
+    repeated : whether repeats told it; else noise and start states alone, the least it can be.
+    notes : what to know of the data, a sentence each.
+    """
+
+    robot: RobotFile
+    model: RobotModel
+    starts: StartStates
+    sizes: Sizes
+    length_s: float
+    floor_percent: float
+    step_percent: float
+    repeated: bool
+    notes: tuple[str, ...]
+
+    def question(
+        self, exclude: Sequence[str], fixed: Sequence[str], rule: Rule, effort: Effort
+    ) -> Case:
+        """Return what is asked of the diagnosis.
+
+        No window is left out as measured wrongly: logs are checked for that, and one that every
+        model misses from its start on is one in which a joint sticks.
+        """
+        left_out = {*exclude, *self.robot.exclude}
+        names = [n for n, e in self.model.effects.items() if e.depends_on is None]
+        if unknown := sorted(left_out - set(names)):
+            known = ", ".join(names)
+            raise ValueError(f"exclude: no effect is called {unknown[0]}; there are {known}")
+        return Case(
+            model=self.model,
+            records=self.model.records,
+            candidates=[n for n in names if n not in left_out and n not in fixed],
+            fixed=tuple(fixed),
+            wording=wording_of(self.robot, self.repeated),
+            floor=self.floor_percent,
+            floor_is_least=not self.repeated,
+            numerical_error=self.step_percent,
+            rule=replace(rule, blunder=np.inf),
+            effort=effort,
+        )
+
+
+def read_case(folder: Path, threads: int = 0) -> RobotCase:
+    """Read a robot's folder, and refuse in one sentence what cannot be diagnosed."""
+    robot = read_robot(folder)
+    logs = read_logs(robot)
+    noise = noise_of(robot, logs)
+    starts = StartStates(robot, logs, noise)
+    length_s = robot.length_s or _length(robot, logs, starts, threads)
+    windows = cut(robot, logs, starts, length_s)
+    sizes = sizes_of(robot.model, logs, starts)
+    effects = candidates(robot, sizes)
+    model = RobotModel(robot, logs, windows, noise, effects, threads)
+    _refuse_diverging(robot, model)
+    repeated = _repeated_miss(robot, logs, model)
+    known = model.perfect_miss(model.records) if repeated is None else repeated
+    step = model.step_miss()
+    floor = float(np.hypot(known, step))
+    notes = _notes(robot, logs, windows, length_s)
+    if step > known:
+        notes = (
+            *notes,
+            f"The model's own step of {1e3 * robot.model.opt.timestep:.3g} ms makes it err by "
+            f"{step:.2g} % of the usual motion, more than noise: a shorter timestep shows more.",
+        )
+    return RobotCase(
+        robot, model, starts, sizes, length_s, floor, step, repeated is not None, notes
+    )
+
+
+def wording_of(robot: RobotFile, repeated: bool) -> Wording:
+    """Return what windows and signals are called."""
+    return Wording(
+        trial="window",
+        trials="windows",
+        group="part of a log",
+        groups="parts of logs",
+        mover="the robot",
+        floor="repeats differ by" if repeated else "noise leaves",
+        axes=tuple(Axis(at.name, "1") for at in robot.measured),  # in units of their motion
+        factor_units={"time in the log": "s"},
+    )
+
+
+def _length(robot: RobotFile, logs: Sequence[Log], starts: StartStates, threads: int) -> float:
+    """Return how long the nominal model's predictions hold, the median over some starts [s].
+
+    Longer windows show more of a small effect, until an error that grows has lost the trial.
+    """
+    total_s = sum(log.times_s[-1] - log.times_s[0] for log in logs)
+    shortest_s = min(log.times_s[-1] - log.times_s[0] for log in logs)
+    longest_s = max(min(LONGEST_S, total_s / (2 * GROUPS), shortest_s / 2.5), 1e-9)
+    wide = replace(robot, most_windows=LOOKED_AT)
+    windows = cut(wide, logs, starts, longest_s)
+    rollout = Rollout(robot, logs, windows, threads)
+    still = np.zeros((2, robot.model.nv))
+    times = [logs[w.log].times_s[w.first : w.end] - logs[w.log].times_s[w.first] for w in windows]
+    nominal = np.array([[p.nominal for p in tuned_parameters(robot)]])
+    found = rollout.simulate([Start(k, still) for k in range(len(windows))], times, (), nominal)[0]
+    at = [k for k, signal in enumerate(robot.measured) if signal.kind == "position"]
+    travel = np.nanstd(np.vstack([log.measured[:, at] for log in logs]), axis=0)
+    lost_s = []
+    for path, window, times_s in zip(found, windows, times, strict=True):
+        missed = path[: len(times_s), at] - logs[window.log].measured[window.first : window.end, at]
+        off = np.nanmax(np.nan_to_num(np.abs(missed), nan=np.inf) / travel, axis=1) > LOSES
+        lost_s.append(times_s[np.argmax(off)] if off.any() else longest_s)
+    return float(np.clip(np.median(lost_s), LEAST_SAMPLES * periods(logs), longest_s))
+
+
+def _refuse_diverging(robot: RobotFile, model: RobotModel) -> None:
+    nominal = np.array([[p.nominal for p in model.parameters]])
+    found = model.predict(model.records, (), nominal)[0]
+    lost = np.isnan(found[:, 0]).any(axis=-1)
+    if lost.mean() > 0.5:
+        raise ValueError(
+            f"{robot.model_path}: the model diverges in {lost.sum()} of {len(lost)} windows: its "
+            f"step of {robot.model.opt.timestep:g} s is too long for it, or a unit is wrong"
+        )
+
+
+def _repeated_miss(robot: RobotFile, logs: Sequence[Log], model: RobotModel) -> float | None:
+    """Return how far repeats differ, % of the usual motion; None without any.
+
+    Windows of repeated logs at the same time start from other states; what the same model misses
+    of them differs only by what a run has that another has not.
+    """
+    index = {log.path.name: k for k, log in enumerate(logs)}
+    windows, records = model.rollout.windows, model.records
+    pairs: list[tuple[Record, Record]] = []
+    for group in robot.repeats:
+        for one, other in combinations([index[name] for name in group], 2):
+            at = {w.first: k for k, w in enumerate(windows) if w.log == other}
+            pairs += [
+                (records[k], records[at[w.first]])
+                for k, w in enumerate(windows)
+                if w.log == one and w.first in at
+            ]
+    if not pairs:
+        return None
+    nominal = np.array([[p.nominal for p in model.parameters]])
+    found = model.predict(records, (), nominal)[0]
+    apart = []
+    for one, other in pairs:
+        missed = [found[r.trial, : len(r.times_s)] - r.measured for r in (one, other)]
+        k = min(map(len, missed))
+        distance = np.linalg.norm(missed[0][:k] - missed[1][:k], axis=-1) / np.sqrt(2)
+        apart.append(np.nanmean(distance))
+    return 100 * float(np.median(apart)) / model.scale
+
+
+def _notes(
+    robot: RobotFile, logs: Sequence[Log], windows: Sequence[Window], length_s: float
+) -> tuple[str, ...]:
+    chosen = "as robot.yaml says" if robot.length_s else "about as long as a prediction holds"
+    notes = [
+        f"The logs were cut into {len(windows)} windows of {length_s:.2g} s, {chosen}; each starts "
+        "from its measured state."
+    ]
+    if not robot.repeats:
+        notes.append(
+            "No log repeats another, so the noise floor is what the sensors' noise and the start "
+            "states leave of a perfect model. What else differs from run to run is not in it: "
+            "repeat one motion three times and name the logs in repeats."
+        )
+    parts = len({w.part for w in windows})
+    if parts > len(logs):
+        notes.append(
+            f"{len(logs)} logs are too few to hold out whole ones: each was cut, into {parts} "
+            "parts in all. What stays the same throughout a log, such as its temperature or a "
+            "calibration, is not put to the test."
+        )
+    return tuple(notes)

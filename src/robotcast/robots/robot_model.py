@@ -1,0 +1,204 @@
+"""A robot's model and its logs as diagnosis sees them.
+
+What a signal is off by counts in units of its own: a fiftieth of how far it usually moves, and its
+noise. The start state of a window is known only as well as the sensors tell it, so it is fitted:
+by one linear step towards the measured signals, of the slopes of the nominal model, held by what
+the samples about the start allow. It never moves by more than three of their deviations, so that no
+model can hide what it misses in it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from robotcast.diagnosis.model import Record
+from robotcast.fitting.parameter import Parameter
+from robotcast.robots.effect import RobotEffect
+from robotcast.robots.logs import Log
+from robotcast.robots.names import elements, field_of
+from robotcast.robots.robot_file import RobotFile
+from robotcast.robots.rollout import Rollout, Start
+from robotcast.robots.windows import Window
+
+PART = 0.02  # of how far a signal moves: what is missed by so much counts as one
+MOST_SD = 3.0  # standard deviations that a start state may move by
+FINER = 5  # into how many parts a step is cut to see what it errs by
+DRAWS = 20  # of noise, for what it leaves of a perfect model
+
+
+@dataclass(frozen=True)
+class Units:
+    """What the signals are divided by, (n_signals,), and their noise in these units."""
+
+    si: np.ndarray
+    noise: np.ndarray
+
+    @classmethod
+    def of(cls, logs: Sequence[Log], windows: Sequence[Window], noise: np.ndarray) -> "Units":
+        """Take them from how far the signals move within the windows."""
+        squares = []
+        for w in windows:
+            some = logs[w.log].measured[w.first : w.end]
+            squares.append(np.nanmean((some - np.nanmean(some, axis=0)) ** 2, axis=0))
+        travel = np.sqrt(np.nanmean(squares, axis=0))
+        if not (travel > 0).all():
+            travel = np.where(travel > 0, travel, travel.max())
+        si = np.hypot(noise, PART * travel)
+        return cls(si, noise / si)
+
+    @property
+    def scale(self) -> float:
+        """As many units a signal without noise moves by; together, all signals."""
+        return float(np.sqrt(len(self.si)) / PART)
+
+
+class RobotModel:
+    """Predicts the signals of windows; a `robotcast.diagnosis.model.Model`."""
+
+    error_unit = "% of the usual motion"
+
+    def __init__(
+        self,
+        robot: RobotFile,
+        logs: Sequence[Log],
+        windows: Sequence[Window],
+        noise: np.ndarray,
+        effects: Sequence[RobotEffect],
+        threads: int = 0,
+    ) -> None:
+        self.effects: Mapping[str, RobotEffect] = {effect.name: effect for effect in effects}
+        self.parameters = tuned_parameters(robot)
+        self.units = Units.of(logs, windows, noise)
+        self.scale = self.units.scale
+        self.rollout = Rollout(robot, logs, windows, threads)
+        self._gains: dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray]] = {}
+
+    @cached_property
+    def records(self) -> tuple[Record, ...]:
+        """One record a window, numbered from 0 in the order of the logs."""
+        rollout = self.rollout
+        found = []
+        for number, w in enumerate(rollout.windows):
+            log = rollout.logs[w.log]
+            times_s = log.times_s[w.first : w.end]
+            found.append(
+                Record(
+                    trial=number,
+                    group=number,
+                    held_out_with=w.part,
+                    times_s=times_s - times_s[0],
+                    measured=log.measured[w.first : w.end] / self.units.si,
+                    factors={"log": w.log + 1, "time in the log": times_s[0] - log.times_s[0]},
+                )
+            )
+        return tuple(found)
+
+    def predict(
+        self, records: Sequence[Record], active: Sequence[str], vectors: np.ndarray
+    ) -> np.ndarray:
+        """Predict the windows' signals from their fitted start states (see `Model`)."""
+        effects = [self.effects[name] for name in active]
+        still = np.zeros((2, self.rollout.robot.model.nv))
+        starts = [Start(record.trial, still) for record in records]
+        found = self.rollout.simulate(starts, [r.times_s for r in records], effects, vectors)
+        found /= self.units.si
+        for row, record in enumerate(records):
+            k = len(record.times_s)
+            if np.isfinite(record.measured).any():
+                found[:, row, :k] += self._start_shift(record, record.measured - found[:, row, :k])
+        return found
+
+    def perfect_miss(self, records: Sequence[Record], seed: int = 0) -> float:
+        """Return what noise and start states leave of a perfect model, % of the scale.
+
+        Noise is drawn and put on both; the start is fitted as it is to measured windows. It is the
+        least that repeats would differ by: what else varies from run to run is not in it.
+        """
+        rng = np.random.default_rng(seed)
+        missed = []
+        for record in records:
+            slopes, _ = self._gain(record)
+            shape = (DRAWS, *record.measured.shape)
+            left = rng.normal(size=shape) * self.units.noise
+            left += (rng.normal(size=(DRAWS, slopes.shape[1])) @ slopes.T).reshape(shape)
+            left -= self._start_shift(record, left)
+            missed.append(np.linalg.norm(left, axis=-1).mean())
+        return 100 * float(np.median(missed)) / self.scale
+
+    def step_miss(self) -> float:
+        """Return by how much the model errs because its step is no shorter, % of the scale."""
+        rollout = self.rollout
+        fine = Rollout(rollout.robot, rollout.logs, rollout.windows, rollout.threads, FINER)
+        still = np.zeros((2, rollout.robot.model.nv))
+        starts = [Start(record.trial, still) for record in self.records]
+        nominal = np.array([[p.nominal for p in self.parameters]])
+        times_s = [record.times_s for record in self.records]
+        coarse, exact = (one.simulate(starts, times_s, (), nominal)[0] for one in (rollout, fine))
+        missed = []
+        for record, off in zip(self.records, (coarse - exact) / self.units.si, strict=True):
+            off = off[: len(record.times_s)]
+            off = off - self._start_shift(record, off[None])[0]
+            missed.append(np.linalg.norm(off, axis=-1).mean())
+        return 100 * float(np.nanmedian(missed)) / self.scale
+
+    def _start_shift(self, record: Record, missed: np.ndarray) -> np.ndarray:
+        """Return by how much a better start moves signals that miss by (n, k, d)."""
+        slopes, gain = self._gain(record)
+        flat = np.nan_to_num(missed).reshape(len(missed), -1)
+        # not by BLAS, whose sums depend on how many rows there are
+        moved = np.clip(np.einsum("nk,sk->ns", flat, gain), -MOST_SD, MOST_SD)
+        return np.einsum("ns,ks->nk", moved, slopes).reshape(missed.shape)
+
+    def _gain(self, record: Record) -> tuple[np.ndarray, np.ndarray]:
+        """Return slopes (k d, 2 nv) by the start's deviations, and what estimates those.
+
+        A start is as likely as its samples say, a priori, and every sample is off by its noise.
+        """
+        key = (record.trial, record.times_s.tobytes())
+        if key not in self._gains:
+            slopes = self._slopes[record.trial]
+            times_s = self.records[record.trial].times_s
+            at = np.searchsorted(times_s, record.times_s - 1e-12)
+            slopes = slopes[at].reshape(-1, slopes.shape[2])
+            seen = np.isfinite(record.measured).ravel()
+            precision = np.tile(self.units.noise**-2, len(record.times_s)) * seen
+            hold = slopes.T @ (slopes * precision[:, None]) + np.eye(slopes.shape[1])
+            self._gains[key] = slopes, np.linalg.solve(hold, slopes.T * precision)
+        return self._gains[key]
+
+    @cached_property
+    def _slopes(self) -> np.ndarray:
+        """By one deviation of every start coordinate, (n_windows, k, d, 2 nv), nominal model."""
+        rollout = self.rollout
+        nv = rollout.robot.model.nv
+        starts, times_s = [], []
+        for record, window in zip(self.records, rollout.windows, strict=True):
+            for column in range(2 * nv + 1):
+                moved = np.zeros((2, nv))
+                if column:
+                    moved.ravel()[column - 1] = window.start_sd.ravel()[column - 1]
+                starts.append(Start(record.trial, moved))
+                times_s.append(record.times_s)
+        nominal = np.array([[p.nominal for p in self.parameters]])
+        found = rollout.simulate(starts, times_s, (), nominal)[0] / self.units.si
+        found = found.reshape(len(self.records), 2 * nv + 1, *found.shape[1:])
+        return np.nan_to_num(np.moveaxis(found[:, 1:] - found[:, :1], 1, -1))
+
+
+def tuned_parameters(robot: RobotFile) -> tuple[Parameter, ...]:
+    """Return the parameters of the nominal fit, about what the model says."""
+    found = []
+    for one in robot.tune:
+        nominal = 1.0
+        if not one.factor:
+            values = elements(field_of(robot.model, one.at.field), one.at)
+            nominal = float(np.mean(values))
+        if not one.lower <= nominal <= one.upper:
+            raise ValueError(
+                f"{robot.path}: tune {one.at.name}: the model's {nominal:g} lies outside of the "
+                f"bounds {one.lower:g} to {one.upper:g}"
+            )
+        found.append(Parameter(one.at.name, "1", one.lower, one.upper, nominal))
+    return tuple(found)

@@ -1,0 +1,291 @@
+"""Windows × parameter vectors in `mujoco.batch`: all are stepped side by side, effects and all.
+
+Drives are held until the next sample of the log. What a step of the simulation gets is the mean of
+the drive over it, so that a delay by a part of a step has an effect; without one it is the sample.
+"""
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch, SimulationError
+
+from robotcast.processes import cores
+from robotcast.robots.effect import Acting, Motion, RobotEffect
+from robotcast.robots.logs import Log
+from robotcast.robots.model_fields import BatchFields
+from robotcast.robots.robot_file import RobotFile, Tunable
+from robotcast.robots.windows import Window
+from robotcast.simulators.mujoco_chain import quiet_mujoco
+
+BATCH = 256  # simulations stepped side by side
+CHECK_EVERY = 50  # steps between looks for runs that diverged
+DIVERGED_RATE = 1e4  # rad/s or m/s: no robot moves like that
+LEAD_S = 0.3  # of commands before a window, for effects that remember them
+
+
+@dataclass(frozen=True)
+class Start:
+    """Deviations of a start from the measured state, (2, nv): of positions and of velocities."""
+
+    window: int
+    moved: np.ndarray
+
+
+class Rollout:
+    """Simulates windows of a robot's logs; results do not depend on `threads`.
+
+    Parameters
+    ----------
+    finer : into how many parts the model's own step is cut.
+    """
+
+    def __init__(
+        self,
+        robot: RobotFile,
+        logs: Sequence[Log],
+        windows: Sequence[Window],
+        threads: int = 0,
+        finer: int = 1,
+    ) -> None:
+        quiet_mujoco()
+        self.robot, self.logs, self.windows = robot, tuple(logs), tuple(windows)
+        self.threads = cores(threads)
+        self._model = copy(robot.model)
+        self._model.opt.timestep /= finer
+        self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        self._step_s = float(self._model.opt.timestep)
+        self._channels = list(robot.drive)
+        self._signals = list(robot.measured)
+        self._drives = [_Drive(log) for log in logs]
+        self.qpos_of_dof = self._model.jnt_qposadr[self._model.dof_jntid]
+
+    def simulate(
+        self,
+        starts: Sequence[Start],
+        times_s: Sequence[np.ndarray],
+        effects: Sequence[RobotEffect],
+        vectors: np.ndarray,
+    ) -> np.ndarray:
+        """Return all signals in SI units, (n_vectors, n_starts, k_max, n_signals).
+
+        Parameters
+        ----------
+        times_s : of every start, when its signals are wanted, from the start of its window.
+        vectors : ndarray (n_vectors, n), the tuned parameters, then those of the effects.
+        """
+        k_max = max(map(len, times_s))
+        found = np.full((len(vectors), len(starts), k_max, len(self._signals)), np.nan)
+        pairs = [(v, s) for s in range(len(starts)) for v in range(len(vectors))]
+        parts = -(-len(pairs) // BATCH)
+        for part in np.array_split(np.array(pairs), parts):
+            of_vector, of_start = part.T
+            paths = self._run(
+                [starts[s] for s in of_start],
+                [times_s[s] for s in of_start],
+                effects,
+                vectors[of_vector],
+            )
+            for v, s, path in zip(of_vector, of_start, paths, strict=True):
+                found[v, s, : len(times_s[s])] = path
+        return found
+
+    def _run(
+        self,
+        starts: Sequence[Start],
+        times_s: Sequence[np.ndarray],
+        effects: Sequence[RobotEffect],
+        values: np.ndarray,
+    ) -> list[np.ndarray]:
+        """Simulate one batch; row by row a start with its own values (n_sim, n)."""
+        batch = Batch(self._model, len(starts), nthread=self.threads)
+        acting = _acting(self.robot.tune, effects, values)
+        fields = BatchFields(batch)
+        for k, tunable in enumerate(self.robot.tune):
+            write = fields.multiply if tunable.factor else fields.set
+            write(tunable.at, values[:, k : k + 1])
+        for effect, own in _through("write", acting):
+            effect.write(fields, **own)
+        fields.finish()
+        self._place(batch, starts, acting)
+        n_steps = int(np.ceil(max(t[-1] for t in times_s) / self._step_s - 1e-9)) + 1
+        path = self._stepped(batch, starts, acting, n_steps)
+        return self._observed(path, times_s, acting)
+
+    def _place(self, batch: Batch, starts: Sequence[Start], acting: Acting) -> None:
+        """Write the states at the starts: where encoders show them, less what those distort."""
+        windows = [self.windows[s.window] for s in starts]
+        qpos = np.array([w.qpos for w in windows])
+        moved = np.array([s.moved for s in starts])
+        qpos[:, self.qpos_of_dof] += moved[:, 0]
+        for effect, own in _through("unseen", acting):
+            at = self.qpos_of_dof[list(effect.where.dofs)]
+            qpos[:, at] = effect.unseen(qpos[:, None, at], **_deeper(own))[:, 0]
+        batch.bind("qpos")[:] = qpos
+        batch.bind("qvel")[:] = np.array([w.qvel for w in windows]) + moved[:, 1]
+
+    def _drive(self, starts: Sequence[Start], acting: Acting, n_steps: int) -> np.ndarray:
+        """Return what drives every step, (n_sim, n_steps, n_channels)."""
+        lead = round(LEAD_S / self._step_s) if any(True for _ in _through("command", acting)) else 0
+        delay_s = np.zeros((len(starts), len(self._channels)))
+        for effect, own in _through("delay_s", acting):
+            delay_s[:, list(effect.where.channels)] += effect.delay_s(**own)
+        since_s = self._step_s * np.arange(-lead, n_steps + 1)
+        drive = np.empty((len(starts), lead + n_steps, len(self._channels)))
+        known: dict[tuple[int, bytes], np.ndarray] = {}
+        for row, start, late in zip(drive, starts, delay_s, strict=True):
+            key = (start.window, late.tobytes())
+            if key not in known:
+                window = self.windows[start.window]
+                from_s = self.logs[window.log].times_s[window.first]
+                known[key] = self._drives[window.log].mean(from_s + since_s, late)
+            row[:] = known[key]
+        for effect, own in _through("command", acting):
+            at = list(effect.where.channels)
+            drive[:, :, at] = effect.command(drive[:, :, at], self._step_s, **_deeper(own))
+        return drive[:, lead:]
+
+    def _stepped(
+        self, batch: Batch, starts: Sequence[Start], acting: Acting, n_steps: int
+    ) -> np.ndarray:
+        """Step to the end; return qpos, qvel and sensors of every step (n_steps, n_sim, m)."""
+        model, drive = self._model, self._drive(starts, acting, n_steps)
+        qpos, qvel, ctrl = (batch.bind(name) for name in ("qpos", "qvel", "ctrl"))
+        applied = batch.bind("qfrc_applied")
+        sensors = batch.bind("sensordata") if model.nsensor else np.zeros((len(starts), 0))
+        path = np.empty((n_steps, len(starts), model.nq + model.nv + sensors.shape[1]))
+        channels = list(enumerate(self._channels))
+        controls = [(c, at.actuator) for c, at in channels if at.actuator is not None]
+        torques = [(c, at.dof) for c, at in channels if at.dof is not None]
+        acts = _Forces(self, batch, starts, acting)
+        for k in range(n_steps):
+            path[k, :, : model.nq], path[k, :, model.nq : model.nq + model.nv] = qpos, qvel
+            for channel, actuator in controls:
+                ctrl[:, actuator] = drive[:, k, channel]
+            for channel, dof in torques:
+                applied[:, dof] = drive[:, k, channel]
+            acts.apply(k * self._step_s)
+            try:
+                batch.step()
+            except SimulationError as error:
+                qvel[error.ids] = np.nan
+            path[k, :, model.nq + model.nv :] = sensors
+            if k % CHECK_EVERY == 0 or k == n_steps - 1:
+                lost = ~(np.abs(qvel).max(axis=1) < DIVERGED_RATE)
+                if lost.any():
+                    path[: k + 1, lost] = np.nan
+                    qpos[lost], qvel[lost] = model.qpos0, 0.0
+                    acts.lost |= lost
+        path[:, acts.lost] = np.nan
+        return path
+
+    def _observed(
+        self, path: np.ndarray, times_s: Sequence[np.ndarray], acting: Acting
+    ) -> list[np.ndarray]:
+        """Return what the columns show at the wanted times, (k, n_signals) a simulation."""
+        nq, nv = self._model.nq, self._model.nv
+        for effect, own in _through("seen", acting):
+            at = self.qpos_of_dof[list(effect.where.dofs)]
+            shown = effect.seen(path[:, :, at].swapaxes(0, 1), **_deeper(own))
+            path[:, :, at] = shown.swapaxes(0, 1)
+        first = {"position": 0, "velocity": nq, "sensor": nq + nv}
+        columns = [first[s.kind] + s.index for s in self._signals]
+        found = []
+        for sim, wanted_s in enumerate(times_s):
+            steps = wanted_s / self._step_s
+            before = np.minimum(steps.astype(int), len(path) - 2)
+            share = (steps - before)[:, None]
+            one = path[:, sim, columns]
+            found.append(one[before] + share * (one[before + 1] - one[before]))
+        return found
+
+
+class _Drive:
+    """What a log commands, as the mean over any span of time."""
+
+    def __init__(self, log: Log) -> None:
+        times_s = np.r_[log.times_s, log.times_s[-1] + log.period_s]
+        self._times_s, self._values = times_s, log.drive
+        steps = np.diff(times_s)[:, None] * log.drive
+        self._sum = np.vstack([np.zeros(log.drive.shape[1]), np.cumsum(steps, axis=0)])
+
+    def mean(self, edges_s: np.ndarray, delay_s: np.ndarray) -> np.ndarray:
+        """Return the means (n, n_channels) between n + 1 edges, every channel so much later."""
+        first, last = self._times_s[[0, -1]]
+        found = np.empty((len(edges_s) - 1, len(delay_s)))
+        for channel, late in enumerate(delay_s):
+            at = edges_s - late
+            inside = np.clip(at, first, last)
+            total = np.interp(inside, self._times_s, self._sum[:, channel])
+            ends = self._values[[0, -1], channel]
+            total += np.minimum(at - first, 0) * ends[0] + np.maximum(at - last, 0) * ends[1]
+            found[:, channel] = np.diff(total) / np.diff(at)
+        return found
+
+
+class _Forces:
+    """Applies what effects compute at every step: torques on the joints, and dry friction."""
+
+    def __init__(
+        self, owner: Rollout, batch: Batch, starts: Sequence[Start], acting: Acting
+    ) -> None:
+        self.lost = np.zeros(len(starts), bool)
+        self._forces, self._frictions = (
+            [(list(e.where.dofs), getattr(e, hook), own) for e, own in _through(hook, acting)]
+            for hook in ("force", "friction")
+        )
+        if not (self._forces or self._frictions):
+            return
+        nv = owner.robot.model.nv
+        self._driven = [at.dof for at in owner.robot.drive if at.dof is not None]
+        self._others = [dof for dof in range(nv) if dof not in self._driven]
+        windows = [owner.windows[s.window] for s in starts]
+        began = [owner.logs[w.log].times_s[w.first] - owner.logs[w.log].times_s[0] for w in windows]
+        self._log_time_s = np.array(began)[:, None]
+        self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
+        self._applied, self._actuated = batch.bind("qfrc_applied"), batch.bind("qfrc_actuator")
+        self._qpos_of_dof = owner.qpos_of_dof
+        if self._frictions:
+            self._frictionloss = batch.expand("dof_frictionloss")
+            self._nominal = self._frictionloss.copy()
+
+    def apply(self, time_s: float) -> None:
+        """Write the forces of the step that begins at `time_s`."""
+        if not (self._forces or self._frictions):
+            return
+        torque = self._actuated.copy()
+        torque[:, self._driven] += self._applied[:, self._driven]
+        qpos = self._qpos[:, self._qpos_of_dof]
+
+        def of(dofs: list[int]) -> Motion:
+            log_time_s = self._log_time_s + time_s
+            return Motion(log_time_s, qpos[:, dofs], self._qvel[:, dofs], torque[:, dofs])
+
+        self._applied[:, self._others] = 0.0
+        for dofs, force, own in self._forces:
+            self._applied[:, dofs] += force(of(dofs), **own)
+        if self._frictions:
+            self._frictionloss[:] = self._nominal
+        for dofs, friction, own in self._frictions:
+            self._frictionloss[:, dofs] += friction(of(dofs), **own)
+
+
+def _acting(tune: Sequence[Tunable], effects: Sequence[RobotEffect], values: np.ndarray) -> Acting:
+    acting, at = [], len(tune)
+    for effect in effects:
+        own = {}
+        for parameter in effect.parameters:
+            own[parameter.name], at = values[:, at : at + 1], at + 1
+        acting.append((effect, own))
+    return acting
+
+
+def _through(hook: str, acting: Acting):
+    return ((effect, own) for effect, own in acting if effect.acts_through(hook))
+
+
+def _deeper(values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return values (n_sim, 1) as (n_sim, 1, 1), to broadcast against samples of joints."""
+    return {name: value[:, :, None] for name, value in values.items()}

@@ -1,0 +1,120 @@
+"""How large things usually are on a robot's logs, so that bounds of effects fit any robot."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from robotcast.robots.logs import Log
+from robotcast.robots.windows import StartStates
+
+MOST_STATES = 200
+UNITS = {  # what a size is, of a hinge and of a slide
+    "torque": ("N m", "N"),
+    "speed": ("rad/s", "m/s"),
+    "position": ("rad", "m"),
+    "damping": ("N m s/rad", "N s/m"),
+    "drag": ("N m s²/rad²", "N s²/m²"),
+    "stiffness": ("N m/rad", "N/m"),
+    "compliance": ("rad/N m", "m/N"),
+    "inertia": ("kg m²", "kg"),
+    "per command": ("1", "1"),  # one over the largest command
+}
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Root mean squares over the logs, (nv,) each.
+
+    Attributes
+    ----------
+    torque : of what moves a joint and holds it, and of its own inertial torque.
+    position, speed : about the mean position, and of the speed.
+    inertia : of a joint with all that hangs on it.
+    lowest, highest : the range of positions.
+    command : the largest that was commanded of every channel, (n_channels,).
+    reach_m : how far the bodies' centres lie from the joints, the median.
+    """
+
+    torque: np.ndarray
+    speed: np.ndarray
+    position: np.ndarray
+    inertia: np.ndarray
+    lowest: np.ndarray
+    highest: np.ndarray
+    hinge: np.ndarray
+    command: np.ndarray
+    log_s: float
+    reach_m: float
+
+    def of(self, kind: str, dofs: Sequence[int], channels: Sequence[int]) -> tuple[float, str]:
+        """Return the size of a kind over joints or channels, and its unit; of others 1."""
+        if kind == "length":
+            return self.reach_m, "m"
+        if kind not in UNITS:
+            return 1.0, kind
+        if kind == "per command":
+            return 1 / float(self.command[list(channels)].max()), "1"
+        at = list(dofs)
+        torque, speed, position = self.torque[at], self.speed[at], self.position[at]
+        values = {
+            "torque": torque,
+            "speed": speed,
+            "position": position,
+            "damping": torque / speed,
+            "drag": torque / speed**2,
+            "stiffness": torque / position,
+            "compliance": position / torque,
+            "inertia": self.inertia[at],
+        }[kind]
+        return float(np.median(values)), UNITS[kind][0 if self.hinge[at[0]] else 1]
+
+
+def inverse_states(
+    logs: Sequence[Log], starts: StartStates, most: int
+) -> Iterator[tuple[int, int, np.ndarray, np.ndarray, np.ndarray]]:
+    """Yield states that are spread over the logs: log, sample, qpos, qvel, qacc."""
+    every, gap = max(1, sum(len(log.times_s) for log in logs) // most), starts.margin
+    for index, log in enumerate(logs):
+        for first in range(2 * gap, len(log.times_s) - 2 * gap, every):
+            before, here, after = (starts.at(index, first + step) for step in (-gap, 0, gap))
+            if before and here and after:
+                span_s = log.times_s[first + gap] - log.times_s[first - gap]
+                yield index, first, here[0], here[1], (after[1] - before[1]) / span_s
+
+
+def sizes_of(model: mujoco.MjModel, logs: Sequence[Log], starts: StartStates) -> Sizes:
+    """Measure them by inverse dynamics on states that are spread over the logs."""
+    data = mujoco.MjData(model)
+    qpos_of = model.jnt_qposadr[model.dof_jntid]
+    rows = []
+    mass = np.empty((model.nv, model.nv))
+    for _, _, qpos, qvel, qacc in inverse_states(logs, starts, MOST_STATES):
+        data.qpos[:], data.qvel[:], data.qacc[:] = qpos, qvel, qacc
+        mujoco.mj_inverse(model, data)
+        mujoco.mj_fullM(model, data, mass)
+        own = np.diag(mass)
+        rows.append((np.hypot(own * qacc, data.qfrc_inverse), qvel, qpos[qpos_of], own.copy()))
+    if not rows:
+        raise ValueError("no state can be taken from the logs: too many samples are missing")
+    torque, speed, position, inertia = (np.array(part) for part in zip(*rows, strict=True))
+
+    def size(values: np.ndarray) -> np.ndarray:
+        found = np.sqrt((values**2).mean(axis=0))
+        return np.maximum(found, 1e-3 * found.max() + 1e-12)
+
+    kinds = model.jnt_type[model.dof_jntid]
+    reach_m = np.linalg.norm(model.body_ipos[1:], axis=1)
+    return Sizes(
+        torque=size(torque),
+        speed=size(speed),
+        position=size(position - position.mean(axis=0)),
+        inertia=inertia.mean(axis=0),
+        lowest=position.min(axis=0),
+        highest=position.max(axis=0),
+        hinge=kinds == int(mujoco.mjtJoint.mjJNT_HINGE),
+        command=np.maximum(np.max([np.abs(log.drive).max(axis=0) for log in logs], axis=0), 1e-9),
+        log_s=max(log.times_s[-1] - log.times_s[0] for log in logs),
+        reach_m=float(np.median(reach_m[reach_m > 0])) if (reach_m > 0).any() else 0.1,
+    )

@@ -1,0 +1,189 @@
+"""Windows of logs: where each starts, in which state, how well that is known, and what is noise.
+
+A model is asked to predict from a measured state, for as long as a prediction holds. The state is
+taken from the samples about the start, without any model: a local cubic through measured positions
+and velocities, weighed by their noise, whose covariance says how far the true state may lie from
+it. That much a fit may move it, and no further.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from robotcast.robots.logs import Log, periods
+from robotcast.robots.names import Signal, joint_of_dof
+from robotcast.robots.robot_file import RobotFile
+
+ABOUT_S, ABOUT_SAMPLES = 0.02, 4  # on either side of a start: what tells its state
+LEAST_SAMPLES = 12  # of a window
+CUBIC = 4
+GROUPS = 12  # parts that can be held out, at least: where logs are fewer, each is cut
+TOLD_APART = 0.25  # of quantisation steps that are truly apart
+
+
+@dataclass(frozen=True)
+class Window:
+    """A part of a log that starts from a measured state.
+
+    Attributes
+    ----------
+    log : index of its log.
+    first, end : its samples are log[first:end].
+    part : windows of one part are held out together.
+    qpos, qvel : the state at its start, (nq,) and (nv,).
+    start_sd : standard deviations of the positions and of the velocities there, (2, nv).
+    """
+
+    log: int
+    first: int
+    end: int
+    part: int
+    qpos: np.ndarray
+    qvel: np.ndarray
+    start_sd: np.ndarray
+
+
+def noise_of(robot: RobotFile, logs: Sequence[Log]) -> np.ndarray:
+    """Return the noise of every signal in SI units, (n_signals,): as given, or as the logs show it.
+
+    Third differences of neighbouring samples cancel what is smooth and leave √20 times white
+    noise (Gasser, Sroka and Jennen-Steinmetz 1986 use second ones). Where quantisation hides it,
+    the step over √12 stands for it. Noise that a driver has smoothed is not seen.
+    """
+    found = []
+    for k, column in enumerate(robot.measured.values()):
+        if column.noise is not None:
+            found.append(column.noise)
+            continue
+        third = np.concatenate([np.diff(log.measured[:, k], 3) for log in logs])
+        third = np.abs(third[np.isfinite(third)])
+        steps = np.concatenate([np.abs(np.diff(log.measured[:, k])) for log in logs])
+        steps = steps[np.isfinite(steps) & (steps > 0)]
+        quantum = float(np.quantile(steps, 0.01)) if len(steps) else 0.0
+        white = float(np.median(third)) / 0.6745 / np.sqrt(20.0) if len(third) else 0.0
+        known = np.concatenate([log.measured[:, k] for log in logs])
+        travel = float(np.nanstd(known))
+        found.append(max(white, min(quantum, travel) / np.sqrt(12.0), 1e-6 * travel))
+    return np.array(found)
+
+
+class StartStates:
+    """Takes the state at a time from the samples about it."""
+
+    def __init__(self, robot: RobotFile, logs: Sequence[Log], noise: np.ndarray) -> None:
+        self._robot, self._logs, self._noise = robot, logs, noise
+        self._margin = max(ABOUT_SAMPLES, round(ABOUT_S / periods(logs)))
+        self._of_dof: dict[int, list[tuple[int, Signal]]] = {}
+        for k, at in enumerate(robot.measured):
+            if at.dof is not None:
+                self._of_dof.setdefault(at.dof, []).append((k, at))
+        for dof in range(robot.model.nv):
+            if not any(at.kind == "position" for _, at in self._of_dof.get(dof, ())):
+                joint = joint_of_dof(robot.model, dof)
+                raise ValueError(
+                    f"{robot.path}: no column measures joint[{joint}].position, so that nobody "
+                    "knows from where a window starts; measure it, or weld the joint in the model"
+                )
+
+    @property
+    def margin(self) -> int:
+        """How many samples before and after a start are looked at."""
+        return self._margin
+
+    def at(self, log: int, first: int) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """Return qpos (nq,), qvel (nv,) and their deviations (2, nv); None where samples lack."""
+        model, some = self._robot.model, self._logs[log]
+        rows = slice(first - self._margin, first + self._margin + 1)
+        if rows.start < 0 or rows.stop > len(some.times_s):
+            return None
+        since_s = some.times_s[rows] - some.times_s[first]
+        qpos, qvel, sd = model.qpos0.copy(), np.zeros(model.nv), np.zeros((2, model.nv))
+        for dof, signals in self._of_dof.items():
+            fitted = self._fitted(some, rows, since_s, signals)
+            if fitted is None:
+                return None
+            value, rate, sd[0, dof], sd[1, dof] = fitted
+            qpos[next(at.index for _, at in signals if at.kind == "position")] = value
+            qvel[dof] = rate
+        return qpos, qvel, sd
+
+    def _fitted(
+        self, log: Log, rows: slice, since_s: np.ndarray, signals: Sequence[tuple[int, Signal]]
+    ) -> tuple[float, float, float, float] | None:
+        """Fit one cubic to the positions and its slope to the velocities of a joint."""
+        span = since_s[-1]
+        tau, powers = since_s / span, np.arange(CUBIC)
+        parts, targets = [], []
+        for k, at in signals:
+            values = log.measured[rows, k]
+            seen = np.isfinite(values)
+            if at.kind == "position":
+                basis = tau[:, None] ** powers
+            else:
+                basis = powers * tau[:, None] ** np.maximum(powers - 1, 0) / span
+            parts.append((basis / self._noise[k])[seen])
+            targets.append((values / self._noise[k])[seen])
+        design, target = np.vstack(parts), np.concatenate(targets)
+        if len(target) < CUBIC + 2 or np.linalg.matrix_rank(design) < CUBIC:
+            return None
+        found = np.linalg.lstsq(design, target, rcond=None)[0]
+        left = float(((target - design @ found) ** 2).sum() / (len(target) - CUBIC))
+        sd = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * max(1.0, left))
+        return found[0], found[1] / span, sd[0], sd[1] / span
+
+
+def cut(
+    robot: RobotFile, logs: Sequence[Log], starts: StartStates, length_s: float
+) -> tuple[Window, ...]:
+    """Cut all logs into windows of a length, evenly spread, and those into parts to hold out.
+
+    Windows of one log are one part, so that nothing held out is seen through its neighbour.
+    Where logs are too few for that, each is cut into several parts of consecutive windows.
+    """
+    n = max(LEAST_SAMPLES, round(length_s / periods(logs)))
+    places = [
+        (index, first)
+        for index, log in enumerate(logs)
+        for first in range(starts.margin, len(log.times_s) - n, n)
+        if _unbroken(log.times_s[first : first + n + 1])
+    ]
+    if not places:
+        raise ValueError(
+            f"{robot.path}: no window of {length_s:.3g} s fits into the logs; give a shorter "
+            "windows: length_s"
+        )
+    if len(places) > robot.most_windows:
+        keep = np.linspace(0, len(places) - 1, robot.most_windows).round().astype(int)
+        places = [places[i] for i in np.unique(keep)]
+    parts = _parts(robot, logs, places)
+    found = []
+    for (index, first), part in zip(places, parts, strict=True):
+        state = starts.at(index, first)
+        if state is not None:
+            found.append(Window(index, first, first + n, part, *state))
+    if not found:
+        raise ValueError(f"{robot.path}: too many samples are missing where windows would start")
+    return tuple(found)
+
+
+def _unbroken(times_s: np.ndarray) -> bool:
+    gaps = np.diff(times_s)
+    return bool(gaps.max() < 10 * np.median(gaps))
+
+
+def _parts(robot: RobotFile, logs: Sequence[Log], places: Sequence[tuple[int, int]]) -> list[int]:
+    """Return the part of every window: its log, or a run of windows of it."""
+    whole = {log.path.name: index for index, log in enumerate(logs)}
+    for group in robot.repeats:  # repeats of one motion are held out together
+        for name in group[1:]:
+            whole[name] = whole[group[0]]
+    owner = [whole[logs[index].path.name] for index, _ in places]
+    n_owners = len(set(owner))
+    runs = 1 if n_owners >= GROUPS else -(-GROUPS // n_owners)
+    parts, numbers = [], {}
+    for index, (log, first) in zip(owner, places, strict=True):
+        of_log = [f for i, f in places if i == log]
+        run = of_log.index(first) * min(runs, len(of_log)) // len(of_log)
+        parts.append(numbers.setdefault((index, run), len(numbers)))
+    return parts

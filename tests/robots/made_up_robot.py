@@ -1,0 +1,89 @@
+"""A slider and a two-link arm whose logs MuJoCo makes itself, a tenth of the step."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import polars as pl
+import yaml
+
+SLIDER = """
+<mujoco><option timestep="0.005" integrator="implicitfast"/><worldbody>
+<body name="table"><joint name="axis" type="slide" axis="1 0 0" damping="2" range="-3 3"/>
+<inertial pos="0 0 0" mass="2" diaginertia="0.1 0.1 0.1"/></body></worldbody>
+<actuator><motor name="motor" joint="axis"/></actuator>
+<sensor><jointvel name="tacho" joint="axis"/></sensor></mujoco>"""
+
+ARM = """
+<mujoco><option timestep="0.005" integrator="implicitfast"/><worldbody>
+<body name="upper"><joint name="shoulder" axis="0 1 0" damping="0.05" armature="0.01"/>
+<inertial pos="0 0 -0.15" mass="0.8" diaginertia="0.006 0.006 0.0005"/>
+<body name="fore" pos="0 0 -0.3"><joint name="elbow" axis="0 1 0" damping="0.03"/>
+<inertial pos="0 0 -0.12" mass="0.5" diaginertia="0.003 0.003 0.0003"/></body></body></worldbody>
+<actuator><position name="s" joint="shoulder" kp="25" kv="1.2"/>
+<motor name="e" joint="elbow"/></actuator></mujoco>"""
+
+PERIOD_S, QUANTUM = 0.01, 1e-4
+AMPLITUDE = np.array([1.0, 0.3])
+
+
+def said_of(model: mujoco.MjModel, **more: object) -> dict[str, object]:
+    """Return what robot.yaml says of such a folder."""
+    joints = [model.joint(j).name for j in range(model.njnt)]
+    drives = [model.actuator(a).name for a in range(model.nu)]
+    return {
+        "model": "robot.xml",
+        "logs": "log*.csv",
+        "time": {"column": "t", "unit": "s"},
+        "drive": {f"actuator[{a}]": {"column": f"u_{a}"} for a in drives},
+        "measured": {f"joint[{j}].position": {"column": f"q_{j}"} for j in joints},
+        **more,
+    }
+
+
+def write_folder(
+    folder: Path,
+    xml: str = SLIDER,
+    *,
+    logs: int = 8,
+    length_s: float = 1.5,
+    change: Callable[[mujoco.MjModel], None] = lambda model: None,
+    noise: float = QUANTUM,
+    **more: object,
+) -> Path:
+    """Write model, logs and robot.yaml of a robot in which `change` is hidden."""
+    model = mujoco.MjModel.from_xml_string(xml)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "robot.xml").write_text(xml, encoding="utf-8")
+    said = said_of(model, **more)
+    (folder / "robot.yaml").write_text(yaml.safe_dump(said, sort_keys=False), encoding="utf-8")
+    change(model)
+    model.opt.timestep /= 10
+    per_sample = round(PERIOD_S / model.opt.timestep)
+    for number in range(logs):
+        rng = np.random.default_rng(number)
+        data, rows = mujoco.MjData(model), []
+        hertz, phase = rng.uniform(0.4, 2.0, (2, model.nu))
+        for k in range(round(length_s / PERIOD_S)):
+            t_s = k * PERIOD_S
+            command = AMPLITUDE[: model.nu] * np.sin(2 * np.pi * (hertz * t_s + phase))
+            command *= 4.0 if model.nu == 1 else 1.0
+            data.ctrl[:] = command
+            seen = data.qpos + noise * rng.normal(size=model.nq)
+            rows.append([t_s, *command, *(np.round(seen / QUANTUM) * QUANTUM)])
+            mujoco.mj_step(model, data, per_sample)
+        names = ["t", *(f"u_{model.actuator(a).name}" for a in range(model.nu))]
+        names += [f"q_{model.joint(j).name}" for j in range(model.njnt)]
+        table = pl.DataFrame(dict(zip(names, np.array(rows).T, strict=True)))
+        table.write_csv(folder / f"log{number}.csv")
+    return folder
+
+
+def dry(torque: float) -> Callable[[mujoco.MjModel], None]:
+    """Hide dry friction in the first joint."""
+
+    def change(model: mujoco.MjModel) -> None:
+        model.dof_frictionloss[0] = torque
+
+    return change

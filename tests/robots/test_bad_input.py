@@ -1,0 +1,123 @@
+"""Bad input is refused in one sentence: file, row or joint, rule, and what to do."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+import yaml
+
+from robotcast.robots.robot_case import read_case
+from tests.robots.made_up_robot import write_folder
+
+Edit = Callable[[dict], None]
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_folder(tmp_path_factory.mktemp("good"), logs=3)
+
+
+def copy_of(good: Path, folder: Path, edit: Edit = lambda said: None) -> Path:
+    for path in good.iterdir():
+        (folder / path.name).write_bytes(path.read_bytes())
+    said = yaml.safe_load((good / "robot.yaml").read_text())
+    edit(said)
+    (folder / "robot.yaml").write_text(yaml.safe_dump(said))
+    return folder
+
+
+def key(*path: str, value: object = None) -> Edit:
+    def edit(said: dict) -> None:
+        for name in path[:-1]:
+            said = said.setdefault(name, {})
+        said[path[-1]] = value
+
+    return edit
+
+
+AXIS = "joint[axis].position"
+
+
+@pytest.mark.parametrize(
+    ("edit", "words"),
+    [
+        (key("measured", AXIS, value="q2"), "log0.csv: robot.yaml takes joint.* 'q2'.* lacks; it"),
+        (key("measured", "joint[elbw].position", value="q"), "no joint 'elbw'; it has axis"),
+        (key("drive", "actuator[m]", value="u"), "no actuator 'm'; it has motor"),
+        (key("measured", AXIS, "unit", value="furlong"), "unit 'furlong' is none of m, mm"),
+        (key("measured", "joint[axis].angle", value="q"), "expected joint.NAME..position"),
+        (key("tune", "joint[axis].damping", value=[3, 9]), "the model's 2 lies outside"),
+        (key("tune", "joint[axis].colour", value=[0, 1]), "joint.colour cannot be set; these can"),
+        (key("tune", "joint[axis].damping", value=[3]), "expected bounds .least, most."),
+        (key("logs", value="run*.csv"), "no file matches 'run"),
+        (key("model", value="none.xml"), "there is no such model"),
+        (key("colour", value=1), "no key is called 'colour'; there are model"),
+        (key("drive", value=None), "'drive' is missing"),
+        (key("drive", "actuator[motor]", "unit", value="mA"), "a torque_constant"),
+        (key("repeats", value=[["log0.csv", "other.csv"]]), "other.csv is none of the logs"),
+        (key("windows", "length_s", value=9.0), "no window of 9 s fits"),
+    ],
+)
+def test_what_robot_yaml_cannot_say(good: Path, tmp_path: Path, edit: Edit, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        read_case(copy_of(good, tmp_path, edit))
+
+
+def frozen(table: pl.DataFrame) -> pl.DataFrame:
+    return table.with_columns(q_axis=pl.lit(0.1), v=pl.col("q_axis"))
+
+
+def saturated(table: pl.DataFrame) -> pl.DataFrame:
+    return table.with_columns(pl.col("q_axis").clip(upper_bound=pl.col("q_axis").quantile(0.7)))
+
+
+def with_cell(column: str, row: int, value: object) -> Callable[[pl.DataFrame], pl.DataFrame]:
+    def edit(table: pl.DataFrame) -> pl.DataFrame:
+        cells = table[column].to_list()
+        cells[row] = value
+        return table.with_columns(pl.Series(column, cells, strict=False))
+
+    return edit
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (with_cell("t", 7, 0.0), "log1.csv, line 9: time goes from 0.06 s to 0 s; it must rise"),
+        (with_cell("t", 7, None), "log1.csv, line 9: no time"),
+        (with_cell("u_motor", 3, None), "line 5: actuator.motor.: no value is commanded"),
+        (with_cell("q_axis", 4, "4.0e"), "line 6: q_axis: '4.0e' is no number"),
+        (with_cell("q_axis", 20, 90.0), "line 22: joint.axis..position is 90 m, far outside"),
+        (lambda table: table.with_columns(q_axis=0.3), "nothing moves in it"),
+        (saturated, "a saturated sensor"),
+        (lambda table: table[:20], "20 samples; a log needs at least 50"),
+        (lambda table: table.with_columns(pl.col("t") * 3), "logs of one folder need one rate"),
+    ],
+)
+def test_what_a_log_cannot_hold(good: Path, tmp_path: Path, change: Callable, words: str) -> None:
+    folder = copy_of(good, tmp_path)
+    change(pl.read_csv(folder / "log1.csv")).write_csv(folder / "log1.csv")
+    with pytest.raises(ValueError, match=words):
+        read_case(folder)
+
+
+def test_units_are_converted_once(good: Path, tmp_path: Path) -> None:
+    folder = copy_of(
+        good, tmp_path, key("measured", AXIS, value={"column": "q_axis", "unit": "mm"})
+    )
+    for path in folder.glob("log*.csv"):
+        pl.read_csv(path).with_columns(pl.col("q_axis") * 1000).write_csv(path)
+    same, converted = read_case(good), read_case(folder)
+    for one, other in zip(same.model.records, converted.model.records, strict=True):
+        np.testing.assert_allclose(one.measured, other.measured, rtol=1e-9)
+
+
+def test_a_model_that_diverges_is_refused(good: Path, tmp_path: Path) -> None:
+    folder = copy_of(good, tmp_path)
+    text = (folder / "robot.xml").read_text()
+    wild = text.replace('damping="2"', 'damping="2" stiffness="1e9"')
+    (folder / "robot.xml").write_text(wild.replace("implicitfast", "Euler"))
+    with pytest.raises(ValueError, match="the model diverges in"):
+        read_case(folder)

@@ -1,0 +1,60 @@
+"""describe guesses robot.yaml from names, and what it writes runs."""
+
+from pathlib import Path
+
+import polars as pl
+import pytest
+import yaml
+
+from robotcast.robots.describe import describe
+from robotcast.robots.robot_case import read_case
+from tests.robots.made_up_robot import ARM, write_folder
+
+
+def folder_with(tmp_path: Path, names: dict[str, str], degrees: bool = False) -> Path:
+    """Return an arm's folder without robot.yaml, its columns called otherwise."""
+    folder = write_folder(tmp_path, ARM, logs=2)
+    (folder / "robot.yaml").unlink()
+    for path in folder.glob("*.csv"):
+        table = pl.read_csv(path)
+        if degrees:
+            table = table.with_columns(pl.col("q_shoulder", "q_elbow").degrees())
+        table.rename(names).write_csv(path)
+    return folder
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        {},
+        {"t": "stamp", "q_shoulder": "pos_1", "q_elbow": "pos_2", "u_s": "cmd_1", "u_e": "cmd_2"},
+        {"q_shoulder": "shoulder.position", "q_elbow": "elbow.position", "u_s": "ctrl/shoulder"},
+    ],
+)
+def test_what_is_guessed_runs(tmp_path: Path, names: dict[str, str]) -> None:
+    folder = folder_with(tmp_path, names)
+    path, _ = describe(folder)
+    assert next(iter(read_case(folder).robot.drive)).name == "actuator[s]"
+    with pytest.raises(ValueError, match="exists already"):
+        describe(folder)
+    assert "measured" in yaml.safe_load(path.read_text())
+
+
+def test_degrees_are_seen_in_how_far_a_joint_turns(tmp_path: Path) -> None:
+    path, _ = describe(folder_with(tmp_path, {}, degrees=True))
+    measured = yaml.safe_load(path.read_text())["measured"]
+    assert measured["joint[shoulder].position"]["unit"] == "deg"
+
+
+def test_a_joint_without_a_column_is_said(tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, {"q_shoulder": "shoulder_pos", "q_elbow": "spare"})
+    _, said = describe(folder)
+    assert any("no position was found for elbow" in sentence for sentence in said)
+
+
+def test_a_folder_without_a_model_or_a_log_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="expected an MJCF or URDF file, one; found none"):
+        describe(tmp_path)
+    (tmp_path / "robot.xml").write_text(ARM)
+    with pytest.raises(ValueError, match="no log"):
+        describe(tmp_path)

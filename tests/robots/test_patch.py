@@ -1,0 +1,61 @@
+"""The patched MJCF moves as the model with its effects does."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from robotcast.robots.patch import patched, write_patched
+from robotcast.robots.robot_case import RobotCase, read_case
+from robotcast.robots.rollout import Rollout, Start
+from tests.robots.made_up_robot import ARM, write_folder
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> RobotCase:
+    folder = tmp_path_factory.mktemp("arm")
+    tune = {"joint[*].damping": {"factor": [0.5, 3.0]}, "body[fore].mass": [0.1, 2.0]}
+    windows = {"length_s": 0.4, "most": 4}
+    return read_case(write_folder(folder, ARM, logs=3, windows=windows, tune=tune))
+
+
+NATIVE = [
+    "dry_friction_elbow",
+    "drag_shoulder",
+    "armature_elbow",
+    "spring_elbow",
+    "centre_of_mass_fore",
+    "inertia_fore",
+    "tilted_base",
+    "drive_gain_shoulder",
+    "servo_stiffness_shoulder",
+]
+
+
+@pytest.mark.parametrize("name", NATIVE)
+def test_a_patched_model_moves_as_the_model_with_the_effect(arm: RobotCase, name: str) -> None:
+    old, effect = arm.model.rollout, arm.model.effects[name]
+    values = {p.name: p.probes[-1] if p.probes else p.nominal for p in effect.parameters}
+    spec, left_out = patched(arm.robot, [2.0, 0.7], [(effect, values)])
+    assert not left_out
+    model = spec.compile()
+    robot = type(arm.robot)(**{**vars(arm.robot), "model": model, "tune": ()})
+    new = Rollout(robot, old.logs, old.windows)
+    start, times_s = [Start(1, np.zeros((2, 2)))], [arm.model.records[1].times_s]
+    vector = np.array([[2.0, 0.7, *values.values()]])
+    wanted = old.simulate(start, times_s, [effect], vector)
+    found = new.simulate(start, times_s, (), np.zeros((1, 0)))
+    np.testing.assert_allclose(found, wanted, atol=2e-6)
+
+
+def test_what_mjcf_cannot_hold_is_named(arm: RobotCase, tmp_path: Path) -> None:
+    names = ["load_friction_elbow", "dead_time_elbow"]
+    effects = [arm.model.effects[name] for name in names]
+    values = {"joint[*].damping": 1.0, "body[fore].mass": 0.5}
+    values |= {f"{e.name}.{p.name}": p.probes[-1] for e in effects for p in e.parameters}
+    said = {"effects": names, "parameters": {n: {"value": v} for n, v in values.items()}}
+    left_out = write_patched(arm.robot, arm.model.effects, said, tmp_path / "patched.xml")
+    assert left_out == ["load_friction_elbow"]
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "patched.xml"))
+    assert model.actuator_delay[1] == pytest.approx(values["dead_time_elbow.tau"])
