@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from studies.hidden_effects.cases import unseal
+from robotcast.rigs.sealed import unseal
 
 
 def sentences(answer: dict[str, Any]) -> list[str]:

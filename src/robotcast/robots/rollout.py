@@ -18,7 +18,7 @@ from robotcast.robots.logs import Log
 from robotcast.robots.model_fields import BatchFields
 from robotcast.robots.robot_file import RobotFile, Tunable
 from robotcast.robots.windows import Window
-from robotcast.simulators.mujoco_chain import quiet_mujoco
+from robotcast.simulators.mujoco_cables import quiet_mujoco
 
 BATCH = 256  # simulations stepped side by side
 CHECK_EVERY = 50  # steps between looks for runs that diverged
