@@ -11,7 +11,7 @@ import pytest
 from robotcast.reporting.results import Results, read_results
 from robotcast.reporting.table import Cell, Group, Row, Table, to_latex
 from robotcast.reporting.tables import cables_table, parts_table, policies_table, tuning_table
-from robotcast.tuning.revisions import Revision
+from robotcast.tuning.revisions import ModelRevision
 
 TABLE = Table(
     name="errors",
@@ -193,7 +193,7 @@ def test_every_simulator_has_a_row_for_every_optimizer(optimizers: Results) -> N
     ]
 
 
-REVISION = Revision(
+REVISION = ModelRevision(
     cable="cable1", rig="virtual", split="a", tuning_casts=20, heldout_casts=30,
     simulator="segmented", optimizer="de", effects=("board_tilt",),
     tuning_waypoint_error_percent=2.0, heldout_waypoint_error_percent=2.0,

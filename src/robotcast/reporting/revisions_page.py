@@ -13,7 +13,7 @@ from robotcast.reporting.names import cable_name, effect_name, method_name, rig_
 from robotcast.reporting.numbers import error
 from robotcast.reporting.page import render
 from robotcast.reporting.style import BLUE, GREEN, GREY, beside, canvas, inline, style
-from robotcast.tuning.revisions import Revision
+from robotcast.tuning.revisions import ModelRevision
 from robotcast.tuning.search import Batch
 
 _AXIS = "average waypoint error on held-out casts [% of cable length]"
@@ -24,7 +24,7 @@ _LEVELS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)
 class Comparable:
     """Revisions that were tuned to the same casts and judged on the same others."""
 
-    revisions: tuple[Revision, ...]
+    revisions: tuple[ModelRevision, ...]
 
     @property
     def split(self) -> str:
@@ -32,11 +32,11 @@ class Comparable:
         return self.revisions[0].split
 
     @property
-    def best(self) -> Revision:
+    def best(self) -> ModelRevision:
         """The revision with the smallest held-out error; of equals, the one with fewer effects."""
         return min(self.revisions, key=lambda r: (r.heldout_waypoint_error_percent, len(r.effects)))
 
-    def base_of(self, revision: Revision) -> Revision | None:
+    def base_of(self, revision: ModelRevision) -> ModelRevision | None:
         """Return the model without effects that another revision of its method adds to."""
         found = (r for r in self.revisions if not r.effects and _method(r) == _method(revision))
         return next(found, None)
@@ -52,7 +52,7 @@ class Comparable:
         rungs = tuple(map(self._rung, self.revisions))
         return ladder(rungs, self.revisions[0].noise_floor_percent, _AXIS)
 
-    def _rung(self, revision: Revision) -> Rung:
+    def _rung(self, revision: ModelRevision) -> Rung:
         base = self.base_of(revision)
         above = base if base is not revision else None
         several = len(set(map(_method, self.revisions))) > 1
@@ -68,9 +68,9 @@ class Comparable:
         )
 
 
-def comparable(revisions: Sequence[Revision]) -> tuple[Comparable, ...]:
+def comparable(revisions: Sequence[ModelRevision]) -> tuple[Comparable, ...]:
     """Sort revisions by the casts they were judged on, most revisions first."""
-    groups: dict[tuple[str, str], list[Revision]] = {}
+    groups: dict[tuple[str, str], list[ModelRevision]] = {}
     for revision in revisions:
         groups.setdefault((revision.cable, revision.split), []).append(revision)
     ordered = sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
@@ -82,12 +82,12 @@ def revision_name(effects: Sequence[str]) -> str:
     return " ".join(f"+ {effect_name(e)}" for e in effects) or "base model"
 
 
-def _method(revision: Revision) -> str:
+def _method(revision: ModelRevision) -> str:
     return method_name(revision.simulator, revision.optimizer)
 
 
 @dataclass(frozen=True)
-class Tuning:
+class TuningProgress:
     """A tuning that runs, or the last that ran.
 
     Attributes
@@ -107,7 +107,7 @@ class Tuning:
     finished: bool = False
 
 
-def revisions_page(revisions: Sequence[Revision], tuning: Tuning) -> str:
+def revisions_page(revisions: Sequence[ModelRevision], tuning: TuningProgress) -> str:
     """Return the page of all revisions beside the tuning that adds one to them."""
     groups = comparable(revisions)
     here = next((g for g in groups if g.split == tuning.split), None)
@@ -129,15 +129,15 @@ def revisions_page(revisions: Sequence[Revision], tuning: Tuning) -> str:
 
 
 def _revision_of(
-    here: Comparable | None, tuning: Tuning, effects: Sequence[str]
-) -> Revision | None:
+    here: Comparable | None, tuning: TuningProgress, effects: Sequence[str]
+) -> ModelRevision | None:
     """Return the revision of the tuning's method with these effects."""
     wanted = (tuning.simulator, tuning.optimizer, tuple(sorted(effects)))
     found = here.revisions if here else ()
     return next((r for r in found if (r.simulator, r.optimizer, r.effects) == wanted), None)
 
 
-def _search(tuning: Tuning, here: Comparable | None) -> Markup | None:
+def _search(tuning: TuningProgress, here: Comparable | None) -> Markup | None:
     if not tuning.trace:
         return None
     base = None if tuning.finished and not tuning.effects else _revision_of(here, tuning, ())
@@ -146,7 +146,7 @@ def _search(tuning: Tuning, here: Comparable | None) -> Markup | None:
 
 
 @style(on_page=True)
-def _search_figure(tuning: Tuning, base: float | None) -> Figure:
+def _search_figure(tuning: TuningProgress, base: float | None) -> Figure:
     """Draw the best error so far against the casts simulated for it, beside the base model's."""
     best = [batch.best_percent for batch in tuning.trace]
     casts = np.cumsum([batch.casts for batch in tuning.trace])

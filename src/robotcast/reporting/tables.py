@@ -17,7 +17,7 @@ from robotcast.reporting.names import (
 from robotcast.reporting.paper import CABLES, PAPER_RIG, POLICIES, QUARTILES, TUNING
 from robotcast.reporting.results import Evaluation, Results, Tuning
 from robotcast.reporting.table import Cell, Group, Row, Table
-from robotcast.tuning.revisions import Revision
+from robotcast.tuning.revisions import ModelRevision
 
 _METRICS = ("waypoint_percent", "final_percent")
 _BESIDE_NOTE = (
@@ -75,7 +75,7 @@ class _Method:
         return method_name(self.simulator, self.optimizer, self.effects)
 
 
-def _method(tuned: Tuning | Revision) -> _Method:
+def _method(tuned: Tuning | ModelRevision) -> _Method:
     return _Method(tuned.simulator, tuned.optimizer, tuned.effects)
 
 
