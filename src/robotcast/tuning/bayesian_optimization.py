@@ -35,7 +35,8 @@ SHARES = (0.5, 0.65, 0.8, 1.0)  # of each cast's waypoints that are fitted, stag
 NEAR = 0.5  # of the noise: an error of the beginnings below which the next stage comes
 LENGTH = 0.8  # of every range, that a trust region has at first, and at most
 LEAST_LENGTHS = (0.1, 0.1, 0.1, 0.02)  # of one that leads no further, stage by stage
-LEAST_LENGTH = 1e-6  # of one where the error of whole casts is below the noise
+LEAST_LENGTH = 1e-4  # of one where the error of whole casts is below the noise
+CLEAR = 1e-3  # of the noise: an error with which nothing is left to find
 PROGRESS, LEAP = 0.01, 0.3  # of the error that a batch sheds to be a success, and to widen
 FAILURES = 2  # batches in turn that halve the length
 OUTLIER = 3.0  # times the median error of a cast, that one counts for at most
@@ -84,12 +85,13 @@ class _TrustRegions:
         self._settings, self._problem, self._objective = settings, problem, objective
         self._vectors = np.empty((0, len(problem.start)))
         self._batches: list[np.ndarray] = []  # residuals of the vectors
+        self._done = False
         self._begin()
 
     def run(self) -> None:
         """Try vectors until they would hardly differ from the best."""
         settings, start = self._settings, self._problem.start
-        while self._length >= LEAST_LENGTH:
+        while not self._done:
             if len(self._vectors) > self._first:
                 vectors = self._promising()
             else:
@@ -114,7 +116,9 @@ class _TrustRegions:
             self._length, self._failures = self._length / 2, 0
         whole = self._stage == len(SHARES) - 1
         exhausted = self._length < LEAST_LENGTHS[self._stage]
-        near = min(before, now) < (1.0 if whole else NEAR) * self._problem.noise_percent
+        noises = min(before, now) / self._problem.noise_percent
+        near = noises < (1.0 if whole else NEAR)
+        self._done = whole and (noises < CLEAR or self._length < LEAST_LENGTH)
         if whole and exhausted and not near:
             self._begin()
         elif not whole and (near or exhausted):
