@@ -3,6 +3,7 @@
 python -m studies.sim2sim.tune simulator=segmented optimizer=bo sim2sim.parameters=paper
 """
 
+import subprocess
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Literal
@@ -12,7 +13,7 @@ import polars as pl
 from hydra.utils import instantiate
 from omegaconf import DictConfig, open_dict
 
-from robotcast.build import action_space, build, build_simulator
+from robotcast.build import CONFIGURATION, action_space, build, build_simulator
 from robotcast.casts.plan import PlannedCast, plan_actions
 from robotcast.files import atomic_file
 from robotcast.fitting.parameter import Parameter
@@ -42,7 +43,7 @@ def tune(config: DictConfig) -> None:
     names = (config.simulator.name, settings.parameters, optimizer_name, settings.casts)
     cell = "-".join(map(str, names))
     path = output_folder(settings.folder) / f"{cell}.csv"
-    budget = settings.budget_per_cast[names[0]][optimizer_name] * settings.casts
+    budget = settings.budget_per_cast[names[0]][names[1]][optimizer_name] * settings.casts
     journals, rows = [], list[dict[str, Any]]()
     for number, (vector, tuning, test) in enumerate(_models(config, simulator)):
         objective, judged = (WaypointError(simulator, t, cable.length_m) for t in (tuning, test))
@@ -61,7 +62,7 @@ def tune(config: DictConfig) -> None:
             test_percent = float(judged(Query(found.vector[None])).percent[0])
             tuning_of = dict(zip(KEY, (*names, number, start), strict=True))
             parameters = _outcomes(objective.free, vector, found, known, test_percent)
-            rows += [{**tuning_of, **parameter} for parameter in parameters]
+            rows += [{**tuning_of, **parameter, "commit": commit()} for parameter in parameters]
     with atomic_file(path) as temporary:
         pl.DataFrame(rows).write_csv(temporary)
     for journal in journals:
@@ -89,6 +90,12 @@ def _hold(config: DictConfig) -> None:
     with open_dict(config):
         for name in held:
             parameters[name].frozen = True
+
+
+def commit() -> str:
+    """Return the commit of the code, with a + where it was changed since; "" without git."""
+    command = ["git", "describe", "--always", "--abbrev=7", "--exclude=*", "--dirty=+"]
+    return subprocess.run(command, cwd=CONFIGURATION, capture_output=True, text=True).stdout.strip()
 
 
 def stream(
