@@ -22,7 +22,6 @@ from botorch.models.utils.gpytorch_modules import get_covar_module_with_dim_scal
 from botorch.sampling.pathwise import draw_matheron_paths
 from botorch.sampling.pathwise.prior_samplers import draw_kernel_feature_paths
 from botorch.utils.sampling import draw_sobol_samples, manual_seed
-from gpytorch.means import LinearMean
 from gpytorch.mlls import ExactMarginalLogLikelihood
 from threadpoolctl import threadpool_limits
 from torch import Tensor
@@ -34,12 +33,13 @@ from robotcast.tuning.search import Objective, Problem, Query, residuals_at
 SHARES = (0.5, 0.65, 0.8, 1.0)  # of each cast's waypoints that are fitted, stage by stage
 NEAR = 0.5  # of the noise: an error of the beginnings below which the next stage comes
 LENGTH = 0.8  # of every range, that a trust region has at first, and at most
-LEAST_LENGTHS = (0.1, 0.1, 0.1, 0.02)  # of one that leads no further, stage by stage
+LEAST_LENGTHS = (0.15, 0.15, 0.15, 0.02)  # of one that leads no further, stage by stage
+TRIES = 3  # regions whose beginnings stay far above the noise before the best of them goes on
 LEAST_LENGTH = 1e-4  # of one where the error of whole casts is below the noise
 CLEAR = 1e-3  # of the noise: an error with which nothing is left to find
 PROGRESS, LEAP = 0.01, 0.3  # of the error that a batch sheds to be a success, and to widen
 FAILURES = 2  # batches in turn that halve the length
-OUTLIER = 3.0  # times the median error of a cast, that one counts for at most
+OUTLIER = 3.0  # times the median error of a cast, or the noise, that one counts for at most
 INEXACT = 0.01  # of the size of a vector's residuals, that the processes may miss them by
 FEATURES = 256  # of the random Fourier series of a sample
 RAW_SAMPLES, RESTARTS = 128, 4  # where a sample is looked at, and from where it is descended
@@ -77,7 +77,7 @@ class BayesianOptimization:
 
 
 class _TrustRegions:
-    """A search under way: one trust region after the other, each in stages."""
+    """One trust region after the other, each in stages."""
 
     def __init__(
         self, settings: BayesianOptimization, problem: Problem, objective: Objective
@@ -85,7 +85,7 @@ class _TrustRegions:
         self._settings, self._problem, self._objective = settings, problem, objective
         self._vectors = np.empty((0, len(problem.start)))
         self._batches: list[np.ndarray] = []  # residuals of the vectors
-        self._done = False
+        self._done, self._tries = False, 0
         self._begin()
 
     def run(self) -> None:
@@ -106,6 +106,7 @@ class _TrustRegions:
 
     def _begin(self) -> None:
         self._first, self._stage, self._length, self._failures = len(self._vectors), 0, LENGTH, 0
+        self._tries += 1
 
     def _change(self, before: float, now: float) -> None:
         """Change the region's length, its stage, or the region, after a batch of least error."""
@@ -120,8 +121,12 @@ class _TrustRegions:
         near = noises < (1.0 if whole else NEAR)
         self._done = whole and (noises < CLEAR or self._length < LEAST_LENGTH)
         if whole and exhausted and not near:
+            self._tries = 0
+            self._begin()
+        elif not self._stage and exhausted and not near and self._tries < TRIES:
             self._begin()
         elif not whole and (near or exhausted):
+            self._first = self._first if near or self._stage else 0
             self._stage, self._failures = self._stage + 1, 0
             self._length = min(4 * self._length, LENGTH)
 
@@ -152,7 +157,8 @@ class _TrustRegions:
         wanted = min(max(inside, 3 * self._vectors.shape[1]), settings.nearest)
         near = np.argsort(away, kind="stable")[:wanted]
         with threadpool_limits(1), manual_seed(settings.seed + len(self._vectors)):
-            surrogate = _Surrogate(settings, self._vectors[near], residuals[near], errors[near])
+            of, noise_percent = self._vectors[near], self._problem.noise_percent
+            surrogate = _Surrogate(settings, of, residuals[near], errors[near], noise_percent)
             return surrogate.least_errors(self._length)
 
 
@@ -165,26 +171,30 @@ class _Surrogate:
         vectors: np.ndarray,
         residuals: np.ndarray,
         errors: np.ndarray,
+        noise_percent: float,
     ) -> None:
         self._settings = settings
-        self._bound = OUTLIER * float(np.median(errors[np.isfinite(errors)])) + 1e-12
+        median = float(np.median(errors[np.isfinite(errors)]))
+        self._bound = OUTLIER * max(median, noise_percent / errors.shape[1])
         rows = _bounded(vectors, residuals, errors, self._bound)
         self._shape = rows.shape[1:]
         rows = rows.reshape(len(rows), -1)
         sizes = np.linalg.norm(rows, axis=1) + 1e-12
-        weighted = (rows - rows[0]) * (sizes.min() / sizes)[:, None]
-        axes = np.linalg.svd(weighted, full_matrices=False)[2][: settings.components]
-        scores = (rows - rows[0]) @ axes.T
-        mean, spread = scores.mean(axis=0), scores.std(axis=0) + 1e-12
-        self._origin = torch.tensor(rows[0] + mean @ axes)
-        self._axes = torch.tensor(spread[:, None] * axes)
-        self._low, self._width = vectors.min(axis=0), np.ptp(vectors, axis=0) + 1e-12
-        self._best = vectors[0]
-        self._model = _fitted(
-            torch.tensor((vectors - self._low) / self._width),
-            torch.tensor((scores - mean) / spread),
-            torch.tensor((INEXACT * sizes[:, None] / spread) ** 2 + 1e-6),
-        )
+        weights = (sizes.min() / sizes)[:, None]
+        away = rows - rows[0]
+        axes = np.linalg.svd(away * weights, full_matrices=False)[2][: settings.components]
+        scores = away @ axes.T
+        self._best, self._low = vectors[0], vectors.min(axis=0)
+        self._width = np.ptp(vectors, axis=0) + 1e-12
+        points = (vectors - self._low) / self._width
+        design = np.column_stack([np.ones(len(points)), points])
+        trend = np.linalg.lstsq(design * weights, scores * weights, rcond=None)[0]
+        rest = scores - design @ trend
+        spread = rest.std(axis=0) + 1e-12
+        self._origin, self._axes = torch.tensor(rows[0] + trend[0] @ axes), torch.tensor(axes)
+        self._slopes, self._spread = torch.tensor(trend[1:]), torch.tensor(spread)
+        noise = (INEXACT * sizes[:, None] / spread) ** 2 + 1e-6
+        self._model = _fitted(*map(torch.tensor, (points, rest / spread, noise)))
 
     def least_errors(self, length: float) -> np.ndarray:
         """Return vectors (batch, n) of least error in a trust region, by mean and by samples."""
@@ -198,10 +208,10 @@ class _Surrogate:
         )
 
         def sampled(points: Tensor) -> Tensor:
-            return self._gain(paths(points.unsqueeze(-3)).transpose(-1, -2))
+            return self._gain(points, paths(points.unsqueeze(-3)).transpose(-1, -2))
 
         def expected(points: Tensor) -> Tensor:
-            return self._gain(self._model.posterior(points).mean)
+            return self._gain(points, self._model.posterior(points).mean)
 
         raw = draw_sobol_samples(box, RAW_SAMPLES, 1, seed=0).squeeze(1)
         raw[::2] = best + 0.1 * (raw[::2] - best)  # about the best one half of them
@@ -212,8 +222,9 @@ class _Surrogate:
         found[:1] = _climbed(expected, torch.cat([found, best[None]])[None], box)
         return np.clip(found.numpy() * self._width + self._low, 0.0, 1.0)
 
-    def _gain(self, scores: Tensor) -> Tensor:
-        """Return −log error (...) of scores (..., n_components)."""
+    def _gain(self, points: Tensor, rest: Tensor) -> Tensor:
+        """Return −log error (...) at points (..., n), the processes being (..., q) there."""
+        scores = points @ self._slopes + rest * self._spread
         rows = (scores @ self._axes + self._origin).unflatten(-1, self._shape)
         bounded = torch.linalg.vector_norm(rows, dim=-1).sum(dim=-1) / self._bound
         errors = bounded / (1 - bounded.clamp(max=0.97))
@@ -240,16 +251,10 @@ def _bounded(
 
 
 def _fitted(points: Tensor, scores: Tensor, variances: Tensor) -> SingleTaskGP:
-    """Return a process for each column of scores, linear but for a smooth rest of known noise.
-
-    The lengths of the smooth rest have the priors of Hvarfner et al. 2024.
-    """
+    """Return a process for each column of scores; its lengths have Hvarfner's priors (2024)."""
     batch, n = torch.Size([scores.shape[1]]), points.shape[1]
     kernel = get_covar_module_with_dim_scaled_prior(ard_num_dims=n, batch_shape=batch)
-    mean = LinearMean(n, batch_shape=batch)
-    model = SingleTaskGP(
-        points, scores, variances, covar_module=kernel, mean_module=mean, outcome_transform=None
-    )
+    model = SingleTaskGP(points, scores, variances, covar_module=kernel, outcome_transform=None)
     likelihood = ExactMarginalLogLikelihood(model.likelihood, model)
     try:
         fit_gpytorch_mll(likelihood, optimizer_kwargs={"options": {"maxiter": ITERATIONS}})

@@ -55,12 +55,9 @@ def certainty(
     """Differentiate every waypoint at a unit vector (n_free,), in two queries.
 
     The first takes a step in each parameter; the second one along each axis of the curvature that
-    the first showed, as long as moves the casts by about the noise: where they are stiff a step of
-    one size for all would leave what is linear.
-
-    A standard error is the larger of two: the sandwich estimator with the repeats of an action as
-    clusters, and the one that takes each cast for one measurement. The first sees what the model
-    misses, the second does not trust a handful of casts that happen to agree.
+    the first showed, as long as moves the casts by about the noise. A standard error is the larger
+    of two: the sandwich estimator with `groups` as clusters, which sees what the model misses, and
+    the one that takes each cast for one measurement, which does not trust a few that agree.
 
     Parameters
     ----------

@@ -9,8 +9,6 @@ from scipy.stats import qmc
 
 from robotcast.tuning.search import Objective, Problem, Query
 
-ENDLESS = 10**9  # generations: the budget ends the search
-
 
 @dataclass(frozen=True)
 class DifferentialEvolution:
@@ -42,7 +40,7 @@ class DifferentialEvolution:
                 percent,
                 bounds=[(0.0, 1.0)] * n,
                 init=first,  # pyright: ignore[reportArgumentType]
-                maxiter=ENDLESS,
+                maxiter=10**9,  # the budget ends the search
                 mutation=tuple(self.mutation),
                 recombination=self.recombination,
                 rng=np.random.default_rng(self.seed),

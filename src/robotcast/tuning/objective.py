@@ -16,7 +16,7 @@ DIVERGED_PERCENT = 100.0  # of cable length: what a run that diverged costs, and
 
 
 class WaypointError:
-    """Answers queries by simulating every cast under every vector in one call.
+    """Simulates every cast under every vector of a query in one call.
 
     A run that diverges, or says nothing finite of a waypoint, costs a penalty and is counted.
     """

@@ -57,8 +57,8 @@ class ModelRevision:
     @property
     def key(self) -> tuple[Any, ...]:
         """What makes it another revision, in the order in which revisions are listed."""
-        data = (self.cable, self.split, self.simulator, self.optimizer)
-        return (*data, len(self.effects), self.effects)
+        model = (self.simulator, self.optimizer, len(self.effects), self.effects)
+        return (self.cable, self.split, *model)
 
 
 def revision_of(

@@ -95,9 +95,8 @@ class Optimizer(Protocol):
     def minimise(self, problem: Problem, objective: Objective, budget_casts: int) -> None:
         """Query the objective, of whole casts first, until nothing better is expected.
 
-        `search` ends it at the budget, by an exception that it lets pass; an optimizer that goes
-        in stages knows from the budget how long they may be. The same problem, budget and
-        responses must lead to the same queries.
+        `search` ends it at the budget, by an exception that it lets pass. The same problem, budget
+        and responses must lead to the same queries.
         """
         ...
 

@@ -21,11 +21,10 @@ AT_BOUND = 0.01  # of a parameter's range: closer to a bound than this is on it
 
 @dataclass(frozen=True)
 class Tuned:
-    """A simulator's parameters as tuning left them.
+    """A simulator's parameters as tuning left them, with the effects that act in it.
 
     Attributes
     ----------
-    effects : names of the effects that act in the simulator.
     values : parameter name → value, frozen ones and those of the effects included.
     errors : "tune" and "test" → errors on these casts.
     certainty : None where the budget was too small for it.
