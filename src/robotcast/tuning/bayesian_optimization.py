@@ -11,6 +11,7 @@ are fitted first, although whole casts are simulated.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 import torch
@@ -265,7 +266,7 @@ def _fitted(points: Tensor, scores: Tensor, variances: Tensor) -> SingleTaskGP:
 
 def _climbed(gain: Callable[[Tensor], Tensor], starts: Tensor, box: Tensor) -> Tensor:
     """Return the point (m, n) of most gain that is reached from starts (m, n_starts, n)."""
-    points, gains = gen_candidates_scipy(
-        starts, gain, box[0], box[1], options={"maxiter": ITERATIONS}, use_parallel_mode=False
-    )
+    climb: Any = gen_candidates_scipy  # any function serves, which its annotation does not say
+    options = {"maxiter": ITERATIONS}
+    points, gains = climb(starts, gain, box[0], box[1], options=options, use_parallel_mode=False)
     return points[torch.arange(len(points)), gains.argmax(dim=-1)].detach()

@@ -75,6 +75,7 @@ def certainty(
     error = np.maximum(sandwich(fit, inverse, groups), np.sqrt(np.diag(inverse)))
     ends = np.clip(vector + STANDARD_ERRORS * error * np.array([[-1.0], [1.0]]), 0.0, 1.0)
     values, axes = np.linalg.eigh(curvature(fit))
+    least, most = max(float(values[0]), 0.0), float(values[-1])
     names = np.array([p.name for p in problem.parameters])
     return Certainty(
         intervals={
@@ -82,16 +83,10 @@ def certainty(
             for p, low, high in zip(problem.parameters, *ends, strict=True)
         },
         vague=tuple(names[2 * STANDARD_ERRORS * error > VAGUE].tolist()),
-        condition=_condition(values),
+        condition=float(np.sqrt(most / least)) if least * MOST**2 > most else MOST,
         least_known=tuple(names[axes[:, 0] ** 2 > TAKES_PART**2].tolist()),
         simulated_casts=(len(coarse) + len(fine)) * problem.casts,
     )
-
-
-def _condition(curvatures: np.ndarray) -> float:
-    """Return the condition number of the Jacobian, `curvatures` (n,) being its squares."""
-    least, most = max(float(curvatures[0]), 0.0), float(curvatures[-1])
-    return float(np.sqrt(most / least)) if least * MOST**2 > most else MOST
 
 
 def _about(vector: np.ndarray, steps: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ import json
 import os
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -57,9 +58,7 @@ class Journal:
 def _read(path: Path, subject: str) -> list[tuple[str, str]]:
     """Return the queries and responses of a journal of `subject`, without a torn end."""
     lines = path.read_text(encoding="utf-8").split("\n")[:-1] if path.exists() else []
-    if not lines or lines[0] != subject:
-        return []
-    return list(zip(lines[1::2], lines[2::2], strict=False))
+    return list(zip(lines[1::2], lines[2::2], strict=False)) if lines[:1] == [subject] else []
 
 
 def _line(entry: Query | Response) -> str:
@@ -67,4 +66,5 @@ def _line(entry: Query | Response) -> str:
 
 
 def _response(line: str) -> Response:
-    return Response(**{k: None if v is None else np.array(v) for k, v in json.loads(line).items()})
+    arrays: dict[str, Any] = {k: v and np.array(v) for k, v in json.loads(line).items()}
+    return Response(**arrays)
