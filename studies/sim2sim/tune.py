@@ -44,7 +44,7 @@ def tune(config: DictConfig) -> None:
     cell = "-".join(map(str, names))
     path = output_folder(settings.folder) / f"{cell}.csv"
     budget = settings.budget_per_cast[names[0]][names[1]][optimizer_name] * settings.casts
-    journals, rows = [], list[dict[str, Any]]()
+    code, journals, rows = commit(), [], list[dict[str, Any]]()
     for number, (vector, tuning, test) in enumerate(_models(config, simulator)):
         objective, judged = (WaypointError(simulator, t, cable.length_m) for t in (tuning, test))
         problem = Problem(objective.free, vector, settings.casts, settings.shown_percent)
@@ -62,7 +62,7 @@ def tune(config: DictConfig) -> None:
             test_percent = float(judged(Query(found.vector[None])).percent[0])
             tuning_of = dict(zip(KEY, (*names, number, start), strict=True))
             parameters = _outcomes(objective.free, vector, found, known, test_percent)
-            rows += [{**tuning_of, **parameter, "commit": commit()} for parameter in parameters]
+            rows += [{**tuning_of, **parameter, "commit": code} for parameter in parameters]
     with atomic_file(path) as temporary:
         pl.DataFrame(rows).write_csv(temporary)
     for journal in journals:

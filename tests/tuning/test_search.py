@@ -86,7 +86,7 @@ def test_gauss_newton_finishes_within_a_small_budget(budget: int, noise_percent:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("dies_at", [0, 1, 3, 7])
+@pytest.mark.parametrize("dies_at", [0, 1, 4])
 def test_a_killed_search_resumes_to_the_same_result(
     tmp_path: Path, name: str, dies_at: int
 ) -> None:
