@@ -66,12 +66,11 @@ def finished_casts(folder: Path) -> Standing:
 
 
 def finished_batches(folder: Path) -> Standing:
-    """Return the lines of the journal; the last may be torn, and does not count."""
-    lines = [
-        line
-        for journal in (folder / "unfinished").glob("[!.]*.jsonl")
-        for line in journal.read_bytes().split(b"\n")[:-1]
-    ]
+    """Return the lines of the journal, after its first in pairs; a torn pair does not count."""
+    lines: list[bytes] = []
+    for journal in (folder / "unfinished").glob("[!.]*.jsonl"):
+        written = journal.read_bytes().split(b"\n")[:-1]
+        lines += written if len(written) % 2 else written[:-1]
     return {str(k): hashlib.sha256(line).hexdigest() for k, line in enumerate(lines)}
 
 

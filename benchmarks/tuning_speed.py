@@ -45,9 +45,8 @@ from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.noise_floor import noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.split import split_by_action
-from robotcast.tuning.asking import Answer, Problem, Question
 from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError, full_vectors
-from robotcast.tuning.search import search
+from robotcast.tuning.search import Problem, Query, Response, search
 
 ROOT = Path(__file__).resolve().parents[1]
 FASTER, QUICKER = 8.0, 3.0
@@ -121,7 +120,7 @@ def compare_evolution(split: Split, population: int, generations: int, rounds: i
     }  # fmt: skip
 
     def percent(columns: np.ndarray) -> np.ndarray:
-        return batched(Question(np.ascontiguousarray(columns.T))).percent
+        return batched(Query(np.ascontiguousarray(columns.T))).percent
 
     def together() -> int:
         rng = np.random.default_rng(0)
@@ -153,7 +152,7 @@ def compare_evolution(split: Split, population: int, generations: int, rounds: i
 
 
 class Clocked:
-    """Answers a search's questions and remembers when each best vector was found.
+    """Answers a search's queries and remembers when each best vector was found.
 
     Attributes
     ----------
@@ -161,30 +160,30 @@ class Clocked:
     """
 
     def __init__(
-        self, error: WaypointError, casts: int, worth: Callable[[Answer], np.ndarray]
+        self, error: WaypointError, casts: int, worth: Callable[[Response], np.ndarray]
     ) -> None:
         self.found: list[tuple[float, int, np.ndarray]] = []
         self._error, self._worth, self._set_casts = error, worth, casts
         self._best, self._casts = np.inf, 0
         self._begun_s = time.perf_counter()
 
-    def __call__(self, question: Question) -> Answer:
-        answer = self._error(question)
-        self._casts += question.cost(self._set_casts)
-        if question.whole:
-            worth = self._worth(answer)
+    def __call__(self, query: Query) -> Response:
+        response = self._error(query)
+        self._casts += query.cost(self._set_casts)
+        if query.whole:
+            worth = self._worth(response)
             best = int(np.argmin(worth))
             if worth[best] < self._best:
                 self._best = float(worth[best])
-                vector = question.vectors[best].copy()
+                vector = query.vectors[best].copy()
                 self.found.append((time.perf_counter() - self._begun_s, self._casts, vector))
-        return answer
+        return response
 
 
 def gauss_newton(split: Split, error: WaypointError, start: np.ndarray) -> Clocked:
     """Search as tune does with optimizer=gn."""
     config = composed("optimizer=gn")
-    clocked = Clocked(error, len(split.tuning.trials), lambda answer: answer.percent)
+    clocked = Clocked(error, len(split.tuning.trials), lambda response: response.percent)
     problem = Problem(error.free, start, len(split.tuning.trials), split.noise_percent)
     budget = config.optimizer.budget_casts
     search(instantiate(config.optimizer.search), problem, clocked, budget)
@@ -196,15 +195,15 @@ def system_identification(
 ) -> Clocked:
     """Search with mujoco.sysid, which minimises the sum of squares of all misses."""
 
-    def squares(answer: Answer) -> np.ndarray:
-        assert answer.misses is not None
-        return (answer.misses**2).sum(axis=(1, 2))
+    def squares(response: Response) -> np.ndarray:
+        assert response.residuals is not None
+        return (response.residuals**2).sum(axis=(1, 2))
 
     clocked = Clocked(error, len(split.tuning.trials), squares)
 
     def residual(x: np.ndarray, params: sysid.ParameterDict) -> tuple[list[np.ndarray], None, None]:
         columns = x.reshape(len(error.free), -1)
-        misses = clocked(Question(columns.T.copy(), with_misses=True)).misses
+        misses = clocked(Query(columns.T.copy(), with_residuals=True)).residuals
         assert misses is not None
         rows = misses.reshape(columns.shape[1], -1).T / split.noise_percent
         return [rows if x.ndim > 1 else rows.ravel()], None, None
@@ -224,7 +223,7 @@ def system_identification(
 def judged(clocked: Clocked, heldout: WaypointError) -> list[tuple[float, int, float]]:
     """Return (seconds, casts, held-out error in %) of every best vector."""
     vectors = np.array([vector for _, _, vector in clocked.found])
-    errors = heldout(Question(vectors)).percent.tolist()
+    errors = heldout(Query(vectors)).percent.tolist()
     return [(s, n, e) for (s, n, _), e in zip(clocked.found, errors, strict=True)]
 
 
@@ -232,7 +231,7 @@ def compare_least_squares(split: Split, differences: Sequence[float], starts: in
     """Print how soon both reach sysid's best held-out error; return the median ratio of times."""
     error, heldout = objective(split.tuning), objective(split.heldout)
     nominal = start_vector(error)
-    error(Question(nominal[None]))
+    error(Query(nominal[None]))
     rng = np.random.default_rng(0)
     tried = [nominal, *rng.uniform(0.02, 0.98, (starts - 1, len(nominal)))]
     ratios = []

@@ -1,8 +1,9 @@
 """Tune invented models, whose parameters are known, with one optimizer: how near does it come?
 
-python -m studies.sim2sim.tune simulator=segmented optimizer=gn sim2sim.casts=20
+python -m studies.sim2sim.tune simulator=segmented optimizer=bo sim2sim.parameters=paper
 """
 
+import subprocess
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Literal
@@ -12,7 +13,7 @@ import polars as pl
 from hydra.utils import instantiate
 from omegaconf import DictConfig, open_dict
 
-from robotcast.build import action_space, build, build_simulator
+from robotcast.build import CONFIGURATION, action_space, build, build_simulator
 from robotcast.casts.plan import PlannedCast, plan_actions
 from robotcast.files import atomic_file
 from robotcast.fitting.parameter import Parameter
@@ -20,32 +21,30 @@ from robotcast.measurements.measurement_set import Trial
 from robotcast.rigs.envelope import feasible_actions
 from robotcast.simulators.simulator import SimulatedCast, Simulator
 from robotcast.stage import bar, output_folder, stage, tell
-from robotcast.tuning.asking import Problem, Question
 from robotcast.tuning.certainty import Certainty, certainty
 from robotcast.tuning.objective import WaypointError, full_vectors
-from robotcast.tuning.search import Found
+from robotcast.tuning.search import Problem, Query, SearchResult
 from robotcast.workflow.searching import open_journal, search_with_bar
 
-KEY = ("simulator", "optimizer", "casts", "model", "start")  # of a tuning
+KEY = ("simulator", "parameters", "optimizer", "casts", "model", "start")  # of a tuning
 DRAWS = 50  # of a model, until one diverges on no cast
 
 
 def tune(config: DictConfig) -> None:
-    settings, names = config.sim2sim, (config.simulator.name, config.optimizer.name)
+    settings, optimizer_name = config.sim2sim, config.optimizer.name
     if settings.casts > settings.most_casts:
         raise ValueError(
             f"sim2sim.casts={settings.casts}: only {settings.most_casts} are simulated for each "
             "model; raise sim2sim.most_casts"
         )
     cable = build(config.weighed_cable)
-    with open_dict(config):  # what the cable's owner would weigh is held
-        for name in config.simulator.get("weighed", ()):
-            config.simulator.model.parameters[name].frozen = True
+    _hold(config)
     simulator: Simulator = build_simulator(config, cable)
-    cell = "-".join((*names, str(settings.casts)))
+    names = (config.simulator.name, settings.parameters, optimizer_name, settings.casts)
+    cell = "-".join(map(str, names))
     path = output_folder(settings.folder) / f"{cell}.csv"
-    budget = settings.budget_per_cast[names[0]][names[1]] * settings.casts
-    journals, rows = [], list[dict[str, Any]]()
+    budget = settings.budget_per_cast[names[0]][names[1]][optimizer_name] * settings.casts
+    code, journals, rows = commit(), [], list[dict[str, Any]]()
     for number, (vector, tuning, test) in enumerate(_models(config, simulator)):
         objective, judged = (WaypointError(simulator, t, cable.length_m) for t in (tuning, test))
         problem = Problem(objective.free, vector, settings.casts, settings.shown_percent)
@@ -58,12 +57,12 @@ def tune(config: DictConfig) -> None:
             problem = replace(problem, start=begin)
             seed = config.optimizer.seed + 1000 * number + 10 * start  # searches may count on
             optimizer = instantiate(config.optimizer.search, seed=seed)
-            title = f"model {number + 1}, start {start + 1}, {names[1]}"
+            title = f"model {number + 1}, start {start + 1}, {optimizer_name}"
             found = search_with_bar(title, optimizer, problem, journal, budget)
-            test_percent = float(judged(Question(found.vector[None])).percent[0])
-            tuning_of = dict(zip(KEY, (*names, settings.casts, number, start), strict=True))
+            test_percent = float(judged(Query(found.vector[None])).percent[0])
+            tuning_of = dict(zip(KEY, (*names, number, start), strict=True))
             parameters = _outcomes(objective.free, vector, found, known, test_percent)
-            rows += [{**tuning_of, **parameter} for parameter in parameters]
+            rows += [{**tuning_of, **parameter, "commit": code} for parameter in parameters]
     with atomic_file(path) as temporary:
         pl.DataFrame(rows).write_csv(temporary)
     for journal in journals:
@@ -74,6 +73,29 @@ def tune(config: DictConfig) -> None:
             f"{cell}, model {row['model']}, start {row['start']}: {row['parameter']} "
             f"{row['found']:.4g} for {row['true']:.4g} {row['unit']}, {error:.2g} % off"
         )
+
+
+def _hold(config: DictConfig) -> None:
+    """Hold the parameters that are not tuned at their nominal values.
+
+    The paper's are tuned alone; of ours, those that a cable's owner would weigh are held.
+    """
+    parameters, settings = config.simulator.model.parameters, config.sim2sim
+    if settings.parameters == "paper":
+        held = set(parameters) - set(settings.paper[config.simulator.name])
+    elif settings.parameters == "ours":
+        held = set(config.simulator.weighed)
+    else:
+        raise ValueError(f"sim2sim.parameters={settings.parameters}: expected paper or ours")
+    with open_dict(config):
+        for name in held:
+            parameters[name].frozen = True
+
+
+def commit() -> str:
+    """Return the commit of the code, with a + where it was changed since; "" without git."""
+    command = ["git", "describe", "--always", "--abbrev=7", "--exclude=*", "--dirty=+"]
+    return subprocess.run(command, cwd=CONFIGURATION, capture_output=True, text=True).stdout.strip()
 
 
 def stream(
@@ -138,7 +160,7 @@ def _invent(
 def _outcomes(
     parameters: Sequence[Parameter],
     vector: np.ndarray,
-    found: Found,
+    found: SearchResult,
     known: Certainty,
     test_percent: float,
 ) -> Iterator[dict[str, Any]]:

@@ -89,6 +89,6 @@ def test_two_repeats_make_no_ellipse(results) -> None:
 def test_every_optimizer_has_a_trace(optimizers: Results) -> None:
     (legend,) = trace_figure(optimizers.tunings, {"cable1": 0.8}).legends
     assert {text.get_text() for text in legend.get_texts()} == {
-        *(f"Segmented, {name}" for name in ("DE", "BO (EI)", "Gauss–Newton")),
+        *(f"Segmented, {name}" for name in ("DE", "BO", "Gauss–Newton")),
         "noise floor",
     }

@@ -8,7 +8,7 @@ import pytest
 from robotcast.reporting.figures import trace_figure
 from robotcast.reporting.report import RunFacts, glance, make_report, write_report
 from robotcast.reporting.results import Results, read_results
-from robotcast.tuning.revisions import Revision, keep_revision
+from robotcast.tuning.revisions import ModelRevision, keep_revision
 
 ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
 FACTS = RunFacts("demo", 0, (("Trained", "at most 200 epochs"),))
@@ -72,7 +72,7 @@ def test_a_report_is_written_from_whatever_is_there(data_folder, room, tmp_path)
 def test_the_ladder_of_revisions_is_drawn_from_base_to_effects(data_folder, tmp_path) -> None:
     shutil.copytree(data_folder / "tuned" / "cable1", tmp_path / "data" / "tuned" / "cable1")
     tuned = tmp_path / "data" / "tuned" / "cable1" / "segmented-de"
-    base = Revision(
+    base = ModelRevision(
         cable="cable1", rig="virtual", split="aaaa", tuning_casts=20, heldout_casts=30,
         simulator="segmented", optimizer="de", effects=(), tuning_waypoint_error_percent=2.4,
         heldout_waypoint_error_percent=3.1, heldout_final_error_percent=4.0,

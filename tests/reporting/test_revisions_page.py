@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from robotcast.reporting.bars import Bar, Row, bars
-from robotcast.reporting.revisions_page import Tuning, comparable, revisions_page
+from robotcast.reporting.revisions_page import TuningProgress, comparable, revisions_page
 from robotcast.reporting.style import inline
-from robotcast.tuning.revisions import Revision
+from robotcast.tuning.revisions import ModelRevision
 from robotcast.tuning.search import Batch
 
-BASE = Revision(
+BASE = ModelRevision(
     cable="cable1", rig="virtual", split="aaaa", tuning_casts=20, heldout_casts=30,
     simulator="segmented", optimizer="de", effects=(), tuning_waypoint_error_percent=2.46,
     heldout_waypoint_error_percent=3.12, heldout_final_error_percent=4.05,
@@ -26,8 +26,8 @@ TILT = replace(
 TRACE = tuple(Batch(800, float(b), float(2 * b), 0) for b in 1 + 8 * np.exp(-np.arange(12) / 3))
 
 
-def tuning(effects=("board_tilt",), trace=TRACE, finished=False) -> Tuning:
-    return Tuning(
+def tuning(effects=("board_tilt",), trace=TRACE, finished=False) -> TuningProgress:
+    return TuningProgress(
         cable="cable1", rig="virtual", split="aaaa", simulator="segmented", optimizer="de",
         effects=effects, noise_floor_percent=0.76, trace=trace, finished=finished,
     )  # fmt: skip

@@ -12,7 +12,7 @@ from robotcast.reporting.page import to_latex
 from robotcast.reporting.results import Results, read_results
 from robotcast.reporting.table import Group, Table, markdown
 from robotcast.reporting.tables import cables_table, parts_table, policies_table, tuning_table
-from robotcast.tuning.revisions import Revision
+from robotcast.tuning.revisions import ModelRevision
 
 TABLE = Table(
     name="errors",
@@ -195,13 +195,13 @@ def test_every_simulator_has_a_row_for_every_optimizer(optimizers: Results) -> N
         *(
             f"{s}, {o}"
             for s in ("PyBullet", "Hybrid", "Segmented")
-            for o in ("DE", "BO (EI)", "Gauss–Newton")
+            for o in ("DE", "BO", "Gauss–Newton")
         ),
         "Noise floor (repeats)",
     ]
 
 
-REVISION = Revision(
+REVISION = ModelRevision(
     cable="cable1", rig="virtual", split="a", tuning_casts=20, heldout_casts=30,
     simulator="segmented", optimizer="de", effects=("board_tilt",),
     tuning_waypoint_error_percent=2.0, heldout_waypoint_error_percent=2.0,
@@ -229,4 +229,4 @@ def test_the_caption_says_who_was_given_how_much(optimizers: Results) -> None:
     fewer = {**optimizers.tunings[0].facts, "simulated_casts": 48}
     tunings = (replace(optimizers.tunings[0], facts=fewer), *optimizers.tunings[1:])
     caption = tuning_table(replace(optimizers, tunings=tunings)).caption
-    assert "Tuned to: Segmented, BO (EI) 30 casts, 48 simulated; " in caption
+    assert "Tuned to: Segmented, BO 30 casts, 48 simulated; " in caption

@@ -16,10 +16,11 @@ from studies.sim2sim.tune import stream
 from tests.test_pipeline import stages
 
 ROOT = Path(__file__).resolve().parents[2]
-SIMULATORS = ("segmented", "hybrid")
+MODELS = {"segmented": "ours", "hybrid": "paper"}
 TOLD = pl.col("told_within_percent") <= 20.0  # as studies/sim2sim/full.yaml has it
 FRICTION = {
-    "simulator": "segmented", "optimizer": "bo_lcb", "casts": 5, "model": 0, "start": 0,
+    "simulator": "segmented", "parameters": "paper", "optimizer": "bo", "casts": 5, "model": 0,
+    "start": 0, "commit": "1234567",
     "parameter": "friction", "unit": "1", "true": 0.4, "found": 0.402, "told_within_percent": 3.0,
     "tuning_percent": 0.1, "test_percent": 0.2, "simulated_casts": 2000, "diverged_casts": 1,
 }  # fmt: skip
@@ -103,9 +104,13 @@ def test_the_written_forms_of_the_kept_runs_are_the_kept_ones() -> None:
     assert (reports / "README.md").read_text("utf-8").endswith(markdown(HEAD, table))
 
 
-@pytest.mark.parametrize("simulator", SIMULATORS)
-def test_gauss_newton_needs_a_twentieth_of_what_differential_evolution_needs(simulator) -> None:
-    kept = read_outcomes(ROOT / "reports/sim2sim/runs").filter(TOLD, simulator=simulator, casts=20)
+@pytest.mark.parametrize(("simulator", "parameters"), MODELS.items())
+def test_gauss_newton_needs_a_twentieth_of_what_differential_evolution_needs(
+    simulator, parameters
+) -> None:
+    kept = read_outcomes(ROOT / "reports/sim2sim/runs").filter(
+        TOLD, simulator=simulator, parameters=parameters, casts=20
+    )
     evolved, newton = (kept.filter(optimizer=name) for name in ("de", "gn"))
     assert all(len(one.unique(["model", "start"])) == 6 for one in (evolved, newton))
     assert evolved["error_percent"].to_numpy().max() < 1.0
@@ -114,11 +119,12 @@ def test_gauss_newton_needs_a_twentieth_of_what_differential_evolution_needs(sim
     assert newton["simulated_casts"].to_numpy().max() <= least / 20
 
 
-@pytest.mark.parametrize("simulator", SIMULATORS)
-def test_the_study_gives_every_optimizer_a_budget(simulator: str) -> None:
+def test_the_study_gives_every_optimizer_a_budget() -> None:
     study = yaml.safe_load((ROOT / "studies/sim2sim/full.yaml").read_text(encoding="utf-8"))
-    budgets = study["sim2sim"]["budget_per_cast"][simulator]
-    assert set(budgets) == set(stages("studies/sim2sim")["tune"]["matrix"]["optimizer"])
+    matrix = stages("studies/sim2sim")["tune"]["matrix"]
+    for model in matrix["model"]:
+        budgets = study["sim2sim"]["budget_per_cast"][model["simulator"]][model["parameters"]]
+        assert set(budgets) == set(matrix["optimizer"])
 
 
 def run(step: str, folder: Path, *overrides: str, **environment: str) -> None:
@@ -141,7 +147,10 @@ def test_gauss_newton_finds_what_twenty_casts_tell(tmp_path: Path) -> None:
     assert "cable_mass_kg" not in outcomes["parameter"]  # weighed, so not tuned
     assert not list((tmp_path / "unfinished").glob("*"))
     run("table", tmp_path)
-    assert "Segmented | 20 | Gauss–Newton | 1 |" in (tmp_path / "reports" / "README.md").read_text()
+    assert (
+        "Segmented | ours, 7 | 20 | Gauss–Newton | 1 |"
+        in (tmp_path / "reports" / "README.md").read_text()
+    )
 
 
 @pytest.mark.slow
@@ -150,5 +159,5 @@ def test_a_search_asks_the_same_whatever_the_threads_of_linear_algebra(tmp_path:
     for threads in ("1", "2"):
         folder, sizes = tmp_path / threads, ("sim2sim.casts=10", "sim2sim.most_casts=20")
         run("tune", folder, "optimizer=gn", *sizes, OPENBLAS_NUM_THREADS=threads)
-        written.append((folder / "segmented-gn-10.csv").read_bytes())
+        written.append((folder / "segmented-ours-gn-10.csv").read_bytes())
     assert written[0] == written[1]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotcast.fitting.parameter import Parameter
-from robotcast.tuning.asking import Answer, Problem, Question
+from robotcast.tuning.search import Problem, Query, Response
 
 TRUE = np.array([0.3, 0.7, 0.5])
 CASTS = 6
@@ -19,7 +19,7 @@ class Bowl:
 
     Attributes
     ----------
-    dies_at : the question at which the process is killed.
+    dies_at : the query at which the process is killed.
     cliff : vectors whose first number is above it make every run diverge.
     """
 
@@ -27,16 +27,16 @@ class Bowl:
     cliff: float = np.inf
     asked: int = 0
 
-    def __call__(self, question: Question) -> Answer:
+    def __call__(self, query: Query) -> Response:
         if self.asked == self.dies_at:
             raise KeyboardInterrupt
         self.asked += 1
-        casts = np.arange(CASTS) if question.casts is None else np.array(question.casts)
-        away = question.vectors - TRUE
+        casts = np.arange(CASTS) if query.casts is None else np.array(query.casts)
+        away = query.vectors - TRUE
         slopes = 10 * np.random.default_rng(1).normal(size=(CASTS, 4, 3))[casts]
-        misses = np.einsum("cdn,vn->vcd", slopes, away + 0.3 * away**2)
-        lost = question.vectors[:, 0] > self.cliff
-        misses[lost] = [100.0, 0.0, 0.0, 0.0]
-        percent = np.sqrt((misses**2).sum(axis=-1)).mean(axis=-1)
-        shown = misses if question.with_misses else None
-        return Answer(percent, np.where(lost, len(casts), 0), shown)
+        residuals = np.einsum("cdn,vn->vcd", slopes, away + 0.3 * away**2)
+        lost = query.vectors[:, 0] > self.cliff
+        residuals[lost] = [100.0, 0.0, 0.0, 0.0]
+        percent = np.sqrt((residuals**2).sum(axis=-1)).mean(axis=-1)
+        shown = residuals if query.with_residuals else None
+        return Response(percent, np.where(lost, len(casts), 0), shown)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from robotcast.fitting.parameter import Parameter
-from robotcast.tuning.asking import Answer, Problem, Question
 from robotcast.tuning.certainty import MOST, certainty
+from robotcast.tuning.search import Problem, Query, Response
 
 PARAMETERS = (
     Parameter("sharp", "1", 0.0, 2.0, 1.0),
@@ -26,9 +26,9 @@ class Lines:
         self.slopes, self.true = slopes, true
         self.noise = NOISE * np.random.default_rng(0).normal(size=len(slopes))
 
-    def __call__(self, question: Question) -> Answer:
-        misses = (question.vectors - self.true) @ self.slopes.T + self.noise
-        return Answer(np.abs(misses).mean(axis=1), np.zeros(len(misses), int), misses[..., None])
+    def __call__(self, query: Query) -> Response:
+        misses = (query.vectors - self.true) @ self.slopes.T + self.noise
+        return Response(np.abs(misses).mean(axis=1), np.zeros(len(misses), int), misses[..., None])
 
 
 def own_slopes(columns: int, seed: int = 5) -> np.ndarray:
@@ -45,7 +45,7 @@ def test_an_interval_is_a_little_wider_than_two_standard_errors_of_least_squares
         least = 4 * error * (p.upper - p.lower)
         assert least < high - low < 2 * least  # robust weights trust no cast fully
     assert found.vague == ()
-    assert found.casts == 2 * 7 * CASTS
+    assert found.simulated_casts == 2 * 7 * CASTS
 
 
 def test_two_parameters_that_casts_tell_only_together_are_named() -> None:

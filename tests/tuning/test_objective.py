@@ -9,8 +9,8 @@ from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Trial
 from robotcast.progress import silent
 from robotcast.simulators.simulator import Prediction
-from robotcast.tuning.asking import Question
 from robotcast.tuning.objective import WaypointError, full_vectors
+from robotcast.tuning.search import Query
 
 LENGTH_M = 0.5
 T_S = np.arange(0, 1, 0.1)
@@ -40,7 +40,7 @@ class Drift:
 
 def asked(*offsets_m: float, says: float = np.nan, **more):
     objective = WaypointError(Drift(says), TRIALS, LENGTH_M)
-    return objective(Question(np.array(offsets_m)[:, None], **more))
+    return objective(Query(np.array(offsets_m)[:, None], **more))
 
 
 def test_a_vector_costs_the_average_waypoint_error_in_percent_of_cable_length() -> None:
@@ -49,10 +49,10 @@ def test_a_vector_costs_the_average_waypoint_error_in_percent_of_cable_length() 
 
 @pytest.mark.parametrize("says", [np.nan, np.inf, -np.inf])
 def test_a_diverged_run_costs_one_cable_length_and_is_counted(says: float) -> None:
-    answer = asked(0.05, 0.9, says=says, with_misses=True)
-    np.testing.assert_allclose(answer.percent, [10, 100])
-    np.testing.assert_array_equal(answer.diverged, [0, 3])
-    assert answer.misses is not None and np.isfinite(answer.misses).all()
+    response = asked(0.05, 0.9, says=says, with_residuals=True)
+    np.testing.assert_allclose(response.percent, [10, 100])
+    np.testing.assert_array_equal(response.diverged, [0, 3])
+    assert response.residuals is not None and np.isfinite(response.residuals).all()
 
 
 def test_no_vector_gains_by_diverging() -> None:
@@ -61,17 +61,17 @@ def test_no_vector_gains_by_diverging() -> None:
 
 
 def test_the_misses_of_a_cast_sum_to_its_mean_square_miss() -> None:
-    answer = asked(0.05, with_misses=True)
-    assert answer.misses is not None
-    np.testing.assert_allclose((answer.misses**2).sum(axis=-1), np.full((1, 3), 100.0))
+    response = asked(0.05, with_residuals=True)
+    assert response.residuals is not None
+    np.testing.assert_allclose((response.residuals**2).sum(axis=-1), np.full((1, 3), 100.0))
 
 
-def test_a_question_about_some_casts_and_their_beginnings_sees_no_more() -> None:
-    answer = asked(0.05, casts=(0, 2), share=0.5, with_misses=True)
-    assert answer.misses is not None
-    assert answer.misses.shape == (1, 2, 2 * 5)
-    assert (answer.misses[0, 0, ::2] != 0).sum() == 5
-    assert (answer.misses[0, 1, ::2] != 0).sum() == 4
+def test_a_query_about_some_casts_and_their_beginnings_sees_no_more() -> None:
+    response = asked(0.05, casts=(0, 2), share=0.5, with_residuals=True)
+    assert response.residuals is not None
+    assert response.residuals.shape == (1, 2, 2 * 5)
+    assert (response.residuals[0, 0, ::2] != 0).sum() == 5
+    assert (response.residuals[0, 1, ::2] != 0).sum() == 4
 
 
 def test_frozen_parameters_keep_their_value() -> None:

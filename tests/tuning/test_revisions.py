@@ -1,23 +1,25 @@
 """The ledger of model revisions: one entry a revision, the same bytes in whatever order."""
 
 import itertools
+import json
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from omegaconf import OmegaConf
 
 from robotcast.tuning.revisions import (
     LEDGER,
-    Revision,
+    ModelRevision,
     comparable_revisions,
     keep_revision,
-    predicted_error,
     read_revisions,
     record_revision,
 )
+from robotcast.workflow.tuning import promised_error
 
-BASE = Revision(
+BASE = ModelRevision(
     cable="cable1", rig="virtual", split="aaaa", tuning_casts=20, heldout_casts=30,
     simulator="segmented", optimizer="de", effects=(), tuning_waypoint_error_percent=2.46,
     heldout_waypoint_error_percent=3.12, heldout_final_error_percent=4.05,
@@ -32,7 +34,7 @@ DRAG = replace(BASE, effects=("air_drag",), heldout_waypoint_error_percent=2.9)
 BOTH = replace(BASE, effects=("air_drag", "board_tilt"), heldout_waypoint_error_percent=0.81)
 
 
-def record(path: Path, revision: Revision) -> None:
+def record(path: Path, revision: ModelRevision) -> None:
     record_revision(path, revision)
 
 
@@ -99,14 +101,20 @@ def test_a_broken_line_is_refused_by_name(tmp_path) -> None:
         read_revisions(tmp_path / LEDGER)
 
 
-def test_what_a_diagnosis_promised_is_found_by_its_effects() -> None:
-    diagnosis = {
-        "ladder": [
-            {"effects": [], "heldout_waypoint_error_percent": 3.1},
-            {"effects": ["board_tilt"], "heldout_waypoint_error_percent": 1.31},
-            {"effects": ["board_tilt", "air_drag"], "heldout_waypoint_error_percent": 0.93},
-        ],
-    }
-    assert predicted_error(diagnosis, ["air_drag", "board_tilt"]) == 0.93
-    assert predicted_error(diagnosis, []) is None
-    assert predicted_error(diagnosis, ["camera_scale"]) is None
+def test_what_a_diagnosis_promised_is_found_by_its_effects(tmp_path) -> None:
+    ladder = [
+        {"effects": [], "heldout_waypoint_error_percent": 3.1},
+        {"effects": ["board_tilt"], "heldout_waypoint_error_percent": 1.31},
+        {"effects": ["board_tilt", "air_drag"], "heldout_waypoint_error_percent": 0.93},
+    ]
+    diagnosis = {"measurements": str(tmp_path), "ladder": ladder}
+    (tmp_path / "diagnosis.json").write_text(json.dumps(diagnosis))
+
+    def promised(*effects: str, measurements: Path = tmp_path) -> float | None:
+        paths = {"diagnosis": str(tmp_path), "measurements": str(measurements)}
+        return promised_error(OmegaConf.create({"effects": list(effects), "paths": paths}))
+
+    assert promised("air_drag", "board_tilt") == 0.93
+    assert promised() is None
+    assert promised("camera_scale") is None
+    assert promised("board_tilt", measurements=tmp_path / "another set") is None

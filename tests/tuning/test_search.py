@@ -7,13 +7,19 @@ import numpy as np
 import pytest
 import torch
 
-from robotcast.tuning.asking import Answer, Optimizer, Problem, Question
 from robotcast.tuning.bayesian_optimization import BayesianOptimization
-from robotcast.tuning.called import Called
 from robotcast.tuning.differential_evolution import DifferentialEvolution
 from robotcast.tuning.gauss_newton import GaussNewton
 from robotcast.tuning.journal import Journal
-from robotcast.tuning.search import Found, search
+from robotcast.tuning.search import (
+    Objective,
+    Optimizer,
+    Problem,
+    Query,
+    Response,
+    SearchResult,
+    search,
+)
 from tests.tuning.bowl import CASTS, PROBLEM, TRUE, Bowl
 
 OPTIMIZERS: dict[str, tuple[Optimizer, int, float]] = {
@@ -34,15 +40,15 @@ OPTIMIZERS: dict[str, tuple[Optimizer, int, float]] = {
         1e-4,
     ),
     "bo": (
-        BayesianOptimization(initial=8, batch=4, most=44, raw_samples=64, restarts=2, seed=4),
-        (8 + 9 * 4) * CASTS,
-        0.1,
+        BayesianOptimization(initial=8, batch=3, nearest=30, components=4, seed=4),
+        (8 + 5 * 3) * CASTS,
+        1e-2,
     ),
 }
 NAMES = list(OPTIMIZERS)
 
 
-def run(name: str, evaluate, budget: int | None = None) -> Found:
+def run(name: str, evaluate, budget: int | None = None) -> SearchResult:
     optimizer, most, _ = OPTIMIZERS[name]
     return search(optimizer, PROBLEM, evaluate, budget or most)
 
@@ -80,7 +86,7 @@ def test_gauss_newton_finishes_within_a_small_budget(budget: int, noise_percent:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("dies_at", [0, 1, 3, 7])
+@pytest.mark.parametrize("dies_at", [0, 1, 4])
 def test_a_killed_search_resumes_to_the_same_result(
     tmp_path: Path, name: str, dies_at: int
 ) -> None:
@@ -90,7 +96,7 @@ def test_a_killed_search_resumes_to_the_same_result(
     with pytest.raises(KeyboardInterrupt):
         run(name, Journal(path, "bowl", Bowl(dies_at)))
     with path.open("a") as file:
-        file.write('{"question": {"vectors": [[0.1')  # killed while writing
+        file.write('{"vectors": [[0.1')  # killed while writing
     again = Bowl()
     resumed = run(name, Journal(path, "bowl", again))
     assert again.asked == unbroken.asked - dies_at
@@ -130,10 +136,11 @@ def test_gauss_newton_begins_again_only_far_above_the_noise() -> None:
     assert casts[1e-9, 3] > 2 * casts[1e-9, 1]
 
 
-def test_bayesian_optimization_ends_when_a_larger_process_would_cost_more_than_it_saves() -> None:
-    optimizer = BayesianOptimization(initial=8, batch=4, most=14, raw_samples=16, restarts=1)
+def test_bayesian_optimization_ends_where_nothing_is_left_to_find() -> None:
+    optimizer, _, _ = OPTIMIZERS["bo"]
     found = search(optimizer, PROBLEM, Bowl(), 10_000)
-    assert found.casts == 16 * CASTS  # the last question is asked whole
+    assert found.casts < 5_000
+    np.testing.assert_allclose(found.vector, TRUE, atol=1e-4)
 
 
 def test_a_journal_of_another_subject_is_not_used(tmp_path: Path) -> None:
@@ -153,46 +160,30 @@ def test_a_journal_clears_what_its_own_killed_writer_left(tmp_path: Path) -> Non
     assert list(tmp_path.iterdir()) == [other]
 
 
-def test_a_journal_gives_answers_back_to_the_last_bit(tmp_path: Path) -> None:
-    path, question = tmp_path / "journal.jsonl", Question(np.eye(3), (1, 4), 0.5, True)
-    told = Journal(path, "bowl", Bowl())(question)
-    kept = Journal(path, "bowl", Bowl(dies_at=0))(question)
+def test_a_journal_gives_responses_back_to_the_last_bit(tmp_path: Path) -> None:
+    path, query = tmp_path / "journal.jsonl", Query(np.eye(3), (1, 4), 0.5, True)
+    told = Journal(path, "bowl", Bowl())(query)
+    kept = Journal(path, "bowl", Bowl(dies_at=0))(query)
     np.testing.assert_array_equal(kept.percent, told.percent)
     np.testing.assert_array_equal(kept.diverged, told.diverged)
-    np.testing.assert_array_equal(kept.misses, told.misses)
+    np.testing.assert_array_equal(kept.residuals, told.residuals)
 
 
 def test_an_answer_to_another_question_is_not_taken_from_the_journal(tmp_path: Path) -> None:
     path = tmp_path / "journal.jsonl"
-    Journal(path, "bowl", Bowl())(Question(np.full((1, 3), 0.1)))
+    Journal(path, "bowl", Bowl())(Query(np.full((1, 3), 0.1)))
     evaluate = Bowl()
-    answer = Journal(path, "bowl", evaluate)(Question(np.full((1, 3), 0.2)))
+    response = Journal(path, "bowl", evaluate)(Query(np.full((1, 3), 0.2)))
     assert evaluate.asked == 1
-    np.testing.assert_array_equal(answer.percent, Bowl()(Question(np.full((1, 3), 0.2))).percent)
-    assert len(path.read_text().splitlines()) == 2
-
-
-def test_a_search_that_fails_says_so_where_it_is_asked() -> None:
-    class Broken:
-        def begin(self, problem: Problem, budget_casts: int) -> Called:
-            def body(evaluate) -> None:
-                evaluate(Question(problem.start[None]))
-                raise ZeroDivisionError
-
-            return Called(body)
-
-    with pytest.raises(ZeroDivisionError):
-        search(Broken(), PROBLEM, Bowl(), 100)
+    np.testing.assert_array_equal(response.percent, Bowl()(Query(np.full((1, 3), 0.2))).percent)
+    assert len(path.read_text().splitlines()) == 3
 
 
 def test_only_vectors_tried_on_all_casts_can_be_the_best() -> None:
     class Partial:
-        def begin(self, problem: Problem, budget_casts: int) -> Called:
-            def body(evaluate) -> None:
-                evaluate(Question(problem.start[None]))
-                evaluate(Question(TRUE[None], casts=(0, 1)))
-
-            return Called(body)
+        def minimise(self, problem: Problem, objective: Objective, budget_casts: int) -> None:
+            objective(Query(problem.start[None]))
+            objective(Query(TRUE[None], casts=(0, 1)))
 
     optimizer: Optimizer = Partial()
     found = search(optimizer, PROBLEM, Bowl(), 100)
@@ -201,17 +192,9 @@ def test_only_vectors_tried_on_all_casts_can_be_the_best() -> None:
     assert [batch.casts for batch in found.trace] == [CASTS, 2]
 
 
-def test_an_answer_has_no_misses_unless_asked() -> None:
-    answer: Answer = Bowl()(Question(TRUE[None]))
-    assert answer.misses is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("acquisition", ["ei", "lcb", "mpi"])
-def test_every_acquisition_finds_a_known_minimum(acquisition: str) -> None:
-    optimizer = BayesianOptimization(initial=10, batch=3, most=100, acquisition=acquisition, seed=4)
-    found = search(optimizer, PROBLEM, Bowl(), 40 * CASTS)
-    np.testing.assert_allclose(found.vector, TRUE, atol=0.05)
+def test_a_response_has_no_residuals_unless_queried() -> None:
+    response: Response = Bowl()(Query(TRUE[None]))
+    assert response.residuals is None
 
 
 def test_bayesian_optimization_asks_the_same_whatever_the_threads() -> None:
@@ -224,8 +207,3 @@ def test_bayesian_optimization_asks_the_same_whatever_the_threads() -> None:
         finally:
             torch.set_num_threads(before)
     np.testing.assert_array_equal(*asked)
-
-
-def test_an_unknown_acquisition_is_refused() -> None:
-    with pytest.raises(ValueError, match="expected ei, lcb, mpi"):
-        BayesianOptimization(initial=8, batch=2, most=100, acquisition="ucb")

@@ -10,7 +10,7 @@ from scipy.stats import t as student
 from robotcast.diagnosis.misfit import Misfit
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.rule import RULE, Rule
-from robotcast.resampling import at_times
+from robotcast.fitting.resampling import at_times
 
 MOST_TIMES = 10  # of a grid, for each sample of the longest trial
 

@@ -1,5 +1,6 @@
 """How far predicted waypoints are from measured ones (paper, "Simulator Parameter Tuning")."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -19,6 +20,7 @@ class PredictionErrors:
     final_m : median of the L² distance at the last tracked waypoint, over the casts whose end was
         seen at rest (over all where none was).
     waypoint_percent, final_percent : the same in % of cable length.
+    standard_error_percent : of `waypoint_percent`, None of a single cast.
     n_diverged : casts whose run diverged; each counts with an error of one cable length.
     """
 
@@ -26,6 +28,7 @@ class PredictionErrors:
     final_m: float
     waypoint_percent: float
     final_percent: float
+    standard_error_percent: float | None
     n_casts: int
     n_diverged: int
 
@@ -78,15 +81,19 @@ def prediction_errors(
         raise ValueError("errors need at least one cast")
     average_m, final_m = cast_errors(predicted_m, trials)
     diverged = np.isnan(average_m)
-    waypoint_m = float(np.where(diverged, length_m, average_m).mean())
+    average_m = np.where(diverged, length_m, average_m)
+    waypoint_m, n = float(average_m.mean()), len(trials)
+    percent = 100 / length_m
+    standard_error = percent * float(average_m.std(ddof=1)) / math.sqrt(n) if n > 1 else None
     counts = np.array([trial.rested for trial in trials])
     counts |= not counts.any()
     median_m = float(np.median(np.where(diverged, length_m, final_m)[counts]))
     return PredictionErrors(
         waypoint_m=waypoint_m,
         final_m=median_m,
-        waypoint_percent=100 * waypoint_m / length_m,
-        final_percent=100 * median_m / length_m,
-        n_casts=len(trials),
+        waypoint_percent=percent * waypoint_m,
+        final_percent=percent * median_m,
+        standard_error_percent=standard_error,
+        n_casts=n,
         n_diverged=int(diverged.sum()),
     )

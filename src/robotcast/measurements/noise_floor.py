@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robotcast.fitting.resampling import at_times
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
-from robotcast.resampling import at_times
 
 GRID = 10  # times for each waypoint at most, whatever period_s says
 

@@ -5,13 +5,7 @@ import re
 from collections.abc import Iterable, Mapping
 
 _SIMULATORS = {"bullet": "PyBullet", "hybrid": "Hybrid", "segmented": "Segmented"}
-_OPTIMIZERS = {
-    "de": "DE",
-    "bo": "BO (EI)",
-    "bo_lcb": "BO (LCB)",
-    "bo_mpi": "BO (MPI)",
-    "gn": "Gauss–Newton",
-}
+_OPTIMIZERS = {"de": "DE", "bo": "BO", "gn": "Gauss–Newton"}
 _DATASETS = {"real": "D_real", "simulated": "D_sim", "mixed": "D_real ∪ D_sim", "none": "N/A"}
 _POLICIES = {
     ("cast_and_pull", "none"): "Cast and Pull",

@@ -20,7 +20,7 @@ from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.datasets import Examples, read_simulated
 from robotcast.policies.targets import ErrorParts, error_parts, median_interval
 from robotcast.reporting.names import cable_name, dataset_name, method_name, policy_name
-from robotcast.tuning.revisions import Revision, comparable_revisions
+from robotcast.tuning.revisions import ModelRevision, comparable_revisions
 
 One = TypeVar("One")
 _WITHIN_95 = -2 * np.log(0.05)  # of the squared distance in standard deviations, in the plane
@@ -205,7 +205,7 @@ class CableData:
     tracking: dict
     simulated: Examples | None
     generation: dict
-    revisions: tuple[Revision, ...] = ()
+    revisions: tuple[ModelRevision, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from robotcast.reporting.names import (
 )
 from robotcast.reporting.page import render
 from robotcast.reporting.style import BLUE, GREEN, GREY, beside, canvas, inline, log_errors, style
-from robotcast.tuning.revisions import Revision
+from robotcast.tuning.revisions import ModelRevision
 from robotcast.tuning.search import Batch
 
 _AXIS = "average waypoint error on held-out casts [% of cable length]"
@@ -28,7 +28,7 @@ _AXIS = "average waypoint error on held-out casts [% of cable length]"
 class Comparable:
     """Revisions that were tuned to the same casts and judged on the same others."""
 
-    revisions: tuple[Revision, ...]
+    revisions: tuple[ModelRevision, ...]
 
     @property
     def split(self) -> str:
@@ -36,11 +36,11 @@ class Comparable:
         return self.revisions[0].split
 
     @property
-    def best(self) -> Revision:
+    def best(self) -> ModelRevision:
         """The revision with the smallest held-out error; of equals, the one with fewer effects."""
         return min(self.revisions, key=lambda r: (r.heldout_waypoint_error_percent, len(r.effects)))
 
-    def find(self, method: tuple[str, str], effects: Sequence[str]) -> Revision | None:
+    def find(self, method: tuple[str, str], effects: Sequence[str]) -> ModelRevision | None:
         """Return the revision of a method, simulator and optimizer, with these effects."""
         wanted = (method, tuple(sorted(effects)))
         return next((r for r in self.revisions if (_method(r), r.effects) == wanted), None)
@@ -49,7 +49,7 @@ class Comparable:
         """Draw the ladder."""
         return bars([*map(self._row, self.revisions)], _AXIS, self.revisions[0].noise_floor_percent)
 
-    def _row(self, revision: Revision) -> Row:
+    def _row(self, revision: ModelRevision) -> Row:
         base, reached = self.find(_method(revision), ()), revision.heldout_waypoint_error_percent
         several = len(set(map(_method, self.revisions))) > 1
         final = f"final error {error(revision.heldout_final_error_percent)}"
@@ -65,9 +65,9 @@ class Comparable:
         return Row(revision_name(revision.effects), (bar,), method if several else final)
 
 
-def comparable(revisions: Sequence[Revision]) -> tuple[Comparable, ...]:
+def comparable(revisions: Sequence[ModelRevision]) -> tuple[Comparable, ...]:
     """Sort revisions by the casts they were judged on, most revisions first."""
-    groups: dict[tuple[str, str], list[Revision]] = {}
+    groups: dict[tuple[str, str], list[ModelRevision]] = {}
     for revision in revisions:
         groups.setdefault((revision.cable, revision.split), []).append(revision)
     ordered = sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
@@ -79,12 +79,12 @@ def revision_name(effects: Sequence[str]) -> str:
     return " ".join(f"+ {effect_name(e)}" for e in effects) or "base model"
 
 
-def _method(of: "Revision | Tuning") -> tuple[str, str]:
+def _method(of: "ModelRevision | TuningProgress") -> tuple[str, str]:
     return of.simulator, of.optimizer
 
 
 @dataclass(frozen=True)
-class Tuning:
+class TuningProgress:
     """A tuning that runs, or the last that ran.
 
     Attributes
@@ -104,7 +104,7 @@ class Tuning:
     finished: bool = False
 
 
-def revisions_page(revisions: Sequence[Revision], tuning: Tuning) -> str:
+def revisions_page(revisions: Sequence[ModelRevision], tuning: TuningProgress) -> str:
     """Return the page of all revisions beside the tuning that adds one to them."""
     groups = comparable(revisions)
     here = next((g for g in groups if g.split == tuning.split), None)
@@ -129,7 +129,7 @@ def revisions_page(revisions: Sequence[Revision], tuning: Tuning) -> str:
 
 
 @style(on_page=True)
-def _search_figure(tuning: Tuning, base: float | None) -> Figure:
+def _search_figure(tuning: TuningProgress, base: float | None) -> Figure:
     """Draw the best error so far against the casts simulated for it, beside the base model's."""
     best = [batch.best_percent for batch in tuning.trace]
     casts = np.cumsum([batch.casts for batch in tuning.trace])

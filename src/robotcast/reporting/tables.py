@@ -19,7 +19,7 @@ from robotcast.reporting.names import (
 from robotcast.reporting.page import caption
 from robotcast.reporting.results import Evaluation, Results, Tuning
 from robotcast.reporting.table import Group, Table
-from robotcast.tuning.revisions import Revision
+from robotcast.tuning.revisions import ModelRevision
 
 PAPER_RIG = "paper’s robot"
 
@@ -101,7 +101,7 @@ def tuning_table(results: Results) -> Table:
     )
 
 
-def _method(tuned: Tuning | Revision) -> _Method:
+def _method(tuned: Tuning | ModelRevision) -> _Method:
     return tuned.simulator, tuned.optimizer, tuned.effects
 
 

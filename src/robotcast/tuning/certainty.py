@@ -14,7 +14,7 @@ from robotcast.fitting.least_squares import (
     trial_losses,
 )
 from robotcast.fitting.uncertainty import bread, curvature, sandwich
-from robotcast.tuning.asking import Evaluate, Problem, Question
+from robotcast.tuning.search import Objective, Problem, Query, residuals_at
 
 STANDARD_ERRORS = 2.0  # on either side of a value
 VAGUE = 0.5  # of a parameter's range: an interval wider than that says little
@@ -34,88 +34,61 @@ class Certainty:
         tell the best-known direction than the worst. At most `MOST`.
     least_known : the parameters of that worst direction; where there are several, the casts
         tell them only in combination.
-    casts : how many were simulated for it.
+    simulated_casts : for it.
     """
 
     intervals: Mapping[str, tuple[float, float]]
     vague: tuple[str, ...]
     condition: float
     least_known: tuple[str, ...]
-    casts: int
+    simulated_casts: int
 
 
 def certainty_casts(problem: Problem) -> int:
-    """Return how many casts the certainty simulates."""
+    """Return how many casts `certainty` simulates."""
     return 2 * (2 * len(problem.parameters) + 1) * problem.casts
 
 
 def certainty(
-    evaluate: Evaluate, problem: Problem, vector: np.ndarray, groups: np.ndarray
+    objective: Objective, problem: Problem, vector: np.ndarray, groups: np.ndarray
 ) -> Certainty:
-    """Differentiate every waypoint at a unit vector (n_free,), in two questions.
+    """Differentiate every waypoint at a unit vector (n_free,), in two queries.
 
     The first takes a step in each parameter; the second one along each axis of the curvature that
-    the first showed, as long as moves the casts by about the noise: where they are stiff a step of
-    one size for all would leave what is linear.
-
-    A standard error is the larger of two: the sandwich estimator with the repeats of an action as
-    clusters, and the one that takes each cast for one measurement. The first sees what the model
-    misses, the second does not trust a handful of casts that happen to agree.
+    the first showed, as long as moves the casts by about the noise. A standard error is the larger
+    of two: the sandwich estimator with `groups` as clusters, which sees what the model misses, and
+    the one that takes each cast for one measurement, which does not trust a few that agree.
 
     Parameters
     ----------
     groups : int ndarray of shape (n_casts,), the action of every cast, numbered from 0.
     """
     coarse = _about(vector, np.diag(difference_steps(problem.parameters)))
-    residuals = _residuals(evaluate, problem, coarse)
+    residuals = residuals_at(objective, Query(coarse)) / problem.noise_percent
     loss = float(trial_losses(residuals[0]).mean())
     fit = Fit(vector, loss, residuals[0], slopes(coarse, residuals))
     fine = _about(vector, noise_axes(fit, np.ones(len(vector), dtype=bool)))
-    residuals = _residuals(evaluate, problem, fine)
+    residuals = residuals_at(objective, Query(fine)) / problem.noise_percent
     jacobian = slopes(fine, residuals) * steadiness(residuals)[:, None, None]
     fit = Fit(vector, loss, residuals[0], jacobian)
-    error = _standard_errors(fit, problem, groups)
+    inverse = bread(fit, np.array([p.prior_sd for p in problem.parameters]))
+    error = np.maximum(sandwich(fit, inverse, groups), np.sqrt(np.diag(inverse)))
+    ends = np.clip(vector + STANDARD_ERRORS * error * np.array([[-1.0], [1.0]]), 0.0, 1.0)
     values, axes = np.linalg.eigh(curvature(fit))
+    least, most = max(float(values[0]), 0.0), float(values[-1])
     names = np.array([p.name for p in problem.parameters])
     return Certainty(
-        intervals=_intervals(problem, vector, error),
+        intervals={
+            p.name: (float(p.from_unit(low)), float(p.from_unit(high)))
+            for p, low, high in zip(problem.parameters, *ends, strict=True)
+        },
         vague=tuple(names[2 * STANDARD_ERRORS * error > VAGUE].tolist()),
-        condition=_condition(values),
+        condition=float(np.sqrt(most / least)) if least * MOST**2 > most else MOST,
         least_known=tuple(names[axes[:, 0] ** 2 > TAKES_PART**2].tolist()),
-        casts=(len(coarse) + len(fine)) * problem.casts,
+        simulated_casts=(len(coarse) + len(fine)) * problem.casts,
     )
-
-
-def _condition(curvatures: np.ndarray) -> float:
-    """Return the condition number of the Jacobian, `curvatures` (n,) being its squares."""
-    least, most = max(float(curvatures[0]), 0.0), float(curvatures[-1])
-    return float(np.sqrt(most / least)) if least * MOST**2 > most else MOST
-
-
-def _residuals(evaluate: Evaluate, problem: Problem, vectors: np.ndarray) -> np.ndarray:
-    """Return the misses (n_vectors, n_casts, D) in units of the noise."""
-    misses = evaluate(Question(vectors, with_misses=True)).misses
-    if misses is None:
-        raise ValueError("the certainty needs the miss of every waypoint")
-    return misses / problem.noise_percent
 
 
 def _about(vector: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """Return the vector and those a step (n_steps, n) to either side of it, inside the bounds."""
     return np.clip(np.vstack([vector, vector + steps, vector - steps]), 0.0, 1.0)
-
-
-def _standard_errors(fit: Fit, problem: Problem, groups: np.ndarray) -> np.ndarray:
-    """Return the standard errors (n_free,), of the ranges."""
-    inverse = bread(fit, np.array([p.prior_sd for p in problem.parameters]))
-    return np.maximum(sandwich(fit, inverse, groups), np.sqrt(np.diag(inverse)))
-
-
-def _intervals(
-    problem: Problem, vector: np.ndarray, error: np.ndarray
-) -> dict[str, tuple[float, float]]:
-    ends = np.clip(vector + STANDARD_ERRORS * error * np.array([[-1.0], [1.0]]), 0.0, 1.0)
-    return {
-        p.name: (float(p.from_unit(low)), float(p.from_unit(high)))
-        for p, low, high in zip(problem.parameters, *ends, strict=True)
-    }

@@ -7,15 +7,12 @@ import numpy as np
 from scipy.optimize import differential_evolution
 from scipy.stats import qmc
 
-from robotcast.tuning.asking import Evaluate, Problem, Question, Search
-from robotcast.tuning.called import Called
-
-ENDLESS = 10**9  # generations: the budget ends the search
+from robotcast.tuning.search import Objective, Problem, Query
 
 
 @dataclass(frozen=True)
 class DifferentialEvolution:
-    """Evolves a population; each generation is one question.
+    """Evolves a population; each generation is one query.
 
     Attributes
     ----------
@@ -29,28 +26,28 @@ class DifferentialEvolution:
     recombination: float = 0.9
     seed: int = 0
 
-    def begin(self, problem: Problem, budget_casts: int) -> Search:
+    def minimise(self, problem: Problem, objective: Objective, budget_casts: int) -> None:
         """Search from a Latin hypercube with the problem's start as one of its vectors."""
-        return Called(lambda evaluate: self._run(problem, evaluate))
-
-    def _run(self, problem: Problem, evaluate: Evaluate) -> None:
         n = len(problem.start)
         first = qmc.LatinHypercube(n, rng=np.random.default_rng(self.seed)).random(self.population)
         first[0] = problem.start
 
         def percent(columns: np.ndarray) -> np.ndarray:
-            return evaluate(Question(np.ascontiguousarray(columns.T))).percent
+            return objective(Query(np.ascontiguousarray(columns.T))).percent
 
-        differential_evolution(
-            percent,
-            bounds=[(0.0, 1.0)] * n,
-            init=first,  # pyright: ignore[reportArgumentType]
-            maxiter=ENDLESS,
-            mutation=tuple(self.mutation),
-            recombination=self.recombination,
-            rng=np.random.default_rng(self.seed),
-            updating="deferred",
-            vectorized=True,
-            polish=False,
-            tol=0,
-        )
+        try:
+            differential_evolution(
+                percent,
+                bounds=[(0.0, 1.0)] * n,
+                init=first,  # pyright: ignore[reportArgumentType]
+                maxiter=10**9,  # the budget ends the search
+                mutation=tuple(self.mutation),
+                recombination=self.recombination,
+                rng=np.random.default_rng(self.seed),
+                updating="deferred",
+                vectorized=True,
+                polish=False,
+                tol=0,
+            )
+        except RuntimeError as error:  # by which SciPy hides a ValueError of the objective
+            raise error.__cause__ or error from None

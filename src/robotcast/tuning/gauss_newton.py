@@ -12,7 +12,6 @@ from robotcast.fitting.least_squares import (
     ENOUGH,
     Fit,
     Prior,
-    Residuals,
     Stepping,
     difference_steps,
     fit_robustly,
@@ -20,8 +19,7 @@ from robotcast.fitting.least_squares import (
     trial_losses,
 )
 from robotcast.fitting.starts import hypercube, spread
-from robotcast.tuning.asking import Answer, Evaluate, Problem, Question, Search
-from robotcast.tuning.called import Called
+from robotcast.tuning.search import Objective, Problem, Query, Response, residuals_at
 
 FAR = 1.15  # ½ ln(1 + 3²), the loss of casts missed by three noises: perhaps in a wrong valley
 HOPE = 0.1  # of its loss that a fit so far off must shed; in a wrong valley it creeps
@@ -40,18 +38,15 @@ MOST = 6  # steps for one Jacobian
 
 @dataclass(frozen=True)
 class GaussNewton:
-    """Fits every waypoint at once; a Jacobian or all tried steps are one question each.
+    """Fits every waypoint at once; a Jacobian or all tried steps are one query each.
 
-    An ensemble looks for a start on the beginnings of a few casts, a fit to those of some more
-    follows and goes on with all casts, until a step hardly pays or the misses are far below the
-    noise. A search begins again with another ensemble where the beginnings stay far above the
-    noise, or whole casts do, while the budget pays for it; the last one goes on from the best
-    beginnings at any rate.
+    An ensemble looks for a start on the beginnings of a few casts; a fit to those of some more
+    goes on with all casts until a step hardly pays. A search that stays far above the noise begins
+    again with another ensemble while the budget pays for it, at last from the best beginnings.
 
     Attributes
     ----------
-    members, updates : of the ensemble, the problem's start among its members; a small budget
-        makes do with fewer members.
+    members, updates : of the ensemble; a small budget makes do with fewer members.
     few, some : casts that the ensemble sees, and those that the first fit does.
     share : of each cast's waypoints that these see.
     early_iterations, iterations : of the first fit and of the last one, at most.
@@ -68,26 +63,25 @@ class GaussNewton:
     attempts: int
     seed: int = 0
 
-    def begin(self, problem: Problem, budget_casts: int) -> Search:
+    def minimise(self, problem: Problem, objective: Objective, budget_casts: int) -> None:
         """Search from the problem's start and from others all over the ranges."""
-        return Called(lambda evaluate: _Run(self, problem, budget_casts, evaluate).run())
+        _Fitting(self, problem, objective, budget_casts).run()
 
 
-class _Run:
+class _Fitting:
     """A search under way, which knows what its budget still pays for."""
 
     def __init__(
-        self, settings: GaussNewton, problem: Problem, budget_casts: int, evaluate: Evaluate
+        self, settings: GaussNewton, problem: Problem, objective: Objective, budget_casts: int
     ) -> None:
-        self._settings, self._problem, self._evaluate = settings, problem, evaluate
+        self._settings, self._problem, self._objective = settings, problem, objective
         self._budget_casts, self._spent_casts = budget_casts, 0
-        noise = problem.noise_percent
-        self._early = _Fits(problem, _residuals(self._paid, noise, settings.share), settings.some)
-        self._whole = _Fits(problem, _residuals(self._paid, noise), problem.casts)
+        self._early = _Fits(problem, self._paid, settings.some, settings.share)
+        self._whole = _Fits(problem, self._paid, problem.casts, share=1.0)
 
     def run(self) -> None:
         """Begin, again where that led to a wrong valley, and finish."""
-        self._paid(Question(self._problem.start[None]))
+        self._paid(Query(self._problem.start[None]))
         far: list[Fit] = []
         for attempt in range(self._settings.attempts):
             before_casts = self._spent_casts
@@ -102,9 +96,9 @@ class _Run:
             if self._finished(begun, patient=last).loss < FAR or last:
                 return
 
-    def _paid(self, question: Question) -> Answer:
-        self._spent_casts += question.cost(self._problem.casts)
-        return self._evaluate(question)
+    def _paid(self, query: Query) -> Response:
+        self._spent_casts += query.cost(self._problem.casts)
+        return self._objective(query)
 
     def _spare_casts(self) -> int:
         """Return what is left for beginnings, once the last fit has what it needs."""
@@ -151,12 +145,11 @@ def _sheds(before: Fit, after: Fit, share: float) -> bool:
 
 
 class _Fits:
-    """Fits to some of a problem's casts, evenly spaced."""
+    """Fits to some of a problem's casts, evenly spaced, or to the beginnings of these."""
 
-    def __init__(self, problem: Problem, residuals: Residuals, casts: int) -> None:
-        self.residuals = residuals
+    def __init__(self, problem: Problem, objective: Objective, casts: int, share: float) -> None:
         self.trials = spread(np.arange(problem.casts), casts)
-        self._steps = difference_steps(problem.parameters)
+        self._problem, self._objective, self._share = problem, objective, share
         self._prior = Prior(problem.start, np.full(len(problem.start), WIDE))
 
     def __call__(
@@ -165,7 +158,7 @@ class _Fits:
         return fit_robustly(
             self.residuals,
             start,
-            self._steps,
+            difference_steps(self._problem.parameters),
             self.trials,
             iterations=iterations,
             like=like,
@@ -173,18 +166,8 @@ class _Fits:
             stepping=Stepping(LEAST_UNIT, nearer, MOST),
         )
 
-
-def _residuals(evaluate: Evaluate, noise_percent: float, share: float | None = None) -> Residuals:
-    """Return the misses as a fit wants them, of the beginnings or, by default, of whole casts."""
-
-    def of(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
-        if share is None:
-            question = Question(vectors, with_misses=True)
-        else:
-            question = Question(vectors, tuple(trials.tolist()), share, with_misses=True)
-        misses = evaluate(question).misses
-        if misses is None:
-            raise ValueError("least squares need the miss of every waypoint")
-        return misses / noise_percent
-
-    return of
+    def residuals(self, vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        """Return the residuals (n_vectors, n_trials, D) in units of the noise."""
+        whole = self._share == 1.0 and len(trials) == self._problem.casts
+        query = Query(vectors, None if whole else tuple(trials.tolist()), self._share)
+        return residuals_at(self._objective, query) / self._problem.noise_percent

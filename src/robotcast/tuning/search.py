@@ -1,23 +1,114 @@
-"""The loop round every optimizer: its budget, its trace and the best vector of all."""
+"""A search for the parameters with the least error: what an optimizer is given, calls and ends in.
+
+An optimizer never calls a simulator. It sends a `Query` to the objective that `search` hands it and
+gets the `Response`, so that budget, trace, journal and progress bar are the same for all.
+"""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
-from robotcast.tuning.asking import Answer, Evaluate, Optimizer, Problem, Question
+from robotcast.fitting.parameter import Parameter
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What an optimizer is given.
+
+    Attributes
+    ----------
+    parameters : the free parameters.
+    start : ndarray of shape (n_free,), where to start, each mapped to [0, 1] on its scale.
+    casts : number of the casts to tune to.
+    noise_percent : of cable length, the miss of a cast that says nothing: how far repeats lie
+        apart, or what any simulator misses.
+    """
+
+    parameters: tuple[Parameter, ...]
+    start: np.ndarray
+    casts: int
+    noise_percent: float
+
+
+@dataclass(frozen=True)
+class Query:
+    """Parameter vectors (n_vectors, n_free) to try, each in [0, 1].
+
+    Attributes
+    ----------
+    casts : numbers of the casts to try them on, None for all.
+    share : of each cast's waypoints, the first ones that are looked at.
+    with_residuals : whether the residual of every waypoint is asked for.
+    """
+
+    vectors: np.ndarray
+    casts: tuple[int, ...] | None = None
+    share: float = 1.0
+    with_residuals: bool = False
+
+    @property
+    def whole(self) -> bool:
+        """Whether the response is the error that tuning minimises."""
+        return self.casts is None and self.share == 1.0
+
+    def cost(self, casts: int) -> int:
+        """Return how many casts it simulates of a set of `casts`, each in whole."""
+        return len(self.vectors) * (casts if self.casts is None else len(self.casts))
+
+
+@dataclass(frozen=True)
+class Response:
+    """How the vectors of a query did on its casts, in % of cable length.
+
+    Attributes
+    ----------
+    percent : ndarray of shape (n_vectors,), average waypoint error (paper, "Simulator Parameter
+        Tuning"); a cast counts with 100 at most, and with all of it where its run diverged.
+    diverged : int ndarray of shape (n_vectors,), runs that diverged.
+    residuals : ndarray of shape (n_vectors, n_casts, D), if asked for: predicted − measured, x and
+        y of each waypoint in turn, over the root of a cast's number of waypoints, so that its sum
+        of squares is its mean square. 0 past its waypoints; 100, 0, 0, … where its run diverged.
+    """
+
+    percent: np.ndarray
+    diverged: np.ndarray
+    residuals: np.ndarray | None = None
+
+
+Objective = Callable[[Query], Response]
+
+
+def residuals_at(objective: Objective, query: Query) -> np.ndarray:
+    """Return the residuals (n_vectors, n_casts, D) of a query's vectors."""
+    residuals = objective(replace(query, with_residuals=True)).residuals
+    if residuals is None:
+        raise ValueError("the objective gave no residuals")
+    return residuals
+
+
+class Optimizer(Protocol):
+    """Minimises the average waypoint error over the unit cube."""
+
+    def minimise(self, problem: Problem, objective: Objective, budget_casts: int) -> None:
+        """Query the objective, of whole casts first, until nothing better is expected.
+
+        `search` ends it at the budget, by an exception that it lets pass. The same problem, budget
+        and responses must lead to the same queries.
+        """
+        ...
 
 
 @dataclass(frozen=True)
 class Batch:
-    """One answered question, as the trace shows it.
+    """One query that was answered: how many casts it simulated, and how many of them diverged.
 
     Attributes
     ----------
-    casts : simulated for it.
     best_percent : best error so far of a vector that was tried on all casts.
     median_percent : of the batch, on the casts that it was tried on.
-    diverged : runs that diverged.
     """
 
     casts: int
@@ -27,15 +118,8 @@ class Batch:
 
 
 @dataclass(frozen=True)
-class Found:
-    """The best vector of a search.
-
-    Attributes
-    ----------
-    vector : ndarray of shape (n_free,), in [0, 1].
-    percent : its average waypoint error, % of cable length.
-    trace : every answered question in order.
-    """
+class SearchResult:
+    """The best vector (n_free,) of a search, in [0, 1], its error in %, and every batch."""
 
     vector: np.ndarray
     percent: float
@@ -48,72 +132,60 @@ class Found:
 
     @property
     def improved(self) -> bool:
-        """Whether it went on to anything better than its first question."""
+        """Whether it went on to anything better than its first batch."""
         return self.percent < self.trace[0].best_percent
+
+
+class _BudgetSpent(Exception):
+    """The next query would cost more than what is left."""
 
 
 def search(
     optimizer: Optimizer,
     problem: Problem,
-    evaluate: Evaluate,
+    objective: Objective,
     budget_casts: int,
-    look: Callable[[Sequence[Batch]], None] = lambda trace: None,
-) -> Found:
-    """Answer an optimizer's questions until it has none left or the budget cannot pay the next.
+    on_batch: Callable[[Sequence[Batch]], None] = lambda trace: None,
+) -> SearchResult:
+    """Let an optimizer minimise until it ends or the budget of casts cannot pay its next query.
 
-    Parameters
-    ----------
-    budget_casts : the most casts that may be simulated.
-    look : told the trace after each batch.
-
-    Raises
-    ------
-    ValueError
-        When the budget does not pay the first question, or that is not about all casts.
+    `on_batch` is called with the trace after each batch. Raises ValueError when the budget does
+    not pay the first query, or that is not about all casts.
     """
-    found: Found | None = None
-    asked = optimizer.begin(problem, budget_casts)
-    try:
-        while (question := asked.ask()) is not None:
-            cost = question.cost(problem.casts)
-            if found is None:
-                _check_first(question, cost, budget_casts)
-            elif found.casts + cost > budget_casts:
-                break
-            answer = evaluate(question)
-            asked.tell(answer)
-            found = _after(found, question, answer, cost)
-            look(found.trace)
-    finally:
-        asked.close()
-    if found is None:
-        raise ValueError("an optimizer must ask at least one question")
-    return found
+    result: SearchResult | None = None
+
+    def counted(query: Query) -> Response:
+        nonlocal result
+        cost = query.cost(problem.casts)
+        if result is None and not query.whole:
+            raise ValueError("an optimizer's first query must be about all casts")
+        if result is None and cost > budget_casts:
+            raise ValueError(
+                f"the first batch takes {cost} simulated casts, the budget is {budget_casts}: "
+                "raise optimizer.budget_casts or make the batch smaller"
+            )
+        if result is not None and result.casts + cost > budget_casts:
+            raise _BudgetSpent
+        response = objective(query)
+        result = _updated(result, query, response, cost)
+        on_batch(result.trace)
+        return response
+
+    with suppress(_BudgetSpent):
+        optimizer.minimise(problem, counted, budget_casts)
+    if result is None:
+        raise ValueError("an optimizer must send at least one query")
+    return result
 
 
-def _check_first(question: Question, cost: int, budget_casts: int) -> None:
-    if not question.whole:
-        raise ValueError("an optimizer's first question must be about all casts")
-    if cost > budget_casts:
-        raise ValueError(
-            f"the first batch takes {cost} simulated casts, the budget is {budget_casts}: "
-            "raise optimizer.budget_casts or make the batch smaller"
-        )
-
-
-def _after(before: Found | None, question: Question, answer: Answer, cost: int) -> Found:
-    """Return what is known after one more answer."""
-    trace = () if before is None else before.trace
-    best = int(np.argmin(answer.percent))
-    percent = float(answer.percent[best])
-    if before is None or (question.whole and percent < before.percent):
-        vector = question.vectors[best].copy()
-    else:
+def _updated(
+    before: SearchResult | None, query: Query, response: Response, cost: int
+) -> SearchResult:
+    trace = before.trace if before else ()
+    best = int(np.argmin(response.percent))
+    vector, percent = query.vectors[best].copy(), float(response.percent[best])
+    if before and not (query.whole and percent < before.percent):
         vector, percent = before.vector, before.percent
-    batch = Batch(
-        casts=cost,
-        best_percent=percent,
-        median_percent=float(np.median(answer.percent)),
-        diverged=int(answer.diverged.sum()),
-    )
-    return Found(vector, percent, (*trace, batch))
+    median = float(np.median(response.percent))
+    batch = Batch(cost, percent, median, int(response.diverged.sum()))
+    return SearchResult(vector, percent, (*trace, batch))

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -22,11 +21,10 @@ AT_BOUND = 0.01  # of a parameter's range: closer to a bound than this is on it
 
 @dataclass(frozen=True)
 class Tuned:
-    """A simulator's parameters as tuning left them.
+    """A simulator's parameters as tuning left them, with the effects that act in it.
 
     Attributes
     ----------
-    effects : names of the effects that act in the simulator.
     values : parameter name → value, frozen ones and those of the effects included.
     errors : "tune" and "test" → errors on these casts.
     certainty : None where the budget was too small for it.
@@ -55,102 +53,61 @@ class Tuned:
         unit = float(parameter.to_unit(np.asarray(self.values[parameter.name])))
         return not parameter.frozen and not AT_BOUND < unit < 1 - AT_BOUND
 
-    def warnings(self) -> list[str]:
-        """Return what a user should know before trusting the parameters, a sentence each."""
-        found = [
-            f"{p.name} ended on a bound: {self.values[p.name]:.3g} "
-            f"in [{p.lower:.3g}, {p.upper:.3g}] {p.unit}"
-            for p in self.parameters
-            if self.at_bound(p)
-        ]
+    def warnings(self) -> Iterator[str]:
+        """Yield what a user should know before trusting the parameters, a sentence each."""
+        for p in filter(self.at_bound, self.parameters):
+            value, ends = self.values[p.name], f"[{p.lower:.3g}, {p.upper:.3g}]"
+            yield f"{p.name} ended on a bound: {value:.3g} in {ends} {p.unit}"
         if not self.improved:
-            found.append(
+            yield (
                 f"in {self.simulated_casts} simulated casts the search found nothing better than "
                 "what it tried first: raise optimizer.budget_casts"
             )
-        found += _doubts(self.certainty)
+        known = self.certainty
+        if known is None:
+            yield "the budget was too small to say how well the casts tell the parameters"
+        elif known.vague:
+            yield f"these casts hardly tell {', '.join(known.vague)}"
+        if known and known.condition > ILL_CONDITIONED:
+            yield (
+                f"the condition number is {known.condition:.0f}; the direction that these "
+                f"casts tell least is {', '.join(known.least_known)}"
+            )
         lost = sum(errors.n_diverged for errors in self.errors.values())
         if lost:
-            found.append(f"{lost} of the final runs diverged and count with one cable length")
-        return found
-
-
-def _doubts(known: Certainty | None) -> Iterator[str]:
-    """Yield what the casts do not tell, a sentence each."""
-    if known is None:
-        yield "the budget was too small to say how well the casts tell the parameters"
-        return
-    if known.vague:
-        yield f"these casts hardly tell {', '.join(known.vague)}"
-    if known.condition > ILL_CONDITIONED:
-        yield (
-            f"the condition number is {known.condition:.0f}; the direction that these "
-            f"casts tell least is {', '.join(known.least_known)}"
-        )
+            yield f"{lost} of the final runs diverged and count with one cable length"
 
 
 def write_tuned(folder: Path, tuned: Tuned) -> None:
     """Write `tuned.yaml`."""
-    plain = {
-        "simulator": tuned.simulator,
-        "optimizer": tuned.optimizer,
-        "effects": list(tuned.effects),
-        "seed": tuned.seed,
-        "rig": tuned.rig,
-        "cable": asdict(tuned.cable),
-        "r0_m": tuned.r0_m,
-        "period_s": tuned.period_s,
-        "parameters": {p.name: _plain_parameter(tuned, p) for p in tuned.parameters},
-        **({"certainty": _plain_certainty(tuned.certainty)} if tuned.certainty else {}),
-        "warnings": tuned.warnings(),
-        "errors": {split: asdict(errors) for split, errors in tuned.errors.items()},
-        "simulated_casts": tuned.simulated_casts,
-        "diverged_casts": tuned.diverged_casts,
+    plain = asdict(tuned)
+    values, known = plain.pop("values"), plain.pop("certainty")
+    intervals = known.pop("intervals") if known else {}
+    plain["parameters"] = {
+        p.name: {
+            "value": float(values[p.name]),
+            **dict(zip(("low", "high"), intervals.get(p.name, (None, None)), strict=True)),
+            "unit": p.unit,
+            "lower": p.lower,
+            "upper": p.upper,
+            "frozen": p.frozen,
+            "at_bound": tuned.at_bound(p),
+        }
+        for p in tuned.parameters
     }
+    plain |= {"certainty": known} if known else {}
+    plain["warnings"] = list(tuned.warnings())
     write_text(folder / "tuned.yaml", yaml.safe_dump(plain, sort_keys=False, allow_unicode=True))
 
 
-def _plain_certainty(known: Certainty) -> dict[str, Any]:
-    return {
-        "condition": known.condition,
-        "least_known": list(known.least_known),
-        "vague": list(known.vague),
-        "simulated_casts": known.casts,
-    }
-
-
-def _plain_parameter(tuned: Tuned, parameter: Parameter) -> dict[str, Any]:
-    intervals = tuned.certainty.intervals if tuned.certainty else {}
-    low, high = intervals.get(parameter.name, (None, None))
-    return {
-        "value": float(tuned.values[parameter.name]),
-        "low": low,
-        "high": high,
-        "unit": parameter.unit,
-        "lower": parameter.lower,
-        "upper": parameter.upper,
-        "frozen": parameter.frozen,
-        "at_bound": tuned.at_bound(parameter),
-    }
-
-
-def read_values(folder: Path) -> tuple[Cable, dict[str, float]]:
-    """Return the cable and the parameter values of a tuned simulator."""
-    plain = _read(folder)
-    values = {name: numbers["value"] for name, numbers in plain["parameters"].items()}
-    return Cable(**plain["cable"]), values
-
-
-def read_effects(folder: Path) -> list[str]:
-    """Return the names of the effects that act in a tuned simulator, in order."""
-    return _read(folder).get("effects", [])
-
-
-def _read(folder: Path) -> dict[str, Any]:
+def read_tuned(folder: Path) -> tuple[Cable, list[str], dict[str, float]]:
+    """Return a tuned simulator's cable, the effects that act in it, in order, and its values."""
     path = folder / "tuned.yaml"
     if not path.exists():
         raise FileNotFoundError(f"{path} is missing: run the tune stage first")
-    return yaml.safe_load(path.read_text(encoding="utf-8"))
+    plain = yaml.safe_load(path.read_text(encoding="utf-8"))
+    values = {name: numbers["value"] for name, numbers in plain["parameters"].items()}
+    return Cable(**plain["cable"]), plain.get("effects", []), values
 
 
 def vector_of(parameters: Sequence[Parameter], values: Mapping[str, float]) -> np.ndarray:
@@ -163,15 +120,8 @@ def vector_of(parameters: Sequence[Parameter], values: Mapping[str, float]) -> n
 
 def write_trace(folder: Path, trace: Sequence[Batch]) -> None:
     """Write `trace.csv`: one row a batch."""
-    table = pl.DataFrame(
-        {
-            "batch": range(len(trace)),
-            "simulated_casts": np.cumsum([batch.casts for batch in trace]),
-            "best_percent": [batch.best_percent for batch in trace],
-            "median_percent": [batch.median_percent for batch in trace],
-            "diverged": [batch.diverged for batch in trace],
-        }
-    )
+    table = pl.DataFrame(list(map(asdict, trace))).with_row_index("batch")
+    table = table.with_columns(pl.col("casts").cum_sum()).rename({"casts": "simulated_casts"})
     with atomic_file(folder / "trace.csv") as temporary:
         table.write_csv(temporary)
 
@@ -179,10 +129,7 @@ def write_trace(folder: Path, trace: Sequence[Batch]) -> None:
 def write_predictions(
     folder: Path, predicted: Mapping[str, tuple[Sequence[Trial], np.ndarray]]
 ) -> None:
-    """Write `predictions.parquet`: measured and predicted waypoints, by split.
-
-    `predicted` maps a split's name to its trials and waypoints of shape (n_trials, k_max, 2).
-    """
+    """Write `predictions.parquet`: by split, its trials and waypoints (n_trials, k_max, 2) [m]."""
     rows = [
         (split, trial.trial, t, *measured, *simulated)
         for split, (trials, waypoints_m) in predicted.items()

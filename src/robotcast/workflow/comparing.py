@@ -18,7 +18,7 @@ from robotcast.effects.effect import parameters_of
 from robotcast.progress import Progress
 from robotcast.reporting.names import effect_name
 from robotcast.stage import as_note, bar, measured_set, typed
-from robotcast.tuning.tuned import read_effects, read_values, vector_of
+from robotcast.tuning.tuned import read_tuned, vector_of
 
 ITERATIONS = 8  # of the fit, after its several starts
 
@@ -30,7 +30,7 @@ def compare_model(config: DictConfig) -> tuple[dict[str, Any], Comparison]:
     """
     measured = measured_set(config.measurements)
     records, tuned = cast_records(measured), config.tuned
-    active = list(config.effects) if tuned is None else read_effects(Path(tuned))
+    _, active, values = read_tuned(Path(tuned)) if tuned else (None, list(config.effects), {})
     model = CastModel(
         measured, partial(build_simulator, config, measured.cable), build_effects(active)
     )
@@ -40,7 +40,7 @@ def compare_model(config: DictConfig) -> tuple[dict[str, Any], Comparison]:
             vector = _fitted(config, case, active, progress)
         else:
             parameters = parameters_of([model.effects[name] for name in active])
-            vector = vector_of((*model.parameters, *parameters), read_values(Path(tuned))[1])
+            vector = vector_of((*model.parameters, *parameters), values)
         predicted = model.predict(records, active, vector[None])[0]
         found = compare(
             records,

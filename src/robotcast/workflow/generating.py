@@ -15,7 +15,7 @@ from robotcast.measurements.split import split_by_action
 from robotcast.rigs.envelope import feasible_actions
 from robotcast.simulators.d_sim import Generated, Shard, generate_casts, mean_reach, write_d_sim
 from robotcast.stage import bar, measured_set, output_folder, tell, warn
-from robotcast.tuning.tuned import read_effects, read_values, vector_of
+from robotcast.tuning.tuned import read_tuned, vector_of
 
 
 def generate_d_sim(config: DictConfig) -> tuple[Path, Generated]:
@@ -25,9 +25,8 @@ def generate_d_sim(config: DictConfig) -> tuple[Path, Generated]:
         raise ValueError(f"generate.shards={of} needs generate.shard, from 0 to {of - 1}")
     shard = None if number is None else Shard(number, of)
     tuned, sizes = Path(config.paths.tuned), config.scale.tune
-    cable, values = read_values(tuned)
-    effects = build_effects(read_effects(tuned))
-    simulator = build_simulator(config, cable, effects)
+    cable, active, values = read_tuned(tuned)
+    simulator = build_simulator(config, cable, build_effects(active))
     vector = vector_of(simulator.parameters, values)
     grid, r0_m, limits, envelope = action_space(config, "generated")
     with bar("grid of actions") as progress:
@@ -39,7 +38,7 @@ def generate_d_sim(config: DictConfig) -> tuple[Path, Generated]:
         "cable": cable.name,
         "simulator": config.simulator.name,
         "optimizer": config.optimizer.name,
-        "effects": [effect.name for effect in effects],
+        "effects": active,
         "arm": {
             "lag_s": round(following.lag_s, 5),
             "told_rms_m": round(following.told_rms_m, 6),

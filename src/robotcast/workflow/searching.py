@@ -10,9 +10,8 @@ from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable, Trial
 from robotcast.source import source_digest
 from robotcast.stage import bar, unfinished_file
-from robotcast.tuning.asking import Evaluate, Optimizer, Problem
 from robotcast.tuning.journal import Journal
-from robotcast.tuning.search import Batch, Found, search
+from robotcast.tuning.search import Batch, Objective, Optimizer, Problem, SearchResult, search
 
 ROOMS = ("casts", "effects", "fitting", "measurements", "simulators", "tuning")
 
@@ -23,12 +22,12 @@ def open_journal(
     parameters: Sequence[Parameter],
     cable: Cable,
     trials: Sequence[Trial],
-    evaluate: Evaluate,
+    objective: Objective,
 ) -> Journal:
     """Return the journal of the search whose result goes to `output`.
 
     It belongs to everything that the objective and the search depend on, the code as well:
-    answers of another simulator must not be taken for this one's. It lies beside DVC's outputs,
+    responses of another simulator must not be taken for this one's. It lies beside DVC's outputs,
     which a rerun would delete.
     """
     parts = {name: config[name] for name in ("simulator", "optimizer", "effects")}
@@ -38,7 +37,7 @@ def open_journal(
         for array in (trial.tool.t_s, trial.tool.pose, trial.waypoints_s, trial.waypoints_m)
     )
     subject = fingerprint(config, parts, parameters, cable, source_digest(*ROOMS), *arrays)
-    return Journal(unfinished_file(config, output, ".jsonl"), subject, evaluate)
+    return Journal(unfinished_file(config, output, ".jsonl"), subject, objective)
 
 
 def search_with_bar(
@@ -48,7 +47,7 @@ def search_with_bar(
     journal: Journal,
     budget: int,
     look: Callable[[Sequence[Batch]], None] = lambda trace: None,
-) -> Found:
+) -> SearchResult:
     """Let the optimizer search, `look` at the trace after every batch, and show the best so far."""
     with bar(title) as progress:
 

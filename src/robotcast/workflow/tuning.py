@@ -14,22 +14,20 @@ from robotcast.measurements.errors import prediction_errors
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.noise_floor import noise_floor
 from robotcast.measurements.split import split_by_action
-from robotcast.reporting.revisions_page import Tuning, revisions_page
+from robotcast.reporting.revisions_page import TuningProgress, revisions_page
 from robotcast.running import write_page
 from robotcast.simulators.simulator import Simulator
 from robotcast.stage import measured_set, output_folder
-from robotcast.tuning.asking import Problem
 from robotcast.tuning.certainty import Certainty, certainty, certainty_casts
 from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError, full_vectors
 from robotcast.tuning.revisions import (
     LEDGER,
     keep_revision,
-    predicted_error,
     read_revisions,
     revision_of,
     split_identity,
 )
-from robotcast.tuning.search import Batch, Found
+from robotcast.tuning.search import Batch, Problem, SearchResult
 from robotcast.tuning.tuned import Tuned, write_predictions, write_trace, write_tuned
 from robotcast.workflow.searching import open_journal, search_with_bar
 
@@ -44,7 +42,7 @@ def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:
     tuning = tuning.spread(casts if isinstance(casts, int) else casts[config.optimizer.name])
     simulator = build_simulator(config, cable, build_effects(config.effects))
     folder = output_folder(config.paths.tuned)
-    shown = Tuning(
+    shown = TuningProgress(
         cable=cable.name,
         rig=measured.rig,
         split=split_identity(tuning, test),
@@ -82,8 +80,8 @@ def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:
     predicted = {name: (part.trials, predicted_m[name]) for name, part in parts.items()}
     write_predictions(folder, predicted)
     write_tuned(folder, tuned)
-    revision = revision_of(tuned, tuning, test, predicted_m["test"], floor_percent)
-    keep_revision(folder, replace(revision, predicted_waypoint_error_percent=_promised(config)))
+    promised_percent = promised_error(config)
+    keep_revision(folder, revision_of(tuned, tuning, test, floor_percent, promised_percent))
     look(found.trace, finished=True)
     journal.close()
     return folder, tuned
@@ -94,7 +92,7 @@ def _judged(
     measured: MeasurementSet,
     parts: Mapping[str, MeasurementSet],
     simulator: Simulator,
-    found: Found,
+    found: SearchResult,
     known: Certainty | None,
 ) -> tuple[Tuned, dict[str, np.ndarray]]:
     """Return the tuned simulator with its errors, and the waypoints [m] it predicts, by part."""
@@ -125,12 +123,14 @@ def _judged(
     return tuned, predicted_m
 
 
-def _promised(config: DictConfig) -> float | None:
-    """Return the error that a diagnosis of this very set promised for these effects."""
+def promised_error(config: DictConfig) -> float | None:
+    """Return the held-out error in % that a diagnosis of the set reached with these effects."""
     path = Path(config.paths.diagnosis) / "diagnosis.json"
-    if not path.exists():
+    if not path.exists() or not config.effects:
         return None
     diagnosis = json.loads(path.read_text(encoding="utf-8"))
-    diagnosed = Path(diagnosis["measurements"]).resolve()
-    same = diagnosed == Path(config.paths.measurements).resolve()
-    return predicted_error(diagnosis, config.effects) if same else None
+    if Path(diagnosis["measurements"]).resolve() != Path(config.paths.measurements).resolve():
+        return None
+    ladder = {frozenset(rung.get("effects") or ()): rung for rung in diagnosis.get("ladder") or ()}
+    rung = ladder.get(frozenset(config.effects), {})
+    return rung.get("heldout_waypoint_error_percent")
