@@ -20,12 +20,13 @@ LOOP = (
 )
 
 # How a stage starts, shows its progress, works in processes and puts a file in place changes no
-# result, nor does what is drawn instead of cast, or beside the results while they are made.
+# result, nor does what is drawn instead of cast, or beside the results while they are made. No
+# pipeline diagnoses a robot.
 PLUMBING = {
     ROOT / "src/robotcast" / f"{name}.py"
     for name in (
         *("stage", "workflow/dry_run", "files", "processes", "progress", "running", "source"),
-        "reporting/revisions_page",
+        *("reporting/revisions_page", "workflow/diagnosing_robot"),
     )
 }
 
