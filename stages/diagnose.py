@@ -21,7 +21,7 @@ def diagnose(config: DictConfig) -> None:
     for note in found["notes"]:
         tell(f"- {note}")
     tell(f"open {folder / 'index.html'}")
-    if (sealed := Path(config.measurements) / "answer.sealed").is_file():
+    if not of_robot and (sealed := Path(config.measurements) / "answer.sealed").is_file():
         tell(f"what was hidden: python -m studies.hidden_effects.answer {sealed}")
 
 
