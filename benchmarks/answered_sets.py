@@ -10,6 +10,7 @@ import argparse
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -46,10 +47,13 @@ def diagnosed(measurements: Path, output: Path, overrides: Sequence[str]) -> dic
     if not (path.exists() and json.loads(path.read_text(encoding="utf-8"))["finished"]):
         stage = [sys.executable, str(ROOT / "stages" / "diagnose.py")]
         places = [f"measurements={measurements}", f"output={output}"]
+        began = time.monotonic()
         done = subprocess.run([*stage, *places, *overrides], capture_output=True, text=True)
         if done.returncode:
             sys.exit(f"{measurements}: {done.stderr or done.stdout}")
-    return json.loads(path.read_text(encoding="utf-8"))
+        (output / "seconds").write_text(f"{time.monotonic() - began:.0f}")
+    seconds = (output / "seconds").read_text()
+    return {**json.loads(path.read_text(encoding="utf-8")), "seconds": seconds}
 
 
 def row_of(name: str, answer: Mapping[str, Any], said: Mapping[str, Any]) -> tuple[str, ...]:
@@ -68,7 +72,7 @@ def row_of(name: str, answer: Mapping[str, Any], said: Mapping[str, Any]) -> tup
         f"{after:.2f}",
         f"{floor:.2f}",
         f"{after / floor:.2f}",
-        f"{said['seconds']:.0f}",
+        said["seconds"],
         str(said["simulated_casts"]),
     )
 

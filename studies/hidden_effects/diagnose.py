@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -29,15 +30,17 @@ def diagnose(config: DictConfig) -> None:
 def _diagnosed(measurements: Path, output: Path, exclude: str) -> str:
     """Run the stage that a user runs, in a process that never opens an answer.
 
-    Returns its JSON without every cast's path, which only its page needs.
+    Returns its JSON, with the time it took, without every cast's path, which only its page needs.
     """
     command = [sys.executable, "stages/diagnose.py", f"measurements={measurements}"]
     command += [f"output={output}", f"exclude=[{exclude}]"]
+    began = time.monotonic()
     done = subprocess.run(command, cwd=CONFIGURATION.parent, capture_output=True, text=True)
     if done.returncode:
         raise ValueError(f"{measurements} could not be diagnosed: {done.stderr[-400:]}")
     said = json.loads((output / "diagnosis.json").read_text(encoding="utf-8"))
-    return json.dumps({**said, "comparison": None}, ensure_ascii=False, indent=1)
+    said |= {"comparison": None, "seconds": round(time.monotonic() - began, 1)}
+    return json.dumps(said, ensure_ascii=False, indent=1)
 
 
 if __name__ == "__main__":

@@ -56,14 +56,14 @@ def test_the_verdict_follows_from_the_errors(
 ) -> None:
     chosen = rung(named, "tilt") if named else None
     known = found(base, chosen, FLOOR)
-    verdict = decide(known, FLOOR, RULE, lambda: left, lambda: known)
+    verdict = decide(known, FLOOR, RULE, lambda: left, lambda own: known)
     assert verdict.code is code and (verdict.left is not None) is open_page
     assert verdict.named == (("tilt",) if code is Code.NAMED else ())
 
 
 def test_without_repeats_nothing_is_called_fit() -> None:
     known = found(1.0, None, UNKNOWN_FLOOR)
-    verdict = decide(known, UNKNOWN_FLOOR, RULE, lambda: NOTHING, lambda: known)
+    verdict = decide(known, UNKNOWN_FLOOR, RULE, lambda: NOTHING, lambda own: known)
     assert verdict.code is Code.CANNOT_TELL
 
 
@@ -71,6 +71,6 @@ def test_without_repeats_nothing_is_called_fit() -> None:
 def test_a_name_is_said_where_it_does_as_well_as_a_field_that_pays(level, named) -> None:
     """Not where it leaves most of what the field explains, or stays above the floor."""
     before, known = (found(1.7, None, FLOOR, *more) for more in ((), (rung(level, "drag"),)))
-    verdict = decide(before, FLOOR, RULE, lambda: field(1.1, True), lambda: known)
+    verdict = decide(before, FLOOR, RULE, lambda: field(1.1, True), lambda own: known)
     assert verdict.named == named
     assert verdict.code is (Code.NAMED if named else Code.UNKNOWN)

@@ -152,14 +152,15 @@ def decide(
     floor: Floor,
     rule: Rule,
     look: Callable[[], Unexplained],
-    refit: Callable[[], Found],
+    refit: Callable[[np.ndarray], Found],
 ) -> Verdict:
     """Decide what a search found.
 
     Parameters
     ----------
     look : looks for the force of no name that the base model lacks.
-    refit : judges single effects too, where a field has shown that something is missing.
+    refit : judges single effects too, where a field has shown that something is missing, from
+        the unit vector (n,) of the model's parameters beside it.
     """
     top, scales = found.top, found.scales
     assert scales is not None
@@ -177,28 +178,29 @@ def decide(
     if not named:
         far = floor.above(top.errors.waypoint[scales.usual], rule.beyond)
         if left.enough:
-            more = refit()
+            assert left.rung is not None
+            own = len(found.base.revision.fit.vector)
+            more = refit(left.rung.revision.fit.vector[:own])
             known = _name_for(more, floor, left, rule)
             if known:
-                return Verdict(Code.NAMED, known)
+                unfinished = floor.above(known.top.errors.waypoint[scales.usual], enough)
+                return Verdict(Code.NAMED, known.named, (), Unexplained() if unfinished else None)
             near = _near(more, rule)
         if left.enough or (far and not floor.is_least):
             return Verdict(Code.UNKNOWN, (), near, left)
         if far:  # above the sensors' noise, and repeats may differ by as much
             return Verdict(Code.CANNOT_TELL, (), near, left)
         return Verdict(Code.NONE, (), near, Unexplained() if unfinished else None)
-    if _refuted(found, floor, left, rule):
-        return Verdict(Code.UNKNOWN, (), (top,), left)
-    if unfinished and _explained(found, floor) < rule.mostly:
+    if _imitates(found, floor, left, rule):
         return Verdict(Code.UNKNOWN, (), (top,), left)
     return Verdict(Code.NAMED, named, (), Unexplained() if unfinished else None)
 
 
-def _name_for(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> tuple[str, ...]:
-    """Return the effects that do as well as a field that pays; empty when none do.
+def _name_for(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> Found | None:
+    """Return what was found with the effects chosen that do as well as a field that pays.
 
-    The field proves that something is missing, so that they need only be likely to help, reach
-    the floor, and not be refuted by it.
+    The field proves that something is missing, so that they need only be likely to help, and
+    come as near to the floor as an honest model does.
     """
     scales, base = found.scales, found.base.errors.waypoint
     assert scales is not None
@@ -208,26 +210,34 @@ def _name_for(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> tupl
         if gain.matters(rule, rule.mostly) and gain.p_value < rule.equal:
             likely.append((len(rung.effects), scales.typical(rung.errors.waypoint), rung.effects))
     if not likely:
-        return ()
+        return None
     known = replace(found, chosen=min(likely)[2])
-    enough = rule.beyond if floor.is_least else rule.at_floor
-    unfinished = floor.above(known.top.errors.waypoint[scales.usual], enough)
-    return () if unfinished or _refuted(known, floor, left, rule) else known.named
+    far = floor.above(known.top.errors.waypoint[scales.usual], rule.beyond)
+    return None if far or _imitates(known, floor, left, rule) else known
 
 
-def _refuted(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> bool:
-    """Tell whether a field alone takes away most of what the named effects leave above the floor.
+def _imitates(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> bool:
+    """Tell whether the chosen effects only imitate what is missing.
 
-    Effects that imitate what is missing do less than a force like it.
+    They do where a field alone takes away most of what they leave above the floor, or where they
+    stay above it and take away less than half of what they could: of what the base model misses
+    beyond the floor, or beyond what a field that pays leaves and honest models may differ by.
     """
-    scales, top = found.scales, found.top.errors.waypoint
+    scales = found.scales
     assert scales is not None
-    if left.rung is None:
-        return False
-    gain = scales.gain(top, left.rung.errors.waypoint)
-    fall = scales.typical(top) - scales.typical(left.rung.errors.waypoint)
-    excess = scales.typical(top) - floor.reach
-    return fall > rule.mostly * excess and gain.p_value < rule.level / left.tried
+    top, base = found.top.errors.waypoint, found.base.errors.waypoint
+    before, after, reach = scales.typical(base), scales.typical(top), floor.reach
+    if left.rung is not None:
+        beside = scales.typical(left.rung.errors.waypoint)
+        gain = scales.gain(top, left.rung.errors.waypoint)
+        refuted = after - beside > rule.mostly * (after - reach)
+        if refuted and gain.p_value < rule.level / left.tried:
+            return True
+        if left.enough:
+            reach = float(np.clip(beside, reach, rule.beyond * reach))
+    enough = rule.beyond if floor.is_least else rule.at_floor
+    unfinished = floor.above(top[scales.usual], enough)
+    return unfinished and before - after < rule.mostly * (before - reach)
 
 
 def _worth_a_look(found: Found, floor: Floor, rule: Rule) -> bool:
@@ -235,14 +245,6 @@ def _worth_a_look(found: Found, floor: Floor, rule: Rule) -> bool:
     scales, errors = found.scales, found.top.errors.waypoint
     assert scales is not None
     return floor.above(errors[scales.usual], 1 + rule.material)
-
-
-def _explained(found: Found, floor: Floor) -> float:
-    """Return the share of what the base model misses beyond the floor that the top one does not."""
-    scales = found.scales
-    assert scales is not None
-    before, after = (scales.typical(r.errors.waypoint) for r in (found.base, found.top))
-    return (before - after) / max(before - floor.reach, 1e-12)
 
 
 def _near(found: Found, rule: Rule) -> tuple[Rung, ...]:

@@ -1,6 +1,5 @@
 """A whole diagnosis of any model, told step by step as the dict of `diagnosis.json`."""
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -139,7 +138,6 @@ class _Run:
         self._idle = [n for n in held if n in case.fixed]
         self._candidates = [n for n in case.candidates if n not in self._held]
         self._outlook = Outlook(len(case.records))
-        self._started = time.monotonic()
         self._doing = ""
         self._found = Found()
         self._base: Revision | None = None
@@ -253,7 +251,6 @@ class _Run:
             "noise_floor_percent": self._floor.percent,
             "conclusive": not limits.too_few(inquiry, case.rule),
             "simulated_casts": self._runs,
-            "seconds": round(time.monotonic() - self._started, 1),
             "finished": not self._doing,
             "doing": self._doing,
         }

@@ -33,17 +33,28 @@ def fit_library(
     fixed : effects of the base model.
     base : fit of the base model to them, where the other start is.
     """
-    effects = (*fixed, *candidates)
-    places = [_best_place(early, (*fixed, name), base) for name in candidates]
-    nominal = np.concatenate([early.nominal(fixed), *places])
-    tuned = np.concatenate([base.vector, *places])
-    one_sided = replace(STEPPING, central=False)
-    begun = [early.fit(effects, start, 0, stepping=one_sided) for start in (nominal, tuned)]
-    fits = [early.fit(effects, fit.vector, 2, known=fit) for fit in begun]
+    tuned = library_at(early, fixed, candidates, base)
+    effects, places = tuned.effects, tuned.fit.vector[len(base.vector) :]
+    nominal = _slopes(early, effects, np.concatenate([early.nominal(fixed), places]))
+    starts = (nominal, tuned)
+    fits = [early.fit(effects, some.fit.vector, 2, known=some.fit) for some in starts]
     best = min(fits, key=lambda fit: fit.loss)
     best = early.fit(effects, best.vector, iterations - 2, known=best)
-    starts = tuple(Library(early, effects, fit) for fit in begun)
     return Library(early, effects, best, starts)
+
+
+def library_at(
+    early: Inquiry, fixed: Sequence[str], candidates: Sequence[str], base: Fit
+) -> "Library":
+    """Return all effects at their null beside the parameters of a fit, known by their slopes."""
+    effects = (*fixed, *candidates)
+    places = [_best_place(early, (*fixed, name), base) for name in candidates]
+    return _slopes(early, effects, np.concatenate([base.vector, *places]))
+
+
+def _slopes(early: Inquiry, effects: tuple[str, ...], vector: np.ndarray) -> "Library":
+    one_sided = replace(STEPPING, central=False)
+    return Library(early, effects, early.fit(effects, vector, 0, stepping=one_sided))
 
 
 def _best_place(early: Inquiry, acting: tuple[str, ...], base: Fit) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 
 from robotcast.diagnosis.errors import Floor, Gain, Scales, typical, worse
 from robotcast.diagnosis.inquiry import HeldOut, Inquiry, Revision, fit_base, held_out
-from robotcast.diagnosis.library import Library, fit_library
+from robotcast.diagnosis.library import Library, fit_library, library_at
 from robotcast.diagnosis.outlook import Step
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.least_squares import Fit, trial_losses
@@ -187,11 +187,16 @@ class Selection:
         """Fit the likeliest sets of one size: one step each, then the best of them to the end."""
         library = self.found.library
         assert library is not None
+        self._refit_from((library, *(library.starts if size == 1 else ())), size)
+
+    def _refit_from(self, libraries: Sequence[Library], size: int) -> None:
+        """Fit the sets that the slopes of some libraries promise, most of them the first's."""
         self._next(Step.BEGINNINGS, f"{size} effect{'s' * (size > 1)} more")
         looked: dict[Effects, Fit] = {}
         most = self._effort.tried
-        for some in (library, *(library.starts if size == 1 else ())):
-            for effects in some.best(size, most if some is library else most - 2, self._fixed):
+        for some in libraries:
+            n = most if some is libraries[0] else most - 2
+            for effects in some.best(size, n, self._fixed):
                 vector, kept = some.start(effects)
                 for start in self._starts(effects, vector):
                     fit = self._look(some, effects, start, kept)
@@ -232,7 +237,10 @@ class Selection:
         self, effects: Effects, start: np.ndarray, known: Fit | None, iterations: int
     ) -> None:
         """Fit a model to the beginnings of trials."""
-        self.found.early[effects] = self._early.fit(effects, start, iterations, known=known)
+        fit = self._early.fit(effects, start, iterations, known=known)
+        before = self.found.early.get(effects)
+        if before is None or fit.loss < before.loss:
+            self.found.early[effects] = fit
 
     def _best_early(self, size: int) -> Effects:
         size += len(self._fixed)
@@ -259,15 +267,24 @@ class Selection:
             if len(self.found.named) >= smaller and not self._needless(smaller):
                 break  # else one of them was needless, or none helps
 
-    def refit_singles(self) -> Found:
+    def refit_singles(self, own: np.ndarray) -> Found:
         """Judge single effects, and choose none: a field has shown that something is missing.
 
-        The library's fit may have ended in a valley, so that none was tried.
+        The library's fit may have ended in a valley, so that none was tried. So they start from
+        the parameters beside which the field explains it, too.
+
+        Parameters
+        ----------
+        own : unit vector of the model's parameters beside the field.
         """
         if self.found.library is None:  # there are no candidates
             return self.found
-        if all(len(effects) == len(self._fixed) for effects in self.found.early):
-            self._refit_size(1)
+        begun = self._early.fit(self._fixed, own, 0)
+        beside = library_at(self._early, self._fixed, self._candidates, begun)
+        before = dict(self.found.early)
+        self._refit_from((beside, self.found.library), 1)
+        kept = {e: r for e, r in self.found.judged.items() if before[e] is self.found.early[e]}
+        self.found = replace(self.found, judged=kept)
         for effects in self._finalists(1):
             self._refit(effects)
         self._choose()

@@ -34,7 +34,7 @@ State = Literal["running", "too-few", "unknown", "none", "near", "open", "confus
 
 _NOT_KNOWN: dict[str, Any] = {
     **dict.fromkeys(("casts", "actions", "noise_floor_percent", "comparison", "simulated_casts")),
-    **dict.fromkeys(("seconds", "unexplained", "robot", "patched")),
+    **dict.fromkeys(("unexplained", "robot", "patched")),
     **dict.fromkeys(("code", "sentence", "rig", "measurements", "output"), ""),
     **dict.fromkeys(("verdict", "confusion_set", "nearest", "overrides", "notes"), ()),
     **dict.fromkeys(("ladder", "ranking", "next_actions"), ()),
