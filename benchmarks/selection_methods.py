@@ -26,10 +26,11 @@ from hydra import compose, initialize_config_dir
 
 from robotcast.diagnosis.decision import Unexplained, decide
 from robotcast.diagnosis.diagnose import floor_and_noise
+from robotcast.diagnosis.found import Effects
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.library import Library
 from robotcast.diagnosis.rule import RULE
-from robotcast.diagnosis.selection import Effects, Selection
+from robotcast.diagnosis.selection import Selection
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.workflow.diagnosing import case_of
 

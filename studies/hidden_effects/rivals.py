@@ -21,10 +21,10 @@ from omegaconf import DictConfig
 
 from robotcast.diagnosis.diagnose import floor_and_noise
 from robotcast.diagnosis.errors import Floor, Gain, Scales
+from robotcast.diagnosis.found import Rung
 from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base, held_out
 from robotcast.diagnosis.model import Candidate
 from robotcast.diagnosis.rule import RULE, Effort, Rule
-from robotcast.diagnosis.selection import Rung
 from robotcast.diagnosis.sizes import sizes
 from robotcast.files import write_text
 from robotcast.fitting.least_squares import Fit, trial_losses

@@ -5,9 +5,9 @@ import pytest
 
 from robotcast.diagnosis.decision import Code, Unexplained, decide
 from robotcast.diagnosis.errors import Floor, Scales
+from robotcast.diagnosis.found import Found, Rung
 from robotcast.diagnosis.inquiry import HeldOut, Revision
 from robotcast.diagnosis.rule import RULE
-from robotcast.diagnosis.selection import Found, Rung
 from robotcast.fitting.least_squares import Fit
 
 TRIALS = np.arange(40)

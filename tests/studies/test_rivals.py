@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from robotcast.diagnosis.errors import Floor
+from robotcast.diagnosis.found import Rung
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.rule import Effort, Rule
-from robotcast.diagnosis.selection import Rung
 from robotcast.fitting.parameter import Parameter
 from studies.hidden_effects.rivals import (
     Question,

@@ -7,10 +7,10 @@ from enum import Enum
 import numpy as np
 
 from robotcast.diagnosis.errors import Floor
+from robotcast.diagnosis.found import Effects, Found, Rung
 from robotcast.diagnosis.inquiry import Inquiry, Revision, held_out
 from robotcast.diagnosis.library import Library
 from robotcast.diagnosis.rule import Effort, Rule
-from robotcast.diagnosis.selection import Effects, Found, Rung
 from robotcast.fitting.least_squares import Fit, trial_losses
 
 

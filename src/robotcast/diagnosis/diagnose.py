@@ -11,6 +11,7 @@ from robotcast.diagnosis import limits, report
 from robotcast.diagnosis.decision import Code, Unexplained, Verdict, decide, look_for_the_unknown
 from robotcast.diagnosis.errors import Floor
 from robotcast.diagnosis.explained import Explained
+from robotcast.diagnosis.found import Found
 from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base
 from robotcast.diagnosis.library import fit_library
 from robotcast.diagnosis.model import Model, Record
@@ -19,7 +20,7 @@ from robotcast.diagnosis.outlook import Outlook, Step
 from robotcast.diagnosis.repeats import RepeatScatter, TimeGrid, repeat_scatter
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.diagnosis.screen import Screened, screen
-from robotcast.diagnosis.selection import Found, Selection
+from robotcast.diagnosis.selection import Selection
 from robotcast.diagnosis.sizes import first_in_resamples
 from robotcast.diagnosis.wording import PLAIN, Wording
 from robotcast.files import plain

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from robotcast.diagnosis.compare import Comparison, compare
+from robotcast.diagnosis.found import Found
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.misfit import padded
 from robotcast.diagnosis.rule import Rule
-from robotcast.diagnosis.selection import Found
 from robotcast.diagnosis.slices import Slice, slice_errors
 from robotcast.diagnosis.wording import Wording
 

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from robotcast.diagnosis.found import Found
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.model import Candidate
 from robotcast.diagnosis.repeats import RepeatScatter
 from robotcast.diagnosis.rule import Rule
-from robotcast.diagnosis.selection import Found
 from robotcast.diagnosis.wording import Wording, parameter_name
 
 

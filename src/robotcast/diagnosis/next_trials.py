@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotcast.diagnosis.decision import Verdict
+from robotcast.diagnosis.found import Found
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.model import Model, Record
 from robotcast.diagnosis.rule import Rule
 from robotcast.diagnosis.screen import Screened
-from robotcast.diagnosis.selection import Found
 from robotcast.progress import Progress, silent
 
 CHOSEN = 8

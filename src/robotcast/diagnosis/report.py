@@ -7,12 +7,12 @@ import numpy as np
 
 from robotcast.diagnosis.decision import Code, Unexplained, Verdict
 from robotcast.diagnosis.errors import Floor
+from robotcast.diagnosis.found import Found, Rung
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.limits import counted, is_ignored
 from robotcast.diagnosis.next_trials import NextTrial
 from robotcast.diagnosis.rule import Rule
 from robotcast.diagnosis.screen import Screened
-from robotcast.diagnosis.selection import Found, Rung
 from robotcast.diagnosis.sizes import sizes, sizes_of_effect
 from robotcast.diagnosis.wording import PLAIN, Wording
 

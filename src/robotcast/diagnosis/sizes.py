@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotcast.diagnosis.errors import misses
+from robotcast.diagnosis.found import Found
 from robotcast.diagnosis.inquiry import Inquiry, Revision
-from robotcast.diagnosis.selection import Found
 from robotcast.fitting.least_squares import Fit, median_miss
 from robotcast.fitting.parameter import Parameter
 from robotcast.fitting.uncertainty import bread, sandwich

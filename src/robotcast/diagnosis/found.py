@@ -1,0 +1,84 @@
+"""What a search for the missing effects has found: models judged on trials held out."""
+
+from dataclasses import dataclass, field
+
+from robotcast.diagnosis.errors import Gain, Scales
+from robotcast.diagnosis.inquiry import HeldOut, Revision
+from robotcast.diagnosis.library import Library
+from robotcast.fitting.least_squares import Fit
+
+Effects = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A model judged on trials held out: a rung of the error ladder.
+
+    Attributes
+    ----------
+    gain : over the base model.
+    """
+
+    revision: Revision
+    errors: HeldOut
+    gain: Gain | None = None
+
+    @property
+    def effects(self) -> Effects:
+        """The effects that act."""
+        return self.revision.effects
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search found so far.
+
+    Attributes
+    ----------
+    judged : effects → the model with them, judged on trials held out; the base model first.
+    chosen : the effects of the model that the search ended with.
+    early : effects → the fit to beginnings of the model with them.
+    library : the fit with all effects, None before it is done.
+    scales : how errors are compared, None before the base model is known.
+    rivals : effect of the chosen set → effects that do as well in its place.
+    """
+
+    judged: dict[Effects, Rung] = field(default_factory=dict)
+    chosen: Effects = ()
+    early: dict[Effects, Fit] = field(default_factory=dict)
+    library: Library | None = None
+    scales: Scales | None = None
+    rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def base(self) -> Rung:
+        """The model as it is."""
+        return next(iter(self.judged.values()))
+
+    @property
+    def top(self) -> Rung:
+        """The model with the chosen effects."""
+        return self.judged[self.chosen]
+
+    @property
+    def named(self) -> Effects:
+        """The chosen effects beside those of the base model."""
+        return self.chosen[len(self.base.effects) :]
+
+    @property
+    def ladder(self) -> tuple[Rung, ...]:
+        """The base model, the best judged model on the way, and the chosen one."""
+        if not self.judged:
+            return ()
+        rungs, fixed = [self.base], len(self.base.effects)
+        for size in range(1, len(self.named) + 1):
+            within = [
+                rung
+                for effects, rung in self.judged.items()
+                if len(effects) == fixed + size
+                and set(rungs[-1].effects) < set(effects)
+                and set(effects) <= set(self.chosen)
+            ]
+            if within:
+                rungs.append(min(within, key=lambda rung: rung.errors.waypoint.mean()))
+        return tuple(rungs)
