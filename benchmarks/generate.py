@@ -25,7 +25,7 @@ from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from mujoco.batch import Batch
 
-from robotcast.casts.plan import PlanLimits, plan_cast
+from robotcast.casts.plan import PlanLimits, plan_actions
 from robotcast.measurements.measurement_set import Cable
 from robotcast.simulators.chain import ChainGeometry
 from robotcast.simulators.mujoco_cables import SegmentedSimulator, chain_model
@@ -45,19 +45,10 @@ def make_simulator() -> SegmentedSimulator:
 def make_casts(n: int) -> list[SimulatedCast]:
     """Return casts that end with the tool's motion, so that every step of theirs is needed."""
     random = np.random.default_rng(0)
-    made = []
-    for _ in range(n):
-        planned = plan_cast(
-            random.uniform(0.3, 1.1),
-            random.uniform(-1.2, -0.3),
-            random.uniform(0.55, 0.8),
-            random.uniform(0.0, 1.5),
-            random.uniform(1.4, 1.9),
-            r0_m=0.6,
-            limits=PlanLimits(),
-        )
-        made.append(SimulatedCast(planned.tool, np.array([planned.end_s])))
-    return made
+    ranges = ((0.3, 1.1), (0.55, 0.7), (-1.2, -0.3), (0.55, 0.8), (0.0, 1.5), (1.4, 1.9))
+    actions = np.column_stack([random.uniform(*ends, n) for ends in ranges])
+    planned = plan_actions(actions, r0_m=0.6, limits=PlanLimits())
+    return [SimulatedCast(one.tool, np.array([one.end_s])) for one in planned]
 
 
 def seconds(work: Callable[[], object]) -> float:

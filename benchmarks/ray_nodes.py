@@ -129,7 +129,7 @@ def shards(measurements: Path, tuned: Path, folder: Path) -> int:
     swept = ("-m", ON_RAY, f"hydra.sweep.dir={folder}/jobs")
     command = stage("generate", *swept, *given, *cut, f"generate.shard=range({SHARDS})")
     on_the_cluster(command, folder / "shards", "generation.yaml", SHARDS)
-    run(stage("merge_shards", *cut, f"paths.simulated={folder}/merged"))
+    run(stage("generate", *cut, f"paths.simulated={folder}/merged"))
     return compared(folder / "whole", folder / "merged")
 
 

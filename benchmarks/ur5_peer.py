@@ -38,7 +38,7 @@ from robotcast.rigs.ur5.arm import (  # noqa: E402
 )
 from robotcast.rigs.ur5.motion import JointMotion, WholeMotion, refuse_unsafe, sway  # noqa: E402
 from robotcast.sessions import read_session  # noqa: E402
-from robotcast.vision.track_session import track_session  # noqa: E402
+from robotcast.vision.tracker import track_session  # noqa: E402
 from tests.rigs.peer.controller import Settings  # noqa: E402
 from tests.rigs.peer.film import FilmSettings  # noqa: E402
 from tests.rigs.peer.lab import (  # noqa: E402

@@ -15,7 +15,7 @@ from robotcast.build import build
 from robotcast.files import write_text
 from robotcast.rigs.ur5.camera import Webcam, WebcamSettings
 from robotcast.stage import require, stage, tell
-from robotcast.vision.printed_board import PrintedBoard, calibrate_lens
+from robotcast.vision.calibration import PrintedBoard, calibrate_lens
 from robotcast.workflow.calibrating import views, write_prints
 
 

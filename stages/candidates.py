@@ -6,7 +6,7 @@ from omegaconf import DictConfig
 
 from robotcast.build import action_space
 from robotcast.casts.action import ACTION_COLUMNS
-from robotcast.casts.action_file import write_actions
+from robotcast.casts.table import write_actions
 from robotcast.rigs.envelope import feasible_actions
 from robotcast.stage import bar, stage, tell
 

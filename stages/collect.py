@@ -1,6 +1,6 @@
 """Collect casts into the session folder: those of the chosen actions that it does not hold.
 
-The actions are drawn from the collected grid, or read: collect.actions=FILE
+python stages/collect.py [collect.actions=FILE]   # in place of actions drawn from the grid
 """
 
 from pathlib import Path
@@ -30,11 +30,10 @@ def collect(config: DictConfig) -> None:
     if config.hidden is not None and (aside := set_aside(folder, rig)):
         warn(f"{folder}: something else was hidden there; those casts lie in {aside} now")
     with bar(f"collect {rig.cable.name}") as progress:
-        collected = collect_casts(rig, chosen, folder, limits, progress)
-    for number, reason in collected.failed.items():
+        done = collect_casts(rig, chosen, folder, limits, progress)
+    for number, reason in done.failed.items():
         warn(f"cast {number} failed: {reason}")
-    added, failed = collected.added, len(collected.failed)
-    tell(f"{folder}: {added} casts added to {collected.stood}, {failed} failed")
+    tell(f"{folder}: {done.added} casts added to {done.stood}, {len(done.failed)} failed")
 
 
 if __name__ == "__main__":

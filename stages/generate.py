@@ -1,19 +1,23 @@
-"""Generate D_sim for one cable with its tuned simulator, whole or one shard of it.
+"""Generate D_sim for one cable with its tuned simulator: whole, one shard of it, or of all shards.
 
-The tool moves as the arm followed its plans in the casts that the simulator was tuned to, and the
-cable starts where their resets left it on average.
+python stages/generate.py -m generate.shards=4 'generate.shard=range(4)'
+python stages/generate.py generate.shards=4   # put together, the bytes of a run in one piece
 """
 
 from omegaconf import DictConfig
 
 from robotcast.stage import stage, tell
-from robotcast.workflow.generating import generate_d_sim
+from robotcast.workflow.generating import generate_d_sim, merge_d_sim
 
 
 def generate(config: DictConfig) -> None:
-    folder, generated = generate_d_sim(config)
-    lost = int(generated.diverged.sum())
-    tell(f"{folder}: {len(generated.actions) - lost} casts, {lost} diverged and were left out")
+    if config.generate.shard is None and config.generate.shards > 1:
+        folder, facts = merge_d_sim(config)
+        of = f" of {config.generate.shards} shards"
+    else:
+        (folder, facts), of = generate_d_sim(config), ""
+    lost = facts["diverged"]
+    tell(f"{folder}: {facts['casts']} casts{of}, {lost} diverged and were left out")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,4 @@
-"""Draw what the virtual rig hides on one cable, and seal it: `report` alone opens it.
-
-python stages/hide.py cable=cable2 output=DIR   # one file a cable
-"""
+"""Draw what the virtual rig hides on one cable, and seal it for `report`: cable=NAME output=DIR"""
 
 from pathlib import Path
 
@@ -10,32 +7,29 @@ from omegaconf import DictConfig
 
 from robotcast.build import CONFIGURATION, action_space, build, build_rig
 from robotcast.casts.plan import plan_action
+from robotcast.files import seal
 from robotcast.processes import process_pool
 from robotcast.rigs.collect import choose_casts
 from robotcast.rigs.envelope import feasible_actions
-from robotcast.rigs.sealed import seal
 from robotcast.rigs.virtual.hiding import draw_hidden
 from robotcast.stage import require, stage, tell
 
 PARAMETERS = Path("params.yaml")  # `hidden` may be a word there, which DVC cannot pass on
-NOTHING = {"effects": []}
 
 
 def hide(config: DictConfig) -> None:
     require(config, "output")
-    chosen = yaml.safe_load(PARAMETERS.read_text(encoding="utf-8"))["hidden"]
+    chosen = yaml.safe_load(PARAMETERS.read_text("utf-8"))["hidden"]
     if chosen != "none" and not (isinstance(chosen, dict) and set(chosen) == {"seed"}):
         raise ValueError(f"{PARAMETERS}: hidden must be none or {{ seed: N }}, is {chosen}")
-    answers = {p.stem: NOTHING for p in (CONFIGURATION / "cable").glob("*.yaml")}
+    answers = {p.stem: {"effects": []} for p in (CONFIGURATION / "cable").glob("*.yaml")}
     if chosen != "none" and "hide" in config.rig:
-        rig, (grid, r0_m, limits, envelope) = build_rig(config), action_space(config, "collected")
-        feasible, _ = feasible_actions(grid, r0_m, limits, envelope)
-        actions = choose_casts(feasible, config.rig.hide.casts, 0, config.seed)
-        planned = [plan_action(action, r0_m=r0_m, limits=limits) for _, action in actions]
+        rig, space, given = build_rig(config), action_space(config, "collected"), config.rig.hide
+        casts = choose_casts(feasible_actions(*space)[0], given.casts, 0, config.seed)
+        planned = [plan_action(action, r0_m=space[1], limits=space[2]) for _, action in casts]
         with process_pool(config.rig.workers) as pool:
-            answers[config.cable.name] = draw_hidden(
-                rig, planned, pool, int(chosen["seed"]), **build(config.rig.hide.draw)
-            )
+            answer = draw_hidden(rig, planned, pool, int(chosen["seed"]), **build(given.draw))
+        answers[config.cable.name] = answer
     for cable, answer in answers.items():
         seal(answer, Path(config.output) / f"{cable}.sealed")
     tell(f"{config.output}: what the cables' rigs hide is sealed")

@@ -5,10 +5,9 @@ from pathlib import Path
 from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig
 
-from robotcast.reporting.loop import read_loop
-from robotcast.reporting.report import RunFacts, write_report
+from robotcast.files import unseal
+from robotcast.reporting.report import RunFacts, read_loop, write_report
 from robotcast.reporting.results import read_results
-from robotcast.rigs.sealed import unseal
 from robotcast.stage import output_folder, stage, tell
 
 

@@ -10,7 +10,7 @@ from robotcast.measurements import reader, writer
 from robotcast.sessions import read_session, recorded_copy, summed_robot_notes
 from robotcast.stage import bar, named_session, output_folder, stage, tell, warn
 from robotcast.vision.facts import TrackingLimits
-from robotcast.vision.track_session import track_session
+from robotcast.vision.tracker import track_session
 
 
 def track(config: DictConfig) -> None:

@@ -5,12 +5,33 @@ from collections.abc import Sequence
 import numpy as np
 
 from robotcast.casts.action import Action
-from robotcast.casts.plan import PlanLimits, plan_action
+from robotcast.casts.curves import PlanLimits, plan_curves
+from robotcast.casts.plan import PlannedCast, check_actions, plan_action
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
 
 CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
 NOISE_M = 0.002
 ACTIONS = (Action(0.7, 0.62, -0.6, 0.65, 0.5, 1.25), Action(0.5, 0.62, -0.8, 0.7, 0.4, 1.5))
+
+
+def plan_cast(
+    theta1_rad: float,
+    theta2_rad: float,
+    r2_m: float,
+    alpha_rad: float,
+    vmax_m_s: float,
+    *,
+    r0_m: float,
+    r1_m: float | None = None,
+    limits: PlanLimits,
+) -> PlannedCast:
+    """Plan a cast whose r₁ is where the spline without it passes, as in a grid."""
+    ends = np.array([[theta1_rad, np.nan, theta2_rad, r2_m, alpha_rad, vmax_m_s]])
+    if r1_m is None:
+        check_actions(ends, r0_m, limits, r1_given=False)
+        r1_m = float(plan_curves(ends, r0_m, limits).actions[0, 1])
+    action = Action(theta1_rad, r1_m, theta2_rad, r2_m, alpha_rad, vmax_m_s)
+    return plan_action(action, r0_m=r0_m, limits=limits)
 
 
 def good_trial(

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from robotcast.casts.action_file import read_actions
+from robotcast.casts.table import read_actions
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
 from tests.good_casts import good_set

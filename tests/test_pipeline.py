@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ LOOP = (
 PLUMBING = {
     ROOT / "src/robotcast" / f"{name}.py"
     for name in (
-        *("stage", "workflow/dry_run", "files", "processes", "progress", "running", "source"),
+        *("stage", "workflow/dry_run", "files", "processes", "progress", "running"),
         *("reporting/revisions_page", "workflow/diagnosing_robot"),
     )
 }
@@ -49,14 +50,17 @@ def module_file(module: str) -> Path | None:
     return next((file for file in files if file.is_file()), None)
 
 
-def imports(file: Path) -> Iterator[Path]:
+@cache
+def imports(file: Path) -> tuple[Path, ...]:
+    found: list[Path] = []
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         names: list[str] = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
             names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        yield from filter(None, map(module_file, names))
+        found += filter(None, map(module_file, names))
+    return tuple(found)
 
 
 def files_of(pattern: str) -> Iterator[Path]:

@@ -1,6 +1,6 @@
 from pathlib import Path
 
-from robotcast.source import source_digest
+from robotcast.files import source_digest
 
 
 def test_changed_code_has_another_digest_and_other_files_do_not_count(tmp_path: Path) -> None:

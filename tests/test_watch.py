@@ -16,9 +16,8 @@ import yaml
 
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
-from robotcast.pipeline import pipeline
 from robotcast.running import Run, followed, read_runs, say, write_page
-from robotcast.watch import watch_page
+from robotcast.watch import pipeline, watch_page
 
 ROOT = Path(__file__).resolve().parents[1]
 CHROMIUM = next(

@@ -1,9 +1,17 @@
-"""Writing to disk so that a reader, or a rerun after a kill, never meets half a file."""
+"""Writing to disk so that a reader, or a rerun after a kill, never meets half a file.
 
+And answers that nobody shall read by accident, and the fingerprint of the code.
+"""
+
+import base64
+import binascii
 import glob
+import hashlib
+import json
 import math
 import os
 import shutil
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -80,3 +88,27 @@ def plain(value: Any) -> Any:
     if isinstance(value, float | np.floating):
         return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
     return value
+
+
+def seal(answer: dict[str, Any], path: Path) -> None:
+    """Write an answer so that nobody reads it by accident; the same one gives the same bytes."""
+    packed = zlib.compress(json.dumps(answer, sort_keys=True).encode(), level=9)
+    write_text(path, base64.encodebytes(packed).decode())
+
+
+def unseal(path: Path) -> dict[str, Any]:
+    """Read an answer that `seal` wrote."""
+    try:
+        return json.loads(zlib.decompress(base64.decodebytes(path.read_bytes())))
+    except (binascii.Error, zlib.error, ValueError):
+        raise ValueError(f"{path}: is not a sealed answer") from None
+
+
+def source_digest(*rooms: str, root: Path = Path(__file__).parent) -> str:
+    """Return a digest of all modules below the folders `rooms` of `root`."""
+    digest = hashlib.sha256()
+    for room in rooms:
+        for path in sorted((root / room).rglob("*.py")):
+            digest.update(f"{path.relative_to(root)}\n".encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()

@@ -23,9 +23,8 @@ import numpy as np
 import polars as pl
 import yaml
 
-from robotcast.casts.action import ACTION_COLUMNS, Action, action_factors
+from robotcast.casts.action import ACTION_COLUMNS, Action, ToolMotion, action_factors
 from robotcast.casts.table import TABLE_COLUMNS, Table, read_table
-from robotcast.casts.tool_motion import ToolMotion
 from robotcast.files import atomic_file, atomic_folder, discard_unfinished, write_text
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
@@ -142,11 +141,6 @@ def _read_request(folder: Path) -> CastRequest:
     if folder.name != request.folder_name:
         raise ValueError(f"{folder}: holds {request.folder_name}; a copy is no cast")
     return request
-
-
-def write_request(request: CastRequest, folder: Path) -> None:
-    values = {**vars(request), "action": action_factors(request.action.as_array())}
-    write_text(folder / REQUEST_FILE, yaml.safe_dump(values, sort_keys=False))
 
 
 def missing_requests(session: Session, requests: Sequence[CastRequest]) -> list[CastRequest]:

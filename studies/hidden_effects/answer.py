@@ -7,7 +7,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from robotcast.rigs.sealed import unseal
+from robotcast.files import unseal
 
 
 def sentences(answer: dict[str, Any]) -> list[str]:

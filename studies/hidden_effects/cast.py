@@ -11,11 +11,11 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from robotcast.build import build, build_rig, with_cable
-from robotcast.casts.action_file import read_actions
+from robotcast.casts.table import read_actions
+from robotcast.files import unseal
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.processes import process_pool
-from robotcast.rigs.sealed import unseal
 from robotcast.rigs.virtual.rig import Eye
 from robotcast.stage import require, stage, tell
 from studies.hidden_effects.cases import answer_path

@@ -22,8 +22,7 @@ from typing import Any
 import polars as pl
 
 from robotcast.build import known_effects
-from robotcast.files import write_text
-from robotcast.rigs.sealed import unseal
+from robotcast.files import unseal, write_text
 from studies.hidden_effects.cases import answer_path
 
 ROOT = Path(__file__).resolve().parents[2]

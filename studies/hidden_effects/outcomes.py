@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from robotcast.rigs.sealed import unseal
+from robotcast.files import unseal
 from robotcast.rigs.virtual.hiding import MECHANISMS
 from studies.hidden_effects.cases import answer_path
 from studies.hidden_effects.layout import result

@@ -26,11 +26,10 @@ from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base, held_out
 from robotcast.diagnosis.model import Candidate
 from robotcast.diagnosis.rule import RULE, Effort, Rule
 from robotcast.diagnosis.sizes import sizes
-from robotcast.files import write_text
+from robotcast.files import unseal, write_text
 from robotcast.fitting.least_squares import Fit, trial_losses
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.progress import Progress
-from robotcast.rigs.sealed import unseal
 from robotcast.stage import bar, stage, tell
 from robotcast.workflow.diagnosing import case_of
 from studies.hidden_effects.cases import answer_path

@@ -9,8 +9,8 @@ import polars as pl
 from omegaconf import DictConfig
 
 from robotcast.files import write_text
+from robotcast.reporting.page import markdown
 from robotcast.reporting.style import style, svg
-from robotcast.reporting.table import markdown
 from robotcast.stage import output_folder, stage, tell
 from studies.hidden_effects.figures import confusion_figure, power_figure
 from studies.hidden_effects.outcomes import Outcome, Said, read_outcomes

@@ -11,9 +11,9 @@ from omegaconf import DictConfig
 
 from robotcast.files import write_text
 from robotcast.reporting.names import dataset_name, math_text, policy_name
+from robotcast.reporting.page import markdown
 from robotcast.reporting.results import read_evaluation
 from robotcast.reporting.style import BLUE, VERMILION, style, svg
-from robotcast.reporting.table import markdown
 from robotcast.stage import output_folder, stage, tell
 from studies.points import HEAD, Point
 

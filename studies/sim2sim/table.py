@@ -8,7 +8,7 @@ from omegaconf import DictConfig
 
 from robotcast.files import write_text
 from robotcast.reporting.names import optimizer_name, simulator_name, thousands
-from robotcast.reporting.table import markdown
+from robotcast.reporting.page import markdown
 from robotcast.reporting.tables import SIM2SIM, SIM2SIM_CASTS
 from robotcast.stage import output_folder, stage, tell
 

@@ -24,7 +24,7 @@ from robotcast.stage import bar, output_folder, stage, tell
 from robotcast.tuning.certainty import Certainty, certainty
 from robotcast.tuning.objective import WaypointError, full_vectors
 from robotcast.tuning.search import Problem, Query, SearchResult
-from robotcast.workflow.searching import open_journal, search_with_bar
+from robotcast.workflow.tuning import open_journal, search_with_bar
 
 KEY = ("simulator", "parameters", "optimizer", "casts", "model", "start")  # of a tuning
 DRAWS = 50  # of a model, until one diverges on no cast

@@ -9,8 +9,8 @@ from omegaconf import DictConfig
 
 from robotcast.files import write_text
 from robotcast.reporting.names import cable_name, rig_names, simulator_name
+from robotcast.reporting.page import markdown
 from robotcast.reporting.results import Tuning, read_tuning
-from robotcast.reporting.table import markdown
 from robotcast.stage import output_folder, stage, tell
 
 SIZE_HEAD = (

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from robotcast.casts.action import ACTION_COLUMNS, Action
-from robotcast.casts.action_file import read_actions, write_actions
+from robotcast.casts.table import read_actions, write_actions
 
 FIRST = Action(0.6, 0.62, -0.4, 0.7, 0.2, 1.5)
 ACTIONS = [FIRST, replace(FIRST, alpha_rad=1.25)]

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import lti
 
+from robotcast.casts.action import ToolMotion
 from robotcast.casts.following import exact_following, fit_following
-from robotcast.casts.plan import PlanLimits, plan_cast
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.plan import PlanLimits
+from tests.good_casts import plan_cast
 
 R0_M, PERIOD_S = 0.6, 0.008
 ARCS = [(0.4, -0.3, 0.7, 0.6, 1.5), (0.7, -0.5, 0.6, 1.2, 2.0), (0.9, -0.8, 0.75, 0.0, 1.2)]

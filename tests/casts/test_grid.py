@@ -5,8 +5,7 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from robotcast.build import build
-from robotcast.casts.grid import ActionGrid, GridCounts
-from robotcast.casts.plan import PlanLimits
+from robotcast.casts.plan import ActionGrid, GridCounts, PlanLimits
 
 with initialize_config_dir(str(Path(__file__).parents[2] / "conf"), version_base=None):
     CONFIG = compose("config").casts

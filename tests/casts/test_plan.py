@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from robotcast.casts.action import Action
-from robotcast.casts.curves import plan_curves, smooth_step
-from robotcast.casts.jerk_limited import RestToRest
-from robotcast.casts.plan import PlanLimits, plan_action, plan_actions, plan_cast
+from robotcast.casts.curves import RestToRest, plan_curves, smooth_step
+from robotcast.casts.plan import PlanLimits, plan_action, plan_actions
+from tests.good_casts import plan_cast
 
 LIMITS = PlanLimits()
 R0_M = 0.6

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from robotcast.casts.limits import PlanLimits
-from robotcast.casts.pull import plan_pull, pull_action
+from robotcast.casts.curves import PlanLimits
+from robotcast.casts.plan import plan_pull, pull_action
 
 LIMITS = PlanLimits()
 

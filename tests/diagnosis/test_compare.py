@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from robotcast.casts.action import Action
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.action import Action, ToolMotion
 from robotcast.diagnosis.compare import Comparison, compare
 from robotcast.diagnosis.model import Record
-from robotcast.measurements.errors import prediction_errors
+from robotcast.measurements.errors import noise_floor, prediction_errors
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
-from robotcast.measurements.noise_floor import noise_floor
 from tests.diagnosis.made_up_trials import NOISE, SCALE, TIMES_S, WORDS, MadeUp, made_up
 
 

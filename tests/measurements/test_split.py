@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from robotcast.measurements.measurement_set import MeasurementSet
+from robotcast.measurements.measurement_set import MeasurementSet, split_by_action
 from robotcast.measurements.reader import read_measurement_set
-from robotcast.measurements.split import split_by_action
 
 
 @pytest.fixture(scope="module")

@@ -4,13 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
-from robotcast.measurements.writer import TableFormat, write_measurement_set
-
-FORMATS: tuple[TableFormat, ...] = ("csv", "parquet")
+from robotcast.measurements.writer import write_measurement_set
 
 
 def with_awkward_numbers(measured: MeasurementSet) -> MeasurementSet:
@@ -34,39 +33,36 @@ def assert_same(one: MeasurementSet, other: MeasurementSet) -> None:
         np.testing.assert_array_equal(a.waypoints_m, b.waypoints_m)
 
 
-@pytest.mark.parametrize("table_format", FORMATS)
-def test_a_set_comes_back_to_the_last_digit(
-    set_folder: Path, tmp_path: Path, table_format: TableFormat
-) -> None:
+def as_parquet(folder: Path) -> None:
+    for path in folder.glob("*.csv"):
+        pl.read_csv(path).write_parquet(path.with_suffix(".parquet"))
+        path.unlink()
+
+
+def test_a_set_comes_back_to_the_last_digit(set_folder: Path, tmp_path: Path) -> None:
     measured = with_awkward_numbers(read_measurement_set(set_folder))
-    write_measurement_set(measured, tmp_path / "new", table_format)
+    write_measurement_set(measured, tmp_path / "new")
     assert_same(read_measurement_set(tmp_path / "new"), measured)
 
 
-@pytest.mark.parametrize("table_format", FORMATS)
-def test_a_recorded_set_comes_back(
-    recorded_sets: Path, tmp_path: Path, table_format: TableFormat
-) -> None:
+def test_a_recorded_set_comes_back(recorded_sets: Path, tmp_path: Path) -> None:
     measured = read_measurement_set(recorded_sets / "a")
-    write_measurement_set(measured, tmp_path / "new", table_format)
+    write_measurement_set(measured, tmp_path / "new")
     assert_same(read_measurement_set(tmp_path / "new"), measured)
 
 
-@pytest.mark.parametrize("table_format", FORMATS)
-def test_the_same_set_gives_the_same_bytes(
-    set_folder: Path, tmp_path: Path, table_format: TableFormat
-) -> None:
+def test_the_same_set_gives_the_same_bytes(set_folder: Path, tmp_path: Path) -> None:
     measured = read_measurement_set(set_folder)
     folders = [tmp_path / "one", tmp_path / "two"]
     for folder in folders:
-        write_measurement_set(measured, folder, table_format)
+        write_measurement_set(measured, folder)
     one, two = ({p.name: p.read_bytes() for p in folder.iterdir()} for folder in folders)
     assert one == two
 
 
-@pytest.mark.parametrize("table_format", FORMATS)
+@pytest.mark.parametrize("parquet", [False, True])
 def test_what_was_not_at_rest_and_long_numbers_come_back(
-    set_folder: Path, tmp_path: Path, table_format: TableFormat
+    set_folder: Path, tmp_path: Path, parquet: bool
 ) -> None:
     """Trials may be numbered by time stamps in ns, which are no exact floats."""
     measured = read_measurement_set(set_folder)
@@ -74,8 +70,11 @@ def test_what_was_not_at_rest_and_long_numbers_come_back(
         replace(t, trial=1714566123456789012 + t.trial, rested=t.trial != 1)
         for t in measured.trials
     )
-    write_measurement_set(replace(measured, trials=trials), tmp_path / "new", table_format)
+    write_measurement_set(replace(measured, trials=trials), tmp_path / "new")
+    if parquet:
+        as_parquet(tmp_path / "new")
     again = read_measurement_set(tmp_path / "new")
+    assert_same(again, replace(again, trials=trials))
     assert [(t.trial, t.rested, t.logged) for t in again.trials] == [
         (t.trial, t.rested, t.logged) for t in trials
     ]

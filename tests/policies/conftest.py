@@ -6,8 +6,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from robotcast.casts.action import ACTION_COLUMNS, Action
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.action import ACTION_COLUMNS, Action, ToolMotion
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
 
 

@@ -6,9 +6,8 @@ import pytest
 from hydra import compose, initialize_config_dir
 
 from robotcast.build import build_rig
-from robotcast.casts.grid import ActionGrid, GridCounts
-from robotcast.casts.limits import PlanLimits
-from robotcast.casts.pull import plan_pull
+from robotcast.casts.curves import PlanLimits
+from robotcast.casts.plan import ActionGrid, GridCounts, plan_pull
 from robotcast.measurements.measurement_set import Cable
 from robotcast.policies.choosing import (
     CastAndPull,

@@ -11,7 +11,7 @@ from hydra import compose, initialize_config_dir
 
 from robotcast.build import build_rig
 from robotcast.casts.action import ACTION_COLUMNS
-from robotcast.casts.plan import PlanLimits, plan_cast
+from robotcast.casts.plan import PlanLimits
 from robotcast.measurements.measurement_set import Cable
 from robotcast.policies.choosing import Choice, choose_actions, with_spread
 from robotcast.policies.evaluation import (
@@ -22,6 +22,7 @@ from robotcast.policies.evaluation import (
     predicted_table,
 )
 from robotcast.rigs import Rig
+from tests.good_casts import plan_cast
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMITS = PlanLimits()

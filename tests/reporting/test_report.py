@@ -8,7 +8,7 @@ import pytest
 from robotcast.reporting.figures import trace_figure
 from robotcast.reporting.report import RunFacts, glance, make_report, write_report
 from robotcast.reporting.results import Results, read_results
-from robotcast.tuning.revisions import ModelRevision, keep_revision
+from robotcast.tuning.tuned import ModelRevision, keep_revision
 
 ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
 FACTS = RunFacts("demo", 0, (("Trained", "at most 200 epochs"),))

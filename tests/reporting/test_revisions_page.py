@@ -9,8 +9,8 @@ import pytest
 from robotcast.reporting.bars import Bar, Row, bars
 from robotcast.reporting.revisions_page import TuningProgress, comparable, revisions_page
 from robotcast.reporting.style import inline
-from robotcast.tuning.revisions import ModelRevision
 from robotcast.tuning.search import Batch
+from robotcast.tuning.tuned import ModelRevision
 
 BASE = ModelRevision(
     cable="cable1", rig="virtual", split="aaaa", tuning_casts=20, heldout_casts=30,

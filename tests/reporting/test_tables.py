@@ -10,9 +10,16 @@ import pytest
 
 from robotcast.reporting.page import to_latex
 from robotcast.reporting.results import Results, read_results
-from robotcast.reporting.table import Group, Table, markdown
-from robotcast.reporting.tables import cables_table, parts_table, policies_table, tuning_table
-from robotcast.tuning.revisions import ModelRevision
+from robotcast.reporting.tables import (
+    Group,
+    Table,
+    cables_table,
+    markdown,
+    parts_table,
+    policies_table,
+    tuning_table,
+)
+from robotcast.tuning.tuned import ModelRevision
 
 TABLE = Table(
     name="errors",

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotcast.casts.plan import PlanLimits, PlannedCast, plan_cast
+from robotcast.casts.plan import PlanLimits, PlannedCast
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.kinematics import Gripper
-from robotcast.rigs.virtual.arm import CastNoise
-from robotcast.rigs.virtual.cable import CableTruth
+from robotcast.rigs.virtual.cable import CableTruth, CastNoise
 from robotcast.rigs.virtual.rig import VirtualRig
+from tests.good_casts import plan_cast
 from tests.rigs.small_rig import CABLE, R0_M, TRUTH, small_rig
 
 

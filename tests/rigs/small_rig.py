@@ -2,8 +2,7 @@
 
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.kinematics import Gripper
-from robotcast.rigs.virtual.arm import ArmDynamics, CastNoise, packaged_scatter
-from robotcast.rigs.virtual.cable import CableTruth
+from robotcast.rigs.virtual.cable import ArmDynamics, CableTruth, CastNoise, packaged_scatter
 from robotcast.rigs.virtual.picture import PictureSettings
 from robotcast.rigs.virtual.rig import VirtualRig
 from robotcast.vision.camera import Camera

@@ -8,8 +8,7 @@ from hydra import compose, initialize_config_dir
 from robotcast.build import build
 from robotcast.casts.action import Action
 from robotcast.casts.curves import plan_curves
-from robotcast.casts.grid import ActionGrid, GridCounts
-from robotcast.casts.plan import PlanLimits, plan_action, plan_cast
+from robotcast.casts.plan import ActionGrid, GridCounts, PlanLimits, plan_action
 from robotcast.casts.reset import ResetSettings, plan_reset
 from robotcast.rigs.envelope import (
     Envelope,
@@ -26,6 +25,7 @@ from robotcast.rigs.kinematics import (
     joints_pointing_down,
     tilted_joint_path,
 )
+from tests.good_casts import plan_cast
 
 with initialize_config_dir(str(Path(__file__).parents[2] / "conf"), version_base=None):
     CONFIG = compose("config").casts

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from ur_analytic_ik import ur5  # pyright: ignore[reportAttributeAccessIssue]
 
-from robotcast.casts.plan import PlanLimits, plan_cast
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.action import ToolMotion
+from robotcast.casts.plan import PlanLimits
 from robotcast.rigs.kinematics import (
     LINK_CAPSULES,
     LINKS,
@@ -23,6 +23,7 @@ from robotcast.rigs.kinematics import (
     segment_distance,
     tilted_joint_path,
 )
+from tests.good_casts import plan_cast
 
 GRIPPER = Gripper(length_m=0.17, fingers_m=0.06, held_height_m=0.02)
 

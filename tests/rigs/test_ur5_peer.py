@@ -22,7 +22,7 @@ from robotcast.rigs.ur5.arm import Arm, RobotLog, ServoSettings, WatchSettings
 from robotcast.rigs.ur5.motion import JointMotion, sway
 from robotcast.rigs.virtual.rig import VirtualRig
 from robotcast.sessions import read_session
-from robotcast.vision.track_session import track_session
+from robotcast.vision.tracker import track_session
 from tests.rigs.peer.controller import Settings
 from tests.rigs.peer.film import FilmSettings
 from tests.rigs.peer.lab import CAST_ENVELOPE, GRIPPER, HOME_RAD, scene, small_cast, ur5_rig

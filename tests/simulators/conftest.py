@@ -8,11 +8,12 @@ import pytest
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
-from robotcast.casts.plan import PlanLimits, plan_cast
+from robotcast.casts.plan import PlanLimits
 from robotcast.effects.effect import Effect, Numbers
 from robotcast.measurements.measurement_set import Cable
 from robotcast.simulators.mujoco_cables import ChainSettings, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast, Simulator
+from tests.good_casts import plan_cast
 
 CONFIGURATION = Path(__file__).resolve().parents[2] / "conf"
 EFFECTS = OmegaConf.load(CONFIGURATION / "effects.yaml").effects

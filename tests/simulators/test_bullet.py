@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.action import ToolMotion
 from robotcast.effects.effect import ActiveEffects
 from robotcast.simulators.bullet import (
     BulletRun,

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import yaml
 
-from robotcast.casts.plan import PlanLimits, plan_actions, plan_cast
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.action import ToolMotion
+from robotcast.casts.plan import PlanLimits, plan_actions
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.measurements.writer import write_measurement_set
 from robotcast.simulators.d_sim import (
@@ -25,7 +25,7 @@ from robotcast.simulators.d_sim import (
     write_d_sim,
 )
 from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast
-from tests.good_casts import good_trial
+from tests.good_casts import good_trial, plan_cast
 
 CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
 LATE_S = 0.024
@@ -132,7 +132,7 @@ def test_a_sweep_over_shards_gives_the_bytes_of_one_run(tmp_path: Path) -> None:
     shards = ["generate.shards=3", "hydra/launcher=joblib", f"hydra.sweep.dir={tmp_path / 'jobs'}"]
     run("generate", *common, f"paths.simulated={tmp_path / 'whole'}")
     run("generate", "-m", *common, *shards, "generate.shard=2,0,1")
-    run("merge_shards", *common, "generate.shards=3", f"paths.simulated={tmp_path / 'merged'}")
+    run("generate", *common, "generate.shards=3", f"paths.simulated={tmp_path / 'merged'}")
     for name in ("casts.parquet", "generation.yaml"):
         assert (tmp_path / "merged" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
     facts = yaml.safe_load((tmp_path / "merged" / "generation.yaml").read_text())

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hydra.errors import InstantiationException
 
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.action import ToolMotion
 from robotcast.simulators.bullet import BulletSettings, BulletSimulator
 from robotcast.simulators.mujoco_cables import HybridSimulator, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.action import ToolMotion
 from robotcast.measurements.measurement_set import Cable
 from robotcast.simulators.mujoco_cables import ChainSettings, HybridSimulator, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast

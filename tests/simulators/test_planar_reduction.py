@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.action import ToolMotion
 from robotcast.rigs.virtual.cable import CableRun, CableTruth, Motion, build_cable, compile_cable
 from robotcast.simulators.simulator import SimulatedCast
 from tests.simulators.conftest import CABLE, MakeSimulator, nominal

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.action import ToolMotion
 from robotcast.simulators.simulator import SimulatedCast
 from tests.simulators.conftest import CABLE, MakeSimulator, nominal
 

@@ -7,9 +7,9 @@ from shutil import rmtree
 import numpy as np
 import pytest
 
-from robotcast.casts.limits import PlanLimits
+from robotcast.casts.curves import PlanLimits
+from robotcast.files import seal, unseal
 from robotcast.measurements.reader import read_measurement_set
-from robotcast.rigs.sealed import seal, unseal
 from robotcast.rigs.virtual.hiding import LIBRARY, MECHANISMS, OUTSIDE, make_effect
 from robotcast.rigs.virtual.mechanisms import HiddenEffect
 from robotcast.rigs.virtual.rig import Eye

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robotcast.rigs.sealed import seal
+from robotcast.files import seal
 from studies.hidden_effects.cases import answer_path
 from studies.hidden_effects.figures import confusion_counts, power_bins
 from studies.hidden_effects.layout import result

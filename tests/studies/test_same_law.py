@@ -14,7 +14,7 @@ from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
 from robotcast.casts.action import Action
-from robotcast.casts.limits import PlanLimits
+from robotcast.casts.curves import PlanLimits
 from robotcast.casts.plan import PlannedCast, plan_action
 from robotcast.effects.effect import CableMotion, Effect
 from robotcast.rigs.virtual.cable import CableTruth, build_cable

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from robotcast.casts.action import Action
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.action import Action, ToolMotion
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Trial
 from robotcast.progress import silent

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
-from robotcast.tuning.revisions import (
+from robotcast.tuning.tuned import (
     LEDGER,
     ModelRevision,
     comparable_revisions,

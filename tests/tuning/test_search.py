@@ -10,8 +10,8 @@ import torch
 from robotcast.tuning.bayesian_optimization import BayesianOptimization
 from robotcast.tuning.differential_evolution import DifferentialEvolution
 from robotcast.tuning.gauss_newton import GaussNewton
-from robotcast.tuning.journal import Journal
 from robotcast.tuning.search import (
+    Journal,
     Objective,
     Optimizer,
     Problem,

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotcast.casts.action import Action
+from robotcast.casts.action import Action, ToolMotion
 from robotcast.casts.plan import PlanLimits, plan_action
-from robotcast.casts.tool_motion import ToolMotion
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.kinematics import Gripper, joint_path
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, render_cast
@@ -20,7 +19,6 @@ from robotcast.sessions import (
     CastRequest,
     Session,
     write_record,
-    write_request,
     write_tool,
 )
 from robotcast.vision.camera import Camera
@@ -89,7 +87,7 @@ class Lab:
             return held + 0.6 * behind / np.linalg.norm(behind, axis=1, keepdims=True)
 
         scene = self.scene(trailing, until_s=tool.t_s[-1] + 0.3, tool=(0.3, 0.0))
-        write_request(CastRequest(number, number, ACTION), folder)
+        write_record(CastRequest(number, number, ACTION), folder)
         return self.film(folder, scene, number, tool)
 
     def without_markers(self) -> "Lab":

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from robotcast.vision.endpoint_filter import EndpointFilter
+from robotcast.vision.detector import EndpointFilter
 from tests.vision.conftest import BALL_BGR, BOARD_BGR
 
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from robotcast.vision.printed_board import COLUMNS, ROWS, PrintedBoard, calibrate_lens
+from robotcast.vision.calibration import COLUMNS, ROWS, PrintedBoard, calibrate_lens
 
 WIDTH, HEIGHT, FOCAL = 960, 540, 0.71
 BOARD = PrintedBoard()

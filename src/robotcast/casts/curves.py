@@ -1,12 +1,85 @@
-"""Many casts at once as analytic curves: angle, radius and blend as functions of time."""
+"""Many casts at once as analytic curves: angle, radius and blend as functions of time.
 
-from dataclasses import dataclass
+Along the angle the tool moves from rest to rest with limited jerk, as ruckig plans it.
+"""
+
+import math
+from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
+import ruckig
 
-from robotcast.casts.jerk_limited import PIECES, RestToRest
-from robotcast.casts.limits import PlanLimits
+
+@dataclass(frozen=True)
+class PlanLimits:
+    """Limits of the planned tool motion.
+
+    Attributes
+    ----------
+    angular_acceleration_rad_s2, angular_jerk_rad_s3 : of the polar angle θ(t).
+    period_s : sample period of the planned motion, 8 ms for a UR5 CB3.
+    vmax_m_s : largest v_max that may be asked for.
+    angle_rad : largest |θ₁| and |θ₂|.
+    alpha_rad : largest |α|.
+    r_min_m, r_max_m : radii between which the tool may plan to move.
+    """
+
+    angular_acceleration_rad_s2: float = 15.0
+    angular_jerk_rad_s3: float = 250.0
+    period_s: float = 0.008
+    vmax_m_s: float = 2.5
+    angle_rad: float = 1.5
+    alpha_rad: float = math.pi
+    r_min_m: float = 0.5
+    r_max_m: float = 0.9
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and value > 0):
+                raise ValueError(f"plan limits: {field.name} must be positive, got {value}")
+        if self.r_min_m >= self.r_max_m:
+            raise ValueError(
+                f"plan limits: r_min_m must be below r_max_m, got {self.r_min_m}, {self.r_max_m}"
+            )
+
+
+PIECES = 7
+"""Pieces of constant jerk in one move."""
+
+
+class RestToRest:
+    """Solves one move after another without allocating a solver for each.
+
+    Parameters
+    ----------
+    acceleration, jerk : largest magnitudes, in the unit of the distance per s² and s³.
+    """
+
+    def __init__(self, acceleration: float, jerk: float) -> None:
+        self._solver = ruckig.Ruckig(1)
+        self._trajectory = ruckig.Trajectory(1)
+        self._input = ruckig.InputParameter(1)
+        self._input.max_acceleration = [acceleration]
+        self._input.max_jerk = [jerk]
+
+    def solve(self, distance: float, velocity: float) -> tuple[list[float], list[float]]:
+        """Return the durations [s] and jerks of the seven pieces of the fastest move.
+
+        Parameters
+        ----------
+        distance : how far to go, > 0.
+        velocity : largest velocity on the way, > 0.
+        """
+        self._input.target_position = [distance]
+        self._input.max_velocity = [velocity]
+        result = self._solver.calculate(self._input, self._trajectory)
+        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+            raise ValueError(f"no jerk-limited move of {distance} at {velocity} per s: {result}")
+        profile = self._trajectory.profiles[0][0]
+        return profile.t, profile.j
+
 
 SAMPLES_PER_PIECE = 32
 SPEED_MARGIN = 5e-4

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.action import ToolMotion
 
 PAST_S = 0.2  # an arm that is later than this is not followed
 SMOOTHNESS = 1e-3  # of the weights: (1 mm that no such model explains / bends of 0.03) squared

@@ -1,15 +1,12 @@
-"""From the numbers of a cast to the motion of the tool."""
+"""From the numbers of a cast to the motion of the tool; pulls, and grids of actions."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from robotcast.casts.action import ACTION_COLUMNS, Action
-from robotcast.casts.curves import CastCurves, plan_curves
-from robotcast.casts.limits import PlanLimits
-from robotcast.casts.tool_motion import ToolMotion
-
-__all__ = ["PlanLimits", "PlannedCast", "plan_action", "plan_actions", "plan_cast"]
+from robotcast.casts.action import ACTION_COLUMNS, Action, ToolMotion
+from robotcast.casts.curves import CastCurves, PlanLimits, plan_curves, smooth_step
 
 
 @dataclass(frozen=True)
@@ -29,32 +26,13 @@ class PlannedCast:
     end_s: float
 
 
-def plan_cast(
-    theta1_rad: float,
-    theta2_rad: float,
-    r2_m: float,
-    alpha_rad: float,
-    vmax_m_s: float,
-    *,
-    r0_m: float,
-    r1_m: float | None = None,
-    limits: PlanLimits,
-) -> PlannedCast:
-    """Plan the cast with these numbers.
-
-    The radius is a cubic spline from r₀ to r₂ with zero slope at both ends; with `r1_m` it
-    passes through r₁ at θ₁. The angle goes from 0 to θ₁ and on to θ₂ as fast as v_max, the
-    angular acceleration and the jerk allow, at rest in θ₁. α is blended into the yaw over
-    the second arc by a quintic.
-    """
-    r1 = np.nan if r1_m is None else r1_m
-    action = np.array([[theta1_rad, r1, theta2_rad, r2_m, alpha_rad, vmax_m_s]], dtype=float)
-    check_actions(action, r0_m, limits, r1_given=r1_m is not None)
-    return _planned(plan_curves(action, r0_m, limits), limits)[0]
-
-
 def plan_action(action: Action, *, r0_m: float, limits: PlanLimits) -> PlannedCast:
-    """Plan the cast of `action`, through its own r₁."""
+    """Plan the cast of `action`.
+
+    The radius is a cubic spline from r₀ through r₁ at θ₁ to r₂, with zero slope at both ends. The
+    angle goes from 0 to θ₁ and on to θ₂ as fast as v_max, the angular acceleration and the jerk
+    allow, at rest in θ₁. α is blended into the yaw over the second arc by a quintic.
+    """
     return plan_actions(action.as_array()[None], r0_m=r0_m, limits=limits)[0]
 
 
@@ -130,3 +108,104 @@ def _check_radius(name: str, values: np.ndarray, limits: PlanLimits) -> None:
             f"cast: {name} must be in [{limits.r_min_m:g}, {limits.r_max_m:g}] m, "
             f"got {values[bad][0]:g}"
         )
+
+
+_PEAK = 1.875  # largest slope of the quintic from 0 to 1
+_SHORTEST_S = 0.5
+
+
+def pull_action(angle_rad: float, from_m: float, to_m: float, speed_m_s: float) -> Action:
+    """Return a pull along one ray as an action: θ₁ = θ₂, from r₁ to r₂, at v_max at most."""
+    return Action(angle_rad, from_m, angle_rad, to_m, 0.0, speed_m_s)
+
+
+def plan_pull(action: Action, *, r0_m: float, limits: PlanLimits) -> PlannedCast:
+    """Plan the tool motion of a pull: it lies in wait at r₁ and moves to r₂, at rest at both ends.
+
+    Parameters
+    ----------
+    r0_m : of the rig's casts; a pull starts where its own reset set the held end down.
+    """
+    if action.theta1_rad != action.theta2_rad or action.alpha_rad != 0:
+        raise ValueError("pull: the held end stays on one ray, got theta1 ≠ theta2 or alpha ≠ 0")
+    start, end = action.r1_m, action.r2_m
+    if not limits.r_min_m <= end <= start <= limits.r_max_m:
+        raise ValueError(
+            f"pull: expected {limits.r_min_m:g} ≤ r2 ≤ r1 ≤ {limits.r_max_m:g} m, "
+            f"got r1 {start:g} and r2 {end:g}"
+        )
+    if abs(action.theta1_rad) > limits.angle_rad or action.vmax_m_s <= 0:
+        raise ValueError(
+            f"pull: |theta| must not exceed {limits.angle_rad:g} rad and vmax must be positive, "
+            f"got {action.theta1_rad:g} and {action.vmax_m_s:g}"
+        )
+    end_s = max(_SHORTEST_S, _PEAK * (start - end) / action.vmax_m_s)
+    t_s = np.arange(math.ceil(end_s / limits.period_s - 1e-9) + 1) * limits.period_s
+    radius = start + (end - start) * smooth_step(t_s / end_s)
+    angle = np.full(len(t_s), action.theta1_rad)
+    pose = np.stack([radius * np.cos(angle), radius * np.sin(angle), angle], axis=1)
+    return PlannedCast(action, ToolMotion(t_s, pose), 0.0, end_s)
+
+
+@dataclass(frozen=True)
+class GridCounts:
+    """How many values each coordinate of a grid takes."""
+
+    theta1: int
+    theta2: int
+    r2: int
+    alpha: int
+    vmax: int
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if getattr(self, field.name) < 1:
+                raise ValueError(
+                    f"grid: the count of {field.name} must be at least 1, "
+                    f"got {getattr(self, field.name)}"
+                )
+
+
+@dataclass(frozen=True)
+class ActionGrid:
+    """Evenly spaced values of θ₁, θ₂, r₂, α and v_max, each [first, last].
+
+    Only the half θ₁ > 0, θ₂ < 0, α ≥ 0 is sampled; mirror images are the other half (paper,
+    "Parameterized Actions").
+    """
+
+    theta1_rad: tuple[float, float]
+    theta2_rad: tuple[float, float]
+    r2_m: tuple[float, float]
+    alpha_rad: tuple[float, float]
+    vmax_m_s: tuple[float, float]
+    counts: GridCounts
+
+    def __post_init__(self) -> None:
+        for name, kept, rule in (
+            ("theta1_rad", min(self.theta1_rad) > 0, "positive"),
+            ("theta2_rad", max(self.theta2_rad) < 0, "negative"),
+            ("alpha_rad", min(self.alpha_rad) >= 0, "zero or positive"),
+        ):
+            if not kept:
+                raise ValueError(f"grid: {name} must be {rule}, got {list(getattr(self, name))}")
+
+    def axes(self) -> list[tuple[float, float, int]]:
+        """Return first, last and count of θ₁, θ₂, r₂, α and v_max."""
+        ends = (self.theta1_rad, self.theta2_rad, self.r2_m, self.alpha_rad, self.vmax_m_s)
+        return [
+            (first, last, getattr(self.counts, field.name))
+            for (first, last), field in zip(ends, fields(self.counts), strict=True)
+        ]
+
+    def candidates(self, r0_m: float, limits: PlanLimits) -> np.ndarray:
+        """Return every action of the grid with its r₁, (n, 6), the last coordinate fastest."""
+        return self.curves(r0_m, limits).actions
+
+    def curves(self, r0_m: float, limits: PlanLimits) -> CastCurves:
+        """Return the curves of every action of the grid."""
+        axes = [np.linspace(*axis) for axis in self.axes()]
+        axes.insert(1, np.array([np.nan]))
+        actions = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 6)
+        check_actions(actions, r0_m, limits, r1_given=False)
+        return plan_curves(actions, r0_m, limits)

@@ -1,13 +1,17 @@
-"""One table of casts on disk: its columns as numbers in range, and where each row stands."""
+"""Tables of casts on disk: columns as numbers in range, and where each row stands."""
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
+
+from robotcast.casts.action import ACTION_COLUMNS, Action
+from robotcast.files import atomic_file
 
 TABLE_COLUMNS = {
     "actions": ("trial", "action", "theta1", "r1", "theta2", "r2", "alpha", "vmax"),
@@ -249,3 +253,25 @@ def _numbers(path: Path, cells: pl.Series, rows: np.ndarray) -> np.ndarray:
         return values
     exact = cells.cast(pl.Int64, strict=False)  # a time stamp in ns is no exact float
     return values.astype(np.int64) if exact.null_count() else exact.to_numpy()
+
+
+def write_actions(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Write one action a row, its six numbers first; what else a row holds goes after them."""
+    names = [*ACTION_COLUMNS, *(n for n in (rows[0] if rows else {}) if n not in ACTION_COLUMNS)]
+    columns = {name: [_cell(row[name]) for row in rows] for name in names}
+    with atomic_file(path) as temporary:
+        pl.DataFrame(columns).write_csv(temporary)
+
+
+def read_actions(path: Path) -> list[Action]:
+    """Read one action a row, checked as in a measurement set; other columns are ignored."""
+    if not path.is_file():
+        raise ValueError(f"{path}: there is no such file; expected a table of actions")
+    columns = read_table(path, ACTION_COLUMNS).columns
+    if not len(columns["vmax"]):
+        raise ValueError(f"{path}: holds no action")
+    return [Action.from_array(row) for row in np.stack(list(columns.values()), axis=1)]
+
+
+def _cell(value: Any) -> Any:
+    return " ".join(map(str, value)) if isinstance(value, list | tuple) else value

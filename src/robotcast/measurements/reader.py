@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from robotcast.casts.action import ACTION_COLUMNS, Action
+from robotcast.casts.action import ACTION_COLUMNS, Action, ToolMotion
 from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.casts.table import TABLE_COLUMNS, Table, find_table, read_table
-from robotcast.casts.tool_motion import ToolMotion
 from robotcast.measurements.logs import Logs
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.measurements.rig_file import read_rig_file

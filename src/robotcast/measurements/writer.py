@@ -4,7 +4,6 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import polars as pl
@@ -15,8 +14,6 @@ from robotcast.files import atomic_folder
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.measurements.rig_file import RigFacts, rig_file_text
-
-TableFormat = Literal["csv", "parquet"]
 
 
 @contextmanager
@@ -33,16 +30,12 @@ def replaced(folder: Path) -> Iterator[Path]:
         shutil.rmtree(draft, ignore_errors=True)
 
 
-def write_measurement_set(
-    measured: MeasurementSet, folder: Path, table_format: TableFormat = "csv"
-) -> None:
+def write_measurement_set(measured: MeasurementSet, folder: Path) -> None:
     """Write a set to `folder`, which must not exist yet: a set on disk is never changed.
 
     The same set gives the same bytes; numbers are written with all their digits, so that
     reading gives the set back. A planned tool motion is not written: it was not measured.
     """
-    if table_format not in ("csv", "parquet"):
-        raise ValueError(f"table format must be csv or parquet, got {table_format!r}")
     if folder.exists():
         raise ValueError(
             f"{folder}: exists already; a measurement set is never changed in place, "
@@ -56,11 +49,7 @@ def write_measurement_set(
     with atomic_folder(folder) as unfinished:
         (unfinished / "rig.yaml").write_text(rig_file_text(facts), encoding="utf-8")
         for name, columns in _tables(measured).items():
-            frame = pl.DataFrame(columns)
-            if table_format == "csv":
-                frame.write_csv(unfinished / f"{name}.csv")
-            else:
-                frame.write_parquet(unfinished / f"{name}.parquet")
+            pl.DataFrame(columns).write_csv(unfinished / f"{name}.csv")
 
 
 def _tables(measured: MeasurementSet) -> dict[str, dict[str, np.ndarray]]:

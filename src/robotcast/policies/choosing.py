@@ -7,10 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robotcast.casts.action import ACTION_COLUMNS, Action
-from robotcast.casts.curves import plan_curves
-from robotcast.casts.grid import ActionGrid
-from robotcast.casts.limits import PlanLimits
-from robotcast.casts.pull import pull_action
+from robotcast.casts.curves import PlanLimits, plan_curves
+from robotcast.casts.plan import ActionGrid, pull_action
 from robotcast.measurements.measurement_set import Cable
 from robotcast.policies.forward_model import ForwardModel
 from robotcast.policies.targets import rest_side

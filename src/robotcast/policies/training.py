@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from robotcast.files import atomic_file
+from robotcast.files import atomic_file, source_digest
 from robotcast.policies.datasets import Dataset, Examples
 from robotcast.policies.forward_model import (
     Epoch,
@@ -23,7 +23,6 @@ from robotcast.policies.forward_model import (
     reproducible_torch,
 )
 from robotcast.progress import Progress, silent
-from robotcast.source import source_digest
 
 _KEPT_EVERY = 5  # passes between two states on disk
 

@@ -3,6 +3,7 @@
 import base64
 import re
 import shlex
+from collections.abc import Sequence
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
@@ -37,6 +38,22 @@ def caption(name: str, *given: Any) -> str:
 def to_latex(text: str) -> str:
     """Return `text` with the symbols used in tables written in LaTeX."""
     return names.replaced(text, _LATEX)
+
+
+def markdown(columns: Sequence[str], rows: Sequence[Sequence[object]], labels: int = 99) -> str:
+    """Return a table in Markdown; numbers get one decimal, and no zero a minus.
+
+    Parameters
+    ----------
+    labels : so many columns stand on the left, the others on the right.
+    """
+
+    def text(cell: object) -> str:
+        return f"{cell:z.1f}" if isinstance(cell, float) else str(cell)
+
+    rule = ["---" if n < labels else "---:" for n in range(len(columns))]
+    lines = [columns, rule, *([text(c) for c in row] for row in rows)]
+    return "".join("| " + " | ".join(line) + " |\n" for line in lines)
 
 
 _TEMPLATES = Environment(

@@ -14,13 +14,13 @@ import numpy as np
 import polars as pl
 import yaml
 
+from robotcast.measurements.errors import NoiseFloor, noise_floor
 from robotcast.measurements.measurement_set import MeasurementSet
-from robotcast.measurements.noise_floor import NoiseFloor, noise_floor
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.datasets import Examples, read_simulated
 from robotcast.policies.targets import ErrorParts, error_parts, median_interval
 from robotcast.reporting.names import cable_name, dataset_name, method_name, policy_name
-from robotcast.tuning.revisions import ModelRevision, comparable_revisions
+from robotcast.tuning.tuned import ModelRevision, comparable_revisions
 
 One = TypeVar("One")
 _WITHIN_95 = -2 * np.log(0.05)  # of the squared distance in standard deviations, in the plane

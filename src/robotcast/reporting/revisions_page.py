@@ -18,8 +18,8 @@ from robotcast.reporting.names import (
 )
 from robotcast.reporting.page import render
 from robotcast.reporting.style import BLUE, GREEN, GREY, beside, canvas, inline, log_errors, style
-from robotcast.tuning.revisions import ModelRevision
 from robotcast.tuning.search import Batch
+from robotcast.tuning.tuned import ModelRevision
 
 _AXIS = "average waypoint error on held-out casts [% of cable length]"
 

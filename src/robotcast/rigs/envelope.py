@@ -12,9 +12,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from robotcast.casts.curves import CastCurves, distinct_arcs, plan_curves
-from robotcast.casts.grid import ActionGrid
-from robotcast.casts.limits import PlanLimits
+from robotcast.casts.curves import CastCurves, PlanLimits, distinct_arcs, plan_curves
+from robotcast.casts.plan import ActionGrid
 from robotcast.progress import Progress, silent
 from robotcast.rigs.kinematics import (
     JOINTS,

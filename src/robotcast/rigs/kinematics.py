@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from ur_analytic_ik import ur5  # pyright: ignore[reportAttributeAccessIssue]
 
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.action import ToolMotion
 
 JOINTS = ("base", "shoulder", "elbow", "wrist 1", "wrist 2", "wrist 3")
 

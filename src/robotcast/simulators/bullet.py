@@ -36,13 +36,13 @@ from numba import njit
 from scipy.linalg import eigh
 
 from robotcast.effects.effect import ActiveEffects
-from robotcast.simulators.batch import BatchSimulator, Settings
 from robotcast.simulators.chain import (
     GRAVITY_M_S2,
     CableState,
     Run,
     capsule_inertia,
 )
+from robotcast.simulators.simulator import BatchSimulator, Settings
 
 STEP_RATE = 1.5  # step × fastest frequency of the springs; from 2 on an explicit step diverges
 HELD_KG = 1e4  # and kg m²: so heavy that the cable cannot move the held end

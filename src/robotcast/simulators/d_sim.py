@@ -15,9 +15,8 @@ import numpy as np
 import polars as pl
 import yaml
 
-from robotcast.casts.action import ACTION_COLUMNS, action_factors
+from robotcast.casts.action import ACTION_COLUMNS, ToolMotion, action_factors
 from robotcast.casts.plan import PlannedCast
-from robotcast.casts.tool_motion import ToolMotion
 from robotcast.files import atomic_file, write_text
 from robotcast.progress import Progress, silent
 from robotcast.simulators.simulator import Cast, SimulatedCast, Simulator
@@ -102,13 +101,14 @@ class Shard:
         return np.array_split(actions, self.of)[self.number]
 
 
-def write_d_sim(folder: Path, generated: Generated, facts: dict[str, Any]) -> None:
-    """Write the casts that did not diverge, and how they came to be."""
+def write_d_sim(folder: Path, generated: Generated, facts: dict[str, Any]) -> dict[str, Any]:
+    """Write the casts that did not diverge, and how they came to be; return that."""
     kept = ~generated.diverged
     columns = dict(zip(ACTION_COLUMNS, generated.actions[kept].T, strict=True))
     x, y = generated.endpoints_m[kept].T
-    counts = {"casts": int(kept.sum()), "diverged": int((~kept).sum())}
-    _write(folder, pl.DataFrame({**columns, "x": x, "y": y}), {**facts, **counts})
+    facts = {**facts, "casts": int(kept.sum()), "diverged": int((~kept).sum())}
+    _write(folder, pl.DataFrame({**columns, "x": x, "y": y}), facts)
+    return facts
 
 
 def merge_shards(folders: Sequence[Path], folder: Path) -> dict[str, Any]:

@@ -10,8 +10,8 @@ import yaml
 from robotcast.files import atomic_file, write_text
 from robotcast.rigs.ur5.camera import Webcam
 from robotcast.stage import bar, tell
+from robotcast.vision.calibration import DOTS_PER_M, PrintedBoard
 from robotcast.vision.fiducials import BORDER_MODULES, FiducialBoard, dictionary
-from robotcast.vision.printed_board import DOTS_PER_M, PrintedBoard
 
 VIEWS, EVERY_S, AT_MOST_S = 15, 1.0, 180.0
 

@@ -7,7 +7,7 @@ from omegaconf import DictConfig
 
 from robotcast.build import action_space
 from robotcast.casts.action import Action
-from robotcast.casts.action_file import read_actions
+from robotcast.casts.table import read_actions
 from robotcast.rigs.collect import choose_casts, number_extra_actions
 from robotcast.rigs.envelope import are_feasible, feasible_actions
 from robotcast.sessions import SESSION_FILE, read_session

@@ -17,7 +17,7 @@ from robotcast.build import (
     known_effects,
 )
 from robotcast.cast_model import CAST_WORDING, CastModel, candidate_casts, cast_records, draw_field
-from robotcast.casts.action_file import write_actions
+from robotcast.casts.table import write_actions
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.next_trials import Further
 from robotcast.files import write_text

@@ -10,10 +10,10 @@ import yaml
 from omegaconf import DictConfig, OmegaConf
 
 from robotcast.build import action_space, build
-from robotcast.casts.action_file import read_actions
 from robotcast.casts.plan import plan_action
+from robotcast.casts.table import read_actions
 from robotcast.files import atomic_file
-from robotcast.measurements.split import split_by_action
+from robotcast.measurements.measurement_set import split_by_action
 from robotcast.policies.choosing import (
     Choice,
     Neighbourhood,

@@ -4,25 +4,30 @@ from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from omegaconf import DictConfig
 
 from robotcast.build import action_space, build_effects, build_simulator, fingerprint
 from robotcast.casts.following import Following, exact_following, fit_following
 from robotcast.casts.plan import PlanLimits, plan_action, plan_actions
-from robotcast.measurements.measurement_set import Trial
-from robotcast.measurements.split import split_by_action
+from robotcast.measurements.measurement_set import Trial, split_by_action
 from robotcast.rigs.envelope import feasible_actions
-from robotcast.simulators.d_sim import Generated, Shard, generate_casts, mean_reach, write_d_sim
+from robotcast.simulators.d_sim import Shard, generate_casts, mean_reach, merge_shards, write_d_sim
 from robotcast.stage import bar, measured_set, output_folder, tell, warn
 from robotcast.tuning.tuned import read_tuned, vector_of
 
 
-def generate_d_sim(config: DictConfig) -> tuple[Path, Generated]:
-    """Simulate what the configured grid asks for, write it and return it with its folder."""
+def merge_d_sim(config: DictConfig) -> tuple[Path, dict[str, Any]]:
+    """Write D_sim from all its shards; return its folder and how it came to be."""
+    of, folder = config.generate.shards, output_folder(config.paths.simulated)
+    shards = [Path(config.paths.shards) / Shard(number, of).name for number in range(of)]
+    return folder, merge_shards(shards, folder)
+
+
+def generate_d_sim(config: DictConfig) -> tuple[Path, dict[str, Any]]:
+    """Simulate what the configured grid asks for, or a shard; return its folder and facts."""
     number, of = config.generate.shard, config.generate.shards
-    if number is None and of > 1:
-        raise ValueError(f"generate.shards={of} needs generate.shard, from 0 to {of - 1}")
     shard = None if number is None else Shard(number, of)
     tuned, sizes = Path(config.paths.tuned), config.scale.tune
     cable, active, values = read_tuned(tuned)
@@ -66,8 +71,7 @@ def generate_d_sim(config: DictConfig) -> tuple[Path, Generated]:
             reach_m=reach_m,
             progress=progress,
         )
-    write_d_sim(folder, generated, facts)
-    return folder, generated
+    return folder, write_d_sim(folder, generated, facts)
 
 
 def _following(trials: Sequence[Trial], r0_m: float, limits: PlanLimits) -> Following:

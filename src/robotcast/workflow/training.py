@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from omegaconf import DictConfig, ListConfig
 
-from robotcast.measurements.split import split_by_action
+from robotcast.measurements.measurement_set import split_by_action
 from robotcast.policies.datasets import (
     Dataset,
     Examples,

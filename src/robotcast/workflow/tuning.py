@@ -1,7 +1,7 @@
 """Tuning a simulator to measured casts: search, errors, certainty, revision and its live page."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,27 +9,82 @@ import numpy as np
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from robotcast.build import build_effects, build_simulator
-from robotcast.measurements.errors import prediction_errors
-from robotcast.measurements.measurement_set import MeasurementSet
-from robotcast.measurements.noise_floor import noise_floor
-from robotcast.measurements.split import split_by_action
+from robotcast.build import build_effects, build_simulator, fingerprint
+from robotcast.files import source_digest
+from robotcast.fitting.parameter import Parameter
+from robotcast.measurements.errors import noise_floor, prediction_errors
+from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial, split_by_action
 from robotcast.reporting.revisions_page import TuningProgress, revisions_page
 from robotcast.running import write_page
 from robotcast.simulators.simulator import Simulator
-from robotcast.stage import measured_set, output_folder
+from robotcast.stage import bar, measured_set, output_folder, unfinished_file
 from robotcast.tuning.certainty import Certainty, certainty, certainty_casts
 from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError, full_vectors
-from robotcast.tuning.revisions import (
+from robotcast.tuning.search import (
+    Batch,
+    Journal,
+    Objective,
+    Optimizer,
+    Problem,
+    SearchResult,
+    search,
+)
+from robotcast.tuning.tuned import (
     LEDGER,
+    Tuned,
     keep_revision,
     read_revisions,
     revision_of,
     split_identity,
+    write_predictions,
+    write_trace,
+    write_tuned,
 )
-from robotcast.tuning.search import Batch, Problem, SearchResult
-from robotcast.tuning.tuned import Tuned, write_predictions, write_trace, write_tuned
-from robotcast.workflow.searching import open_journal, search_with_bar
+
+ROOMS = ("casts", "effects", "fitting", "measurements", "simulators", "tuning")
+
+
+def open_journal(
+    config: DictConfig,
+    output: Path,
+    parameters: Sequence[Parameter],
+    cable: Cable,
+    trials: Sequence[Trial],
+    objective: Objective,
+) -> Journal:
+    """Return the journal of the search whose result goes to `output`.
+
+    It belongs to everything that the objective and the search depend on, the code as well:
+    responses of another simulator must not be taken for this one's. It lies beside DVC's outputs,
+    which a rerun would delete.
+    """
+    parts = {name: config[name] for name in ("simulator", "optimizer", "effects")}
+    arrays = (
+        array
+        for trial in trials
+        for array in (trial.tool.t_s, trial.tool.pose, trial.waypoints_s, trial.waypoints_m)
+    )
+    subject = fingerprint(config, parts, parameters, cable, source_digest(*ROOMS), *arrays)
+    return Journal(unfinished_file(config, output, ".jsonl"), subject, objective)
+
+
+def search_with_bar(
+    title: str,
+    optimizer: Optimizer,
+    problem: Problem,
+    journal: Journal,
+    budget: int,
+    look: Callable[[Sequence[Batch]], None] = lambda trace: None,
+) -> SearchResult:
+    """Let the optimizer search, `look` at the trace after every batch, and show the best so far."""
+    with bar(title) as progress:
+
+        def follow(trace: Sequence[Batch]) -> None:
+            look(trace)
+            casts, best = sum(batch.casts for batch in trace), trace[-1].best_percent
+            progress(casts, budget, f"casts, best {best:.2f} %")
+
+        return search(optimizer, problem, journal, budget, follow)
 
 
 def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from robotcast.casts.plan import PlanLimits, PlannedCast, plan_cast
+from robotcast.casts.plan import PlanLimits, PlannedCast
 from robotcast.casts.reset import ResetSettings
 from robotcast.rigs.envelope import Envelope, ToolBox
 from robotcast.rigs.kinematics import GRIPPER, joints_pointing_down
@@ -14,6 +14,7 @@ from robotcast.rigs.ur5.camera import WebcamSettings
 from robotcast.rigs.ur5.motion import SafetyLimits
 from robotcast.rigs.ur5.rig import RunSettings, Ur5Rig
 from robotcast.rigs.virtual.rig import VirtualRig
+from tests.good_casts import plan_cast
 from tests.rigs.peer.process import Peer
 from tests.rigs.small_rig import CABLE, R0_M, TRUTH, small_rig
 

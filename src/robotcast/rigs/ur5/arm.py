@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from robotcast.casts.tool_motion import ToolMotion
+from robotcast.casts.action import ToolMotion
 from robotcast.processes import helper_process
 from robotcast.rigs import RigStopped
 from robotcast.rigs.kinematics import Gripper, link_points

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from robotcast.casts.plan import PlannedCast
-from robotcast.rigs.sealed import unseal
+from robotcast.files import unseal
 from robotcast.rigs.virtual.mechanisms import HiddenEffect
 from robotcast.rigs.virtual.rig import SLOWEST_S, VirtualRig, seen_places
 from robotcast.sessions import SESSION_FILE, read_session

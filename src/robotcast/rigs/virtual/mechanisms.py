@@ -25,8 +25,7 @@ import mujoco
 import numpy as np
 
 from robotcast.measurements.measurement_set import Cable
-from robotcast.rigs.virtual.arm import lagged
-from robotcast.rigs.virtual.cable import TOOL_JOINTS, CableTruth, add_piece
+from robotcast.rigs.virtual.cable import TOOL_JOINTS, CableTruth, add_piece, lagged
 
 AIR_KG_M3 = 1.2
 SMOOTH_BALL = 0.5  # drag coefficient

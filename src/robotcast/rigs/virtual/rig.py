@@ -1,33 +1,28 @@
-"""The virtual rig: it stands in for the robot, the cable, the board and the camera.
-
-Last come studies of it: how well casts can be repeated, and how resets scatter the start.
-"""
+"""The virtual rig: it stands in for the robot, the cable, the board and the camera."""
 
 import hashlib
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from robotcast import sessions
+from robotcast.casts.action import ToolMotion
 from robotcast.casts.plan import PlannedCast
-from robotcast.casts.reset import ResetSettings, plan_reset
-from robotcast.casts.tool_motion import ToolMotion
 from robotcast.measurements.measurement_set import Cable, Trial
-from robotcast.processes import parallel_map
-from robotcast.progress import Progress, silent
 from robotcast.rigs.kinematics import Gripper, joint_path
-from robotcast.rigs.virtual.arm import ArmDynamics, CastNoise, StartScatter, generator
 from robotcast.rigs.virtual.cable import (
     TOOL_JOINTS,
+    ArmDynamics,
     CableRun,
     CableTruth,
+    CastNoise,
     Motion,
+    StartScatter,
     build_cable,
     compile_cable,
+    generator,
 )
 from robotcast.rigs.virtual.mechanisms import Disturbance, HiddenEffect, acting
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, frame_starts, render_cast
@@ -38,7 +33,6 @@ LOG_S = 0.008
 BEFORE_S = 0.1  # filmed before the start
 AFTER_S = 0.1  # filmed after the end was seen at rest
 SLOWEST_S = 4.0  # cap on how long the cable moves on after the arm stopped
-PLACES = np.linspace(0.0, 1.0, 7)  # along the cable, whose headings after a reset are kept
 
 
 @dataclass(frozen=True)
@@ -106,28 +100,20 @@ class VirtualRig:
         )
         sessions.write_record(record, folder)
 
-    def simulate_truth(
-        self, planned: PlannedCast, number: int, *, headings_rad: np.ndarray | None = None
-    ) -> Truth:
-        """Simulate cast `number` and return what really happened.
-
-        `headings_rad` (segments,) says how the cable lies at the start, in place of a draw from
-        the resets' scatter.
-        """
-        run, path = self.begin(planned, number, headings_rad=headings_rad)
+    def simulate_truth(self, planned: PlannedCast, number: int) -> Truth:
+        """Simulate cast `number` and return what really happened."""
+        run, path = self.begin(planned, number)
         motion = run.drive(self._held(path), moving_s=planned.end_s + 5 * self.arm.lag_s)
         steps = np.arange(len(path)) * self.truth.step_s
         tool = ToolMotion(steps, path[:, [0, 1, 3]])
         return Truth(motion, ToolMotion(motion.t_s, tool.at(motion.t_s)))
 
-    def begin(
-        self, planned: PlannedCast, number: int, *, headings_rad: np.ndarray | None = None
-    ) -> tuple[CableRun, np.ndarray]:
+    def begin(self, planned: PlannedCast, number: int) -> tuple[CableRun, np.ndarray]:
         """Lay the cable down for cast `number`; return it and the arm's path (steps, 5)."""
         friction_factor, gain, delay_s = self.noise.draw(self.seed, number)
-        if headings_rad is None:  # a reset leaves the cable along the ray on which the cast starts
-            drawn = self.scatter.draw(self.truth.segments, generator(self.seed, number, "start"))
-            headings_rad = np.asarray(drawn + planned.tool.pose[0, 2])
+        # a reset leaves the cable along the ray on which the cast starts
+        drawn = self.scatter.draw(self.truth.segments, generator(self.seed, number, "start"))
+        headings_rad = drawn + planned.tool.pose[0, 2]
         truth = self.truth.with_friction(friction_factor)
         arm = replace(self.arm, gain_error=self.arm.gain_error + gain)
         steps = np.arange(round((planned.end_s + SLOWEST_S) / truth.step_s) + 1) * truth.step_s
@@ -206,96 +192,3 @@ def seen_places(rig: VirtualRig, cable: Motion, stamp_s: np.ndarray) -> np.ndarr
     for effect in acting(rig.hidden, "places"):
         places = effect(places)
     return places
-
-
-NUDGE_M = 0.001
-CHAOTIC = 10.0  # amplification from which a cast is called chaotic
-
-
-def amplification(rig: VirtualRig, planned: PlannedCast) -> float:
-    """Return how far the resting end moves for a nudge of the free end at the start.
-
-    The nudge is `NUDGE_M` to the left or right, the shift the larger of both, in units of it.
-    """
-    quiet = replace(rig, noise=CastNoise(0.0, 0.0, 0.0, 0.0, 0.0))
-    turns = np.array([0.0, 1.0, -1.0])[:, None] * NUDGE_M / rig.cable.length_m
-    starts = rig.scatter.mean(rig.truth.segments) + turns
-    truths = [quiet.simulate_truth(planned, 0, headings_rad=start) for start in starts]
-    end, *ends = (truth.cable.end_m[-1] for truth in truths)
-    return float(np.linalg.norm(np.array(ends) - end, axis=1).max() / NUDGE_M)
-
-
-def repeat_scatter_m(rig: VirtualRig, planned: PlannedCast, repeats: int) -> float:
-    """Return the average deviation of the resting end over casts that repeat `planned`.
-
-    It is counted as in `measurements.noise_floor`.
-    """
-    casts = [rig.simulate_truth(planned, number).cable for number in range(repeats)]
-    ends = np.array([cable.end_m[-1, :2] for cable in casts])
-    deviations = np.linalg.norm(ends - ends.mean(axis=0), axis=1)
-    return float(deviations.mean() * np.sqrt(repeats / (repeats - 1)))
-
-
-def sensitivities(
-    rig: VirtualRig, casts: Sequence[PlannedCast], repeats: int, progress: Progress = silent
-) -> list[tuple[float, float]]:
-    """Return the amplification of each cast and how far its repeats scatter [m]."""
-    return _side_by_side(partial(_sensitivity, rig, repeats), casts, rig.workers, progress)
-
-
-def _sensitivity(rig: VirtualRig, repeats: int, planned: PlannedCast) -> tuple[float, float]:
-    return amplification(rig, planned), repeat_scatter_m(rig, planned, repeats)
-
-
-def _side_by_side(
-    work: Callable[[Any], Any], parts: Sequence[Any], workers: int, progress: Progress
-) -> list[Any]:
-    found = []
-    for one in parallel_map(work, parts, workers):
-        found.append(one)
-        progress(len(found), len(parts))
-    return found
-
-
-def simulate_reset(
-    rig: VirtualRig, planned: PlannedCast, number: int, settings: ResetSettings
-) -> Motion:
-    """Simulate cast `number` and the reset that follows it; return the reset's motion."""
-    from scipy.interpolate import CubicSpline  # half a second, for those who cast alone
-
-    run, path = rig.begin(planned, number)
-    run.drive(path, moving_s=planned.end_s)
-    length_m, height_m = rig.cable.length_m + rig.truth.endpoint_radius_m, rig.cable.radius_m
-    settings = replace(settings, held_height_m=height_m)
-    motion = plan_reset(run.held[[0, 1, 3]], length_m, r0_m=rig.r0_m, settings=settings)
-    place, yaw, pitch = motion.position_m - [0.0, 0.0, height_m], motion.yaw_rad, -motion.pitch_rad
-    held = CubicSpline(motion.t_s, np.column_stack([place, yaw, pitch]), bc_type="clamped")
-    steps = np.arange(round(motion.t_s[-1] / rig.truth.step_s) + 1) * rig.truth.step_s
-    return run.drive(held(steps), moving_s=float(motion.t_s[-1]))
-
-
-def measure_resets(
-    rig: VirtualRig,
-    casts: Sequence[PlannedCast],
-    settings: ResetSettings,
-    progress: Progress = silent,
-) -> StartScatter:
-    """Simulate each cast and the reset that follows it; return how the cable then lies."""
-    numbered = list(enumerate(casts))
-    headings = _side_by_side(partial(_headings, rig, settings), numbered, rig.workers, progress)
-    return StartScatter(PLACES, np.array(headings))
-
-
-def _headings(
-    rig: VirtualRig, settings: ResetSettings, cast: tuple[int, PlannedCast]
-) -> np.ndarray:
-    number, planned = cast
-    return resting_headings(simulate_reset(rig, planned, number, settings))
-
-
-def resting_headings(motion: Motion) -> np.ndarray:
-    """Return the headings of the resting cable at `PLACES`, (7,) [rad]."""
-    pieces = np.diff(motion.nodes_m[-1, :, :2], axis=0)
-    headings = np.unwrap(np.arctan2(pieces[:, 1], pieces[:, 0]))
-    middles = (np.arange(len(pieces)) + 0.5) / len(pieces)
-    return np.interp(PLACES, middles, headings)
