@@ -88,8 +88,10 @@ def _made(
     """Make one effect on one part, None where it cannot act there."""
     more = {k: v for k, v in entry.items() if k not in ("text", "parameters", "part", "needs")}
     dofs = where.dofs or tuple(range(model.nv))
-    if not _needed(model, entry.get("needs"), where):
+    if not _needed(model, entry.get("needs"), where, sizes):
         return None
+    if "usual" in more:
+        more["usual"] = sizes.of(more["usual"], dofs, where.channels)[0]
     effect = build(
         more,
         name=f"{name}_{where.name}" if where.name else name,
@@ -104,10 +106,18 @@ def _made(
     return _within_physics(model, effect)
 
 
-def _needed(model: mujoco.MjModel, what: str | None, where: Where) -> bool:
-    if what == "gravity":
-        return bool(np.any(model.opt.gravity))
-    return what != "drive" or bool(where.channels)
+def _needed(model: mujoco.MjModel, what: str | None, where: Where, sizes: Sizes) -> bool:
+    """Tell whether a part has what an effect needs.
+
+    All encoders late are all drives late, so that latency needs others that are not.
+    """
+    return {
+        None: True,
+        "gravity": bool(np.any(model.opt.gravity)),
+        "drive": bool(where.channels),
+        "others": len(where.dofs) < model.nv,
+        "contact": sizes.touches,
+    }[what]
 
 
 def _parameter(

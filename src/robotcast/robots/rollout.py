@@ -17,6 +17,7 @@ from robotcast.robots.effect import Acting, Motion, RobotEffect
 from robotcast.robots.logs import Log
 from robotcast.robots.model_fields import BatchFields
 from robotcast.robots.robot_file import RobotFile, Tunable
+from robotcast.robots.transmission import Transmission
 from robotcast.robots.windows import Window
 from robotcast.simulators.mujoco_cables import quiet_mujoco
 
@@ -56,6 +57,9 @@ class Rollout:
         self._model = copy(robot.model)
         self._model.opt.timestep /= finer
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        free = self._model.actuator_forcelimited == 0  # so that an effect may limit them
+        self._model.actuator_forcerange[free] = -np.inf, np.inf
+        self._model.actuator_forcelimited[:] = 1
         self._step_s = float(self._model.opt.timestep)
         self._channels = list(robot.drive)
         self._signals = list(robot.measured)
@@ -112,7 +116,7 @@ class Rollout:
         self._place(batch, starts, acting)
         n_steps = int(np.ceil(max(t[-1] for t in times_s) / self._step_s - 1e-9)) + 1
         path = self._stepped(batch, starts, acting, n_steps)
-        return self._observed(path, times_s, acting)
+        return self._observed(path, starts, times_s, acting)
 
     def _place(self, batch: Batch, starts: Sequence[Start], acting: Acting) -> None:
         """Write the states at the starts: where encoders show them, less what those distort."""
@@ -123,8 +127,13 @@ class Rollout:
         for effect, own in _through("unseen", acting):
             at = self.qpos_of_dof[list(effect.where.dofs)]
             qpos[:, at] = effect.unseen(qpos[:, None, at], **_deeper(own))[:, 0]
-        batch.bind("qpos")[:] = qpos
-        batch.bind("qvel")[:] = np.array([w.qvel for w in windows]) + moved[:, 1]
+        qvel = np.array([w.qvel for w in windows]) + moved[:, 1]
+        for effect, own in _through("latency_s", acting):
+            dofs, late_s = list(effect.where.dofs), effect.latency_s(**own)
+            qacc = np.array([w.qacc for w in windows])[:, dofs]
+            qpos[:, self.qpos_of_dof[dofs]] += late_s * (qvel[:, dofs] + late_s / 2 * qacc)
+            qvel[:, dofs] += late_s * qacc
+        batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos, qvel
 
     def _drive(self, starts: Sequence[Start], acting: Acting, n_steps: int) -> np.ndarray:
         """Return what drives every step, (n_sim, n_steps, n_channels)."""
@@ -152,26 +161,38 @@ class Rollout:
     ) -> np.ndarray:
         """Step to the end; return qpos, qvel and sensors of every step (n_steps, n_sim, m)."""
         model, drive = self._model, self._drive(starts, acting, n_steps)
+        nq_nv = model.nq + model.nv
         qpos, qvel, ctrl = (batch.bind(name) for name in ("qpos", "qvel", "ctrl"))
         applied = batch.bind("qfrc_applied")
         sensors = batch.bind("sensordata") if model.nsensor else np.zeros((len(starts), 0))
-        path = np.empty((n_steps, len(starts), model.nq + model.nv + sensors.shape[1]))
+        path = np.empty((n_steps, len(starts), nq_nv + sensors.shape[1]))
         channels = list(enumerate(self._channels))
         controls = [(c, at.actuator) for c, at in channels if at.actuator is not None]
         torques = [(c, at.dof) for c, at in channels if at.dof is not None]
         acts = _Forces(self, batch, starts, acting)
+        soft = list(_through("transmission", acting))
+        between = Transmission(batch, soft, self.qpos_of_dof) if soft else None
         for k in range(n_steps):
-            path[k, :, : model.nq], path[k, :, model.nq : model.nq + model.nv] = qpos, qvel
+            applied[:] = 0.0
             for channel, actuator in controls:
                 ctrl[:, actuator] = drive[:, k, channel]
             for channel, dof in torques:
                 applied[:, dof] = drive[:, k, channel]
+            if between and k == 0:
+                between.place()
+            shown_qpos, shown_qvel = path[k, :, : model.nq], path[k, :, model.nq : nq_nv]
+            shown_qpos[:], shown_qvel[:] = qpos, qvel
+            if between:
+                between.show(shown_qpos, shown_qvel)
+                between.apply()
             acts.apply(k * self._step_s)
             try:
                 batch.step()
             except SimulationError as error:
                 qvel[error.ids] = np.nan
-            path[k, :, model.nq + model.nv :] = sensors
+            if between:
+                between.advance()
+            path[k, :, nq_nv:] = sensors
             if k % CHECK_EVERY == 0 or k == n_steps - 1:
                 lost = ~(np.abs(qvel).max(axis=1) < DIVERGED_RATE)
                 if lost.any():
@@ -182,7 +203,11 @@ class Rollout:
         return path
 
     def _observed(
-        self, path: np.ndarray, times_s: Sequence[np.ndarray], acting: Acting
+        self,
+        path: np.ndarray,
+        starts: Sequence[Start],
+        times_s: Sequence[np.ndarray],
+        acting: Acting,
     ) -> list[np.ndarray]:
         """Return what the columns show at the wanted times, (k, n_signals) a simulation."""
         nq, nv = self._model.nq, self._model.nv
@@ -192,14 +217,41 @@ class Rollout:
             path[:, :, at] = shown.swapaxes(0, 1)
         first = {"position": 0, "velocity": nq, "sensor": nq + nv}
         columns = [first[s.kind] + s.index for s in self._signals]
+        late_s = self._latency_s(path.shape[1], acting)
+        windows = [self.windows[s.window] for s in starts]
         found = []
         for sim, wanted_s in enumerate(times_s):
-            steps = wanted_s / self._step_s
+            since_s = wanted_s[:, None] - late_s[sim]
+            steps = np.maximum(since_s, 0.0) / self._step_s
             before = np.minimum(steps.astype(int), len(path) - 2)
-            share = (steps - before)[:, None]
             one = path[:, sim, columns]
-            found.append(one[before] + share * (one[before + 1] - one[before]))
+            at = before, np.arange(len(columns))
+            after = before + 1, at[1]
+            shown = one[at] + (steps - before) * (one[after] - one[at])
+            if late_s[sim].any():
+                shown += self._before_start(windows[sim], since_s, late_s[sim])
+            found.append(shown)
         return found
+
+    def _latency_s(self, n_sim: int, acting: Acting) -> np.ndarray:
+        """Return by how much every signal comes late, (n_sim, n_signals)."""
+        late_s = np.zeros((n_sim, len(self._signals)))
+        for effect, own in _through("latency_s", acting):
+            late_s[:, [s.dof in effect.where.dofs for s in self._signals]] += effect.latency_s(
+                **own
+            )
+        return late_s
+
+    def _before_start(self, window: Window, since_s: np.ndarray, late_s: np.ndarray) -> np.ndarray:
+        """Return how far the signals were from where they start, before it, (k, n_signals)."""
+        away = np.zeros_like(since_s)
+        for k, s in enumerate(self._signals):
+            if s.dof is not None:
+                before_s, bent = np.minimum(since_s[:, k], 0.0), window.qacc[s.dof]
+                rate = window.qvel[s.dof] + late_s[k] * bent
+                of_position = rate + before_s / 2 * bent
+                away[:, k] = before_s * (of_position if s.kind == "position" else bent)
+        return away
 
 
 class _Drive:
@@ -238,9 +290,6 @@ class _Forces:
         )
         if not (self._forces or self._frictions):
             return
-        nv = owner.robot.model.nv
-        self._driven = [at.dof for at in owner.robot.drive if at.dof is not None]
-        self._others = [dof for dof in range(nv) if dof not in self._driven]
         windows = [owner.windows[s.window] for s in starts]
         began = [owner.logs[w.log].times_s[w.first] - owner.logs[w.log].times_s[0] for w in windows]
         self._log_time_s = np.array(began)[:, None]
@@ -255,15 +304,13 @@ class _Forces:
         """Write the forces of the step that begins at `time_s`."""
         if not (self._forces or self._frictions):
             return
-        torque = self._actuated.copy()
-        torque[:, self._driven] += self._applied[:, self._driven]
+        torque = self._actuated + self._applied
         qpos = self._qpos[:, self._qpos_of_dof]
 
         def of(dofs: list[int]) -> Motion:
             log_time_s = self._log_time_s + time_s
             return Motion(log_time_s, qpos[:, dofs], self._qvel[:, dofs], torque[:, dofs])
 
-        self._applied[:, self._others] = 0.0
         for dofs, force, own in self._forces:
             self._applied[:, dofs] += force(of(dofs), **own)
         if self._frictions:
