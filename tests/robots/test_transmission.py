@@ -118,4 +118,4 @@ def test_a_rotor_turns_within_its_gap_while_friction_holds_the_link() -> None:
     assert np.ptp(link, axis=0).max() < 0.05 * gap
     late = shown[len(shown) // 3 :]
     np.testing.assert_allclose(np.ptp(late, axis=0), [gap, gap / 2], rtol=0.1)
-    np.testing.assert_allclose(np.abs(shown - link).max(axis=0), [gap / 2, gap / 4], rtol=0.1)
+    np.testing.assert_allclose(np.abs(shown - link).max(axis=0), [gap / 2, gap / 4], rtol=0.15)

@@ -10,6 +10,7 @@ import yaml
 
 from robotcast.build import CONFIGURATION, build
 from robotcast.fitting.parameter import Parameter
+from robotcast.robots.couplings import coupled
 from robotcast.robots.effect import RobotEffect, Where
 from robotcast.robots.effects import ModelField, TorqueField
 from robotcast.robots.names import joint_of_dof, names_of
@@ -70,7 +71,11 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     names = names_of(model, "body")
     links = [Where(names[b], (), (b,), (), ()) for b in dict.fromkeys(bodies)]
     everything = where("", tuple(range(model.nv)), range(len(channels)))
-    return {"joint": joints, "body": links, "drive": drives, "robot": [everything]}
+    pairs = []
+    for one, other in coupled(robot.model):
+        dofs = tuple(int(model.joint(name).dofadr[0]) for name in (one, other))
+        pairs.append(where(f"{one}_and_{other}", dofs, ()))
+    return {"joint": joints, "pair": pairs, "body": links, "drive": drives, "robot": [everything]}
 
 
 def _driven_dof(model: mujoco.MjModel, at: Any) -> int | None:
