@@ -24,6 +24,8 @@ from robotcast.simulators.mujoco_cables import quiet_mujoco
 BATCH = 256  # simulations stepped side by side
 CHECK_EVERY = 50  # steps between looks for runs that diverged
 DIVERGED_RATE = 1e4  # rad/s or m/s: no robot moves like that
+INPUTS = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+STEPWISE = ("force", "friction", "transmission")  # hooks that are asked at every step
 LEAD_S = 0.3  # of commands before a window, for effects that remember them
 
 
@@ -82,30 +84,32 @@ class Rollout:
         """
         k_max = max(map(len, times_s))
         found = np.full((len(vectors), len(starts), k_max, len(self._signals)), np.nan)
-        pairs = [(v, s) for s in range(len(starts)) for v in range(len(vectors))]
-        parts = -(-len(pairs) // BATCH)
-        for part in np.array_split(np.array(pairs), parts):
-            of_vector, of_start = part.T
-            paths = self._run(
-                [starts[s] for s in of_start],
-                [times_s[s] for s in of_start],
-                effects,
-                vectors[of_vector],
-            )
-            for v, s, path in zip(of_vector, of_start, paths, strict=True):
-                found[v, s, : len(times_s[s])] = path
+        by_steps = stepwise(self.robot.tune, effects, vectors)
+        for alike in (np.flatnonzero(~by_steps), np.flatnonzero(by_steps)):
+            pairs = np.array([(v, s) for s in range(len(starts)) for v in alike])
+            for part in np.array_split(pairs, -(-len(pairs) // BATCH)) if len(pairs) else ():
+                of_vector, of_start = part.T
+                paths = self._run(
+                    [starts[s] for s in of_start],
+                    [times_s[s] for s in of_start],
+                    _acting(self.robot.tune, effects, vectors[of_vector]),
+                    vectors[of_vector],
+                    by_steps[of_vector[0]],
+                )
+                for v, s, path in zip(of_vector, of_start, paths, strict=True):
+                    found[v, s, : len(times_s[s])] = path
         return found
 
     def _run(
         self,
         starts: Sequence[Start],
         times_s: Sequence[np.ndarray],
-        effects: Sequence[RobotEffect],
+        acting: Acting,
         values: np.ndarray,
+        by_steps: bool,
     ) -> list[np.ndarray]:
         """Simulate one batch; row by row a start with its own values (n_sim, n)."""
         batch = Batch(self._model, len(starts), nthread=self.threads)
-        acting = _acting(self.robot.tune, effects, values)
         fields = BatchFields(batch)
         for k, tunable in enumerate(self.robot.tune):
             write = fields.multiply if tunable.factor else fields.set
@@ -115,7 +119,11 @@ class Rollout:
         fields.finish()
         self._place(batch, starts, acting)
         n_steps = int(np.ceil(max(t[-1] for t in times_s) / self._step_s - 1e-9)) + 1
-        path = self._stepped(batch, starts, acting, n_steps)
+        drive = self._drive(starts, acting, n_steps)
+        if by_steps:
+            path = self._stepped(batch, starts, acting, drive)
+        else:
+            path = self._rolled(batch, drive)
         return self._observed(path, starts, times_s, acting)
 
     def _place(self, batch: Batch, starts: Sequence[Start], acting: Acting) -> None:
@@ -156,11 +164,37 @@ class Rollout:
             drive[:, :, at] = effect.command(drive[:, :, at], self._step_s, **_deeper(own))
         return drive[:, lead:]
 
+    def _rolled(self, batch: Batch, drive: np.ndarray) -> np.ndarray:
+        """Do what `_stepped` does where nothing is computed between steps, in one call."""
+        model, n_sim, n_steps = self._model, *drive.shape[:2]
+        control = np.zeros((n_sim, n_steps, model.nu + model.nv))
+        for channel, at in enumerate(self._channels):
+            column = at.actuator if at.actuator is not None else model.nu + at.dof
+            control[:, :, column] = drive[:, :, channel]
+        record = ("qpos", "qvel", *(["sensordata"] if model.nsensor else []))
+        size = {"qpos": model.nq, "qvel": model.nv, "sensordata": model.nsensordata}
+        out = {name: np.full((n_sim, n_steps, size[name]), np.nan) for name in record}
+        first = [batch.bind(name)[:, None].copy() for name in record[:2]]
+        lost = np.zeros(n_sim, bool)
+        try:
+            batch.rollout(n_steps, control, INPUTS, record, out=out)
+        except SimulationError as error:
+            lost[error.ids] = True
+        after = np.abs(out["qvel"][:, [*range(0, n_steps, CHECK_EVERY), -1]])
+        lost |= ~(after < DIVERGED_RATE).all(axis=(1, 2)) | batch.warning.any(axis=(1, 2))
+        states = [
+            np.concatenate([start, out[name][:, :-1]], axis=1)
+            for name, start in zip(record, first, strict=False)
+        ]
+        path = np.concatenate([*states, *(out[name] for name in record[2:])], axis=2)
+        path[lost] = np.nan
+        return path.swapaxes(0, 1)
+
     def _stepped(
-        self, batch: Batch, starts: Sequence[Start], acting: Acting, n_steps: int
+        self, batch: Batch, starts: Sequence[Start], acting: Acting, drive: np.ndarray
     ) -> np.ndarray:
         """Step to the end; return qpos, qvel and sensors of every step (n_steps, n_sim, m)."""
-        model, drive = self._model, self._drive(starts, acting, n_steps)
+        model, n_steps = self._model, drive.shape[1]
         nq_nv = model.nq + model.nv
         qpos, qvel, ctrl = (batch.bind(name) for name in ("qpos", "qvel", "ctrl"))
         applied = batch.bind("qfrc_applied")
@@ -317,6 +351,19 @@ class _Forces:
             self._frictionloss[:] = self._nominal
         for dofs, friction, own in self._frictions:
             self._frictionloss[:, dofs] += friction(of(dofs), **own)
+
+
+def stepwise(
+    tune: Sequence[Tunable], effects: Sequence[RobotEffect], vectors: np.ndarray
+) -> np.ndarray:
+    """Tell in which vectors (n_vectors, n) an effect that is asked at every step does anything."""
+    found = np.zeros(len(vectors), bool)
+    for effect, own in _acting(tune, effects, vectors):
+        if any(effect.acts_through(hook) for hook in STEPWISE):
+            for parameter in effect.parameters:
+                if parameter.null is not None:
+                    found |= own[parameter.name][:, 0] != parameter.null
+    return found
 
 
 def _acting(tune: Sequence[Tunable], effects: Sequence[RobotEffect], values: np.ndarray) -> Acting:
