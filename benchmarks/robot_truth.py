@@ -1,6 +1,6 @@
 """Robots with a hidden effect: logs of a truth that no diagnosing model makes.
 
-MuJoCo steps the truth ten times finer, with Runge–Kutta; hidden forces, springs and gaps are written
+MuJoCo steps the truth ten times finer, with Runge–Kutta; hidden forces, springs and gaps are made
 here a second time; encoders are quantised, noisy and late; servos close their loops on the rotors.
 """
 
@@ -172,7 +172,8 @@ CASES = {
     ),
     "slider_stribeck": Hidden(
         "slider",
-        ("dry_friction_axis", "stribeck_friction_axis"),
+        ("stribeck_friction_axis",),
+        {"stribeck_friction_axis.torque": 4.0, "stribeck_friction_axis.peak": 8.0},
         law=("axis", dry(4.0, 0.002, 8.0, 0.3)),
     ),
     "slider_drag": Hidden(

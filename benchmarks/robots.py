@@ -24,7 +24,7 @@ from robotcast.files import plain, write_text
 from robotcast.reporting.table import markdown
 from robotcast.rigs.sealed import unseal
 from robotcast.robots.by_joint import diagnose_by_joint
-from robotcast.robots.effects import DeadTime, ModelField, ServoField
+from robotcast.robots.effects import DeadTime, ModelField
 from robotcast.robots.robot_case import RobotCase, read_case
 
 
@@ -35,7 +35,8 @@ def score(case: str, folder: Path, alone: bool) -> dict[str, Any]:
     make(case, folder, sealed)
     began = time.monotonic()
     asked = read_case(folder, threads=1)
-    said = diagnose_by_joint(asked, (), (), Rule(), Effort())
+    question = asked.question((), (), Rule(), Effort())
+    said = diagnose_by_joint(asked, question, lambda found: None)
     seconds = time.monotonic() - began
     errors = [rung["heldout_typical_error_percent"] for rung in said["ladder"]]
     truth = unseal(sealed)
@@ -78,9 +79,7 @@ def _oracle(asked: RobotCase, answer: set[str]) -> list[float]:
 def _unfrozen(asked: RobotCase) -> dict[str, Any]:
     """Fit every parameter that an MJCF has; say the held-out error and what changed most."""
     model, effort = asked.model, Effort()
-    names = [
-        n for n, e in model.effects.items() if isinstance(e, ModelField | ServoField | DeadTime)
-    ]
+    names = [n for n, e in model.effects.items() if isinstance(e, ModelField | DeadTime)]
     case = asked.question((), (), Rule(), effort)
     inquiry = Inquiry(model, case.records, floor_and_noise(case)[1])
     fitted = fit_base(inquiry, names, effort)
@@ -98,13 +97,13 @@ def _unfrozen(asked: RobotCase) -> dict[str, Any]:
     }
 
 
+COLUMNS = """mechanism, named right, truth among the confusable, false alarms, unknown,
+intervals that cover, drop of the oracle's, unfrozen: error of ours,
+unfrozen: largest change is right, a guess is right, seconds at most"""
+
+
 def table(rows: Sequence[dict[str, Any]]) -> str:
     """Return one line a mechanism, and one of all."""
-    columns = (
-        ["mechanism", "named right", "truth among the confusable", "false alarms", "unknown"]
-        + ["intervals that cover", "drop, of the oracle's", "unfrozen: error / ours"]
-        + ["unfrozen: largest change is right", "a guess is right", "seconds, most"]
-    )
     lines = []
     names = [CASES[row["case"]].mechanism for row in rows]
     for name in [*dict.fromkeys(names), "all"]:
@@ -135,7 +134,7 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
                 str(max(row["seconds"] for row in own)),
             ]
         )
-    return markdown(columns, lines)
+    return markdown(COLUMNS.replace("\n", " ").split(", "), lines)
 
 
 def main() -> None:

@@ -103,6 +103,15 @@ class ServoField(ModelField):
         return is_servo(model, where)
 
 
+class ServoDamping(ServoField):
+    """A servo's velocity gain: viscous friction, bit by bit, unless its force is limited."""
+
+    @classmethod
+    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
+        limited = model.actuator_forcelimited[list(where.actuators)]
+        return is_servo(model, where) and bool(limited.all())
+
+
 class ContactField(ModelField):
     """A number of all geoms that may touch."""
 
@@ -314,10 +323,12 @@ class Backlash(Transmitted):
 
 
 class Stribeck(RobotEffect):
-    """Dry friction near rest alone, peak · exp(−(v / speed)²), beside dry friction at any speed."""
+    """Dry friction that is larger near rest: torque + peak · exp(−(v / speed)²)."""
 
-    def friction(self, motion: Motion, *, peak: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        return peak * np.exp(-((motion.qvel / speed) ** 2))
+    def friction(
+        self, motion: Motion, *, torque: np.ndarray, peak: np.ndarray, speed: np.ndarray
+    ) -> np.ndarray:
+        return torque + peak * np.exp(-((motion.qvel / speed) ** 2))
 
 
 class LoadFriction(RobotEffect):
