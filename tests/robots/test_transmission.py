@@ -39,19 +39,21 @@ def moved(
     drive: str = MOTOR,
     friction: str = "",
     length_s: float = 1.0,
+    step_s: float = STEP_S,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return what the encoder shows and where the link is, (n_steps, n_sim) each."""
     xml = JOINT.replace("DRIVE", drive).replace("FRICTION", friction)
     spec = mujoco.MjSpec.from_string(xml)
     spec.bodies[1].simple = 0  # as `load_spec` has it
     model = spec.compile()
+    model.opt.timestep = step_s
     own = {name: np.array(some)[:, None] for name, some in values.items()}
     batch = Batch(model, len(next(iter(own.values()))), nthread=1)
     between = Transmission(batch, [(effect, own)], np.array([0]))
     qpos, qvel, ctrl, applied = map(batch.bind, ("qpos", "qvel", "ctrl", "qfrc_applied"))
     shown, link = [], []
-    for k in range(round(length_s / STEP_S)):
-        ctrl[:] = command(k * STEP_S)
+    for k in range(round(length_s / step_s)):
+        ctrl[:] = command(k * step_s)
         applied[:] = 0.0
         if k == 0:
             between.place()
@@ -119,3 +121,30 @@ def test_a_rotor_turns_within_its_gap_while_friction_holds_the_link() -> None:
     late = shown[len(shown) // 3 :]
     np.testing.assert_allclose(np.ptp(late, axis=0), [gap, gap / 2], rtol=0.1)
     np.testing.assert_allclose(np.abs(shown - link).max(axis=0), [gap / 2, gap / 4], rtol=0.15)
+
+
+@pytest.mark.parametrize("drive", [MOTOR, SERVO])
+@pytest.mark.parametrize("effect", ["elastic", "backlash"])
+def test_a_second_joint_in_the_patched_model_moves_alike(effect: str, drive: str) -> None:
+    if effect == "elastic":
+        made, values = elastic(), {"c": 0.02, "retardation": 0.002}
+    else:
+        made, values = Backlash("play", "", [parameter("gap")], WHERE, usual=1.0), {"gap": 0.1}
+
+    def command(t_s: float) -> float:
+        return 0.5 * np.sin(9 * t_s)
+
+    null = dict.fromkeys(values, 0.0)
+    both = {name: [values[name], null[name]] for name in values}
+    shown, _ = moved(made, both, command, drive=drive, step_s=STEP_S / 4)
+    spec = mujoco.MjSpec.from_string(JOINT.replace("DRIVE", drive).replace("FRICTION", ""))
+    assert made.patch(spec, spec.compile(), **values)
+    model = spec.compile()
+    model.opt.timestep, model.opt.integrator = STEP_S / 8, int(mujoco.mjtIntegrator.mjINT_RK4)
+    data, path = mujoco.MjData(model), []
+    for k in range(len(shown)):
+        path.append(float(data.qpos[0]))
+        data.ctrl[:] = command(k * STEP_S / 4)
+        mujoco.mj_step(model, data, 2)
+    off, moves = np.abs(shown[:, 0] - path).max(), np.abs(shown[:, 0] - shown[:, 1]).max()
+    assert off < 0.15 * moves

@@ -276,8 +276,8 @@ class Transmitted(RobotEffect):
 
     @classmethod
     def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        """Tell whether plain actuators or given torques alone drive the joints."""
-        return bool(where.dofs) and all(
+        """Tell whether plain actuators or given torques drive every joint."""
+        return len(where.channels) >= len(where.dofs) > 0 and all(
             is_plain(model, a) for dof in where.dofs for a in drives_of(model, dof)
         )
 
@@ -301,6 +301,7 @@ class Transmitted(RobotEffect):
                 angular = old.type == mujoco.mjtJoint.mjJNT_HINGE and spec.compiler.degree
                 reach = np.degrees(half_gap) if angular else half_gap
                 new.limited, new.range = int(mujoco.mjtLimited.mjLIMITED_TRUE), [-reach, reach]
+                new.solref_limit = [2 * model.opt.timestep, 1.0]  # as stiff as a step allows
         return True
 
 
