@@ -30,6 +30,8 @@ NATIVE = [
     "tilted_base",
     "drive_gain_shoulder",
     "servo_stiffness_shoulder",
+    "torque_limit_shoulder",
+    "coupled_friction_shoulder_and_elbow",
 ]
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from robotcast.diagnosis.diagnose import diagnose
 from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.robots import rollout
 from robotcast.robots.robot_case import RobotCase, read_case
 from robotcast.robots.rollout import Start
 from tests.robots.made_up_robot import ARM, PERIOD_S, QUANTUM, dry, write_folder
@@ -24,11 +25,24 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> RobotCase:
     return read_case(write_folder(folder, ARM, logs=3, windows={"length_s": 0.3, "most": 6}))
 
 
+def all_by_steps(tune: object, effects: object, vectors: np.ndarray) -> np.ndarray:
+    return np.ones(len(vectors), bool)
+
+
+def test_all_steps_in_one_call_are_the_same_steps(
+    arm: RobotCase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, records, probed = arm.model, arm.model.records[:3], np.array([[0.1], [0.0]])
+    at_once = model.predict(records, ["dry_friction_elbow"], probed)
+    monkeypatch.setattr(rollout, "stepwise", all_by_steps)
+    assert model.predict(records, ["dry_friction_elbow"], probed).tobytes() == at_once.tobytes()
+
+
 def test_a_window_is_simulated_as_mujoco_alone_would(slider: RobotCase) -> None:
-    rollout, record = slider.model.rollout, slider.model.records[1]
-    window = rollout.windows[record.trial]
+    simulator, record = slider.model.rollout, slider.model.records[1]
+    window = simulator.windows[record.trial]
     model = mujoco.MjModel.from_xml_path(str(slider.robot.model_path))
-    data, log = mujoco.MjData(model), rollout.logs[window.log]
+    data, log = mujoco.MjData(model), simulator.logs[window.log]
     data.qpos[:], data.qvel[:] = window.qpos, window.qvel
     path = []
     for k in range(window.first, window.end):
@@ -36,11 +50,14 @@ def test_a_window_is_simulated_as_mujoco_alone_would(slider: RobotCase) -> None:
         data.ctrl[:] = log.drive[k]
         mujoco.mj_step(model, data, round(PERIOD_S / model.opt.timestep))
     start = Start(record.trial, np.zeros((2, 1)))
-    found = rollout.simulate([start], [record.times_s], (), np.zeros((1, 0)))
+    found = simulator.simulate([start], [record.times_s], (), np.zeros((1, 0)))
     np.testing.assert_allclose(found[0, 0, :, 0], path, atol=1e-12)
 
 
-def test_every_effect_does_nothing_at_its_null_and_something_at_its_probes(arm: RobotCase) -> None:
+def test_every_effect_does_nothing_at_its_null_and_something_at_its_probes(
+    arm: RobotCase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rollout, "stepwise", all_by_steps)
     model, records = arm.model, arm.model.records[:3]
     bare = model.predict(records, (), np.zeros((1, 0)))[0]
     for name, effect in model.effects.items():

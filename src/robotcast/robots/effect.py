@@ -100,6 +100,17 @@ class RobotEffect:
         """Return further dry friction of the joints, (n_sim, n_dofs), solved by MuJoCo."""
         raise NotImplementedError
 
+    def transmission(self, **values: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return what lies between drives and links (see `Transmission`), (n_sim, 1) each.
+
+        Compliance, retardation time [s], half a gap, and how much teeth may yield at least.
+        """
+        raise NotImplementedError
+
+    def latency_s(self, **values: np.ndarray) -> np.ndarray:
+        """Return by how much the joints' encoders show late, (n_sim, 1)."""
+        raise NotImplementedError
+
     def seen(self, qpos: np.ndarray, **values: np.ndarray) -> np.ndarray:
         """Return what the joints' encoders show of true positions (n_sim, n, n_dofs)."""
         raise NotImplementedError

@@ -6,9 +6,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotcast.robots.effect import Motion, RobotEffect
+from robotcast.robots.effect import Motion, RobotEffect, Where
 from robotcast.robots.model_fields import ModelFields
 from robotcast.robots.names import Address, address, names_of
+from robotcast.robots.transmission import LEAST_ROTOR, drives_of, is_plain, link_inertia
 
 AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 
@@ -66,6 +67,14 @@ class ModelField(RobotEffect):
                     fields.add(at, values[name] if self.how == "add" else -values[name])
 
 
+def is_servo(model: mujoco.MjModel, where: Where) -> bool:
+    """Tell whether all drives of a part close a loop about a position themselves."""
+    return bool(where.actuators) and all(
+        model.actuator_biastype[i] == AFFINE and model.actuator_biasprm[i, 1] != 0
+        for i in where.actuators
+    )
+
+
 class JointField(ModelField):
     """A number of joints."""
 
@@ -90,11 +99,27 @@ class ServoField(ModelField):
     part = "drive"
 
     @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Any) -> bool:
-        return bool(where.actuators) and all(
-            model.actuator_biastype[i] == AFFINE and model.actuator_biasprm[i, 1] != 0
-            for i in where.actuators
-        )
+    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
+        return is_servo(model, where)
+
+
+class ServoDamping(ServoField):
+    """A servo's velocity gain: viscous friction, bit by bit, unless its force is limited."""
+
+    @classmethod
+    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
+        limited = model.actuator_forcelimited[list(where.actuators)]
+        return is_servo(model, where) and bool(limited.all())
+
+
+class ContactField(ModelField):
+    """A number of all geoms that may touch."""
+
+    part = "robot"
+
+    def objects(self, model: mujoco.MjModel) -> tuple[str, Sequence[int]]:
+        touching = (model.geom_contype | model.geom_conaffinity) != 0
+        return "geom", np.flatnonzero(touching).tolist()
 
 
 class Tilt(RobotEffect):
@@ -185,11 +210,126 @@ class CommandLimit(RobotEffect):
         return bool(self.where.actuators)
 
 
-class Stribeck(RobotEffect):
-    """Dry friction near rest alone, peak · exp(−(v / speed)²), beside dry friction at any speed."""
+class ForceLimit(RobotEffect):
+    """Servos push with up to ±1/s only."""
 
-    def friction(self, motion: Motion, *, peak: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        return peak * np.exp(-((motion.qvel / speed) ** 2))
+    part = "drive"
+
+    @classmethod
+    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
+        return is_servo(model, where)
+
+    def write(self, fields: ModelFields, *, s: np.ndarray) -> None:
+        rows = self.where.actuators
+        limit = np.where(s > 0, 1 / np.where(s > 0, s, 1.0), np.inf)
+        for column, bound in enumerate((np.maximum, np.minimum)):
+            at = Address("actuator.forcerange", "actuator_forcerange", rows, column)
+            limited = fields.model.actuator_forcelimited[list(rows)].astype(bool)
+            sign = (-1.0, 1.0)[column]
+            known = np.where(limited, at.nominal(fields.model), sign * np.inf)
+            fields.set(at, bound(known, sign * limit))
+
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, s: float) -> bool:
+        for i in self.where.actuators:
+            spec.actuators[i].forcelimited = int(mujoco.mjtLimited.mjLIMITED_TRUE)
+        return True
+
+
+class CommandRate(RobotEffect):
+    """Servos follow commands that change by up to 1/s a second only: a limit of their speed."""
+
+    part = "drive"
+
+    @classmethod
+    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
+        return is_servo(model, where)
+
+    def command(self, drive: np.ndarray, step_s: float, *, s: np.ndarray) -> np.ndarray:
+        limits = s[:, 0] > 0
+        most = np.where(limits, step_s / np.where(limits, s[:, 0], 1.0), np.inf)
+        reached, out = drive[:, 0], np.empty_like(drive)
+        for step in range(drive.shape[1]):
+            wanted = drive[:, step]
+            near = reached + np.clip(wanted - reached, -most, most)
+            reached = out[:, step] = np.where(limits, near, wanted)
+        return out
+
+
+class SpeedLimit(RobotEffect):
+    """Motors push no faster than ±1/s: from 0.8/s on their torque fades."""
+
+    part = "drive"
+
+    @classmethod
+    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
+        return bool(where.dofs) and not is_servo(model, where)
+
+    def force(self, motion: Motion, *, s: np.ndarray) -> np.ndarray:
+        along = np.sign(motion.torque) * motion.qvel * s
+        return -motion.torque * np.clip((along - 0.8) / 0.2, 0.0, 1.0)
+
+
+class Transmitted(RobotEffect):
+    """Something between a drive and its link, see `Transmission`."""
+
+    part = "drive"
+
+    @classmethod
+    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
+        """Tell whether plain actuators or given torques drive every joint."""
+        return len(where.channels) >= len(where.dofs) > 0 and all(
+            is_plain(model, a) for dof in where.dofs for a in drives_of(model, dof)
+        )
+
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, **values: float) -> bool:
+        """Insert a second joint behind each, so that the old one is the rotor's."""
+        given = {name: np.array([[v]]) for name, v in values.items()}
+        compliance, retardation_s, half_gap, _ = (
+            part.item() for part in self.transmission(**given)
+        )
+        if spec.keys:  # whose positions would be one too few
+            return False
+        for dof in self.where.dofs:
+            old = spec.joints[int(model.dof_jntid[dof])]
+            new = old.parent.add_joint(name=f"{old.name}_{self.name}", type=old.type)
+            new.axis, new.pos = old.axis, old.pos
+            rotor = LEAST_ROTOR * float(link_inertia(model, [dof])[0])
+            old.armature = max(old.armature, rotor)
+            if compliance:
+                new.stiffness[0], new.damping[0] = 1 / compliance, retardation_s / compliance
+            if half_gap:
+                angular = old.type == mujoco.mjtJoint.mjJNT_HINGE and spec.compiler.degree
+                reach = np.degrees(half_gap) if angular else half_gap
+                new.limited, new.range = int(mujoco.mjtLimited.mjLIMITED_TRUE), [-reach, reach]
+                new.solref_limit = [2 * model.opt.timestep, 1.0]  # as stiff as a step allows
+        return True
+
+
+class ElasticJoint(Transmitted):
+    """The link hangs on its drive by a spring of compliance `c`, damped as c d = `retardation`."""
+
+    def transmission(self, *, c: np.ndarray, retardation: np.ndarray) -> tuple[np.ndarray, ...]:
+        return c, retardation, np.zeros_like(c), np.zeros_like(c)
+
+
+class Backlash(Transmitted):
+    """The link is free within `gap` about its drive; teeth yield to the `usual` torque by half."""
+
+    def __init__(self, *args: Any, usual: float, **more: Any) -> None:
+        super().__init__(*args, **more)
+        self.usual = usual
+
+    def transmission(self, *, gap: np.ndarray) -> tuple[np.ndarray, ...]:
+        return np.zeros_like(gap), np.zeros_like(gap), gap / 2, gap / 2 / self.usual
+
+
+class Stribeck(RobotEffect):
+    """Dry friction that is larger near rest: torque + peak · exp(−(v / speed)²)."""
+
+    def friction(
+        self, motion: Motion, *, torque: np.ndarray, peak: np.ndarray, speed: np.ndarray
+    ) -> np.ndarray:
+        return torque + peak * np.exp(-((motion.qvel / speed) ** 2))
 
 
 class LoadFriction(RobotEffect):
@@ -219,6 +359,13 @@ class Spring(RobotEffect):
         for joint in joints:
             joint.stiffness[0], joint.springref = k, springref(spec, joint, torque / k)
         return True
+
+
+class EncoderLatency(RobotEffect):
+    """What the encoder shows is `tau` old."""
+
+    def latency_s(self, *, tau: np.ndarray) -> np.ndarray:
+        return tau
 
 
 class EncoderOffset(RobotEffect):

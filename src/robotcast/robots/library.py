@@ -10,6 +10,7 @@ import yaml
 
 from robotcast.build import CONFIGURATION, build
 from robotcast.fitting.parameter import Parameter
+from robotcast.robots.couplings import coupled
 from robotcast.robots.effect import RobotEffect, Where
 from robotcast.robots.effects import ModelField, TorqueField
 from robotcast.robots.names import joint_of_dof, names_of
@@ -38,39 +39,77 @@ def candidates(robot: RobotFile, sizes: Sizes) -> tuple[RobotEffect, ...]:
     return (*found, *_fields(parts["joint"], sizes))
 
 
+def within(robot: RobotFile, sizes: Sizes, effect: RobotEffect) -> tuple[RobotEffect, ...]:
+    """Make an effect of a group of joints on each of them alone; of a single joint nothing."""
+    whole = effect.where
+    if len(whole.dofs) < 2 or effect.part not in ("joint", "drive"):
+        return ()
+    name = effect.name.removesuffix(f"_{whole.name}")
+    entry, model = library()[name], robot.model
+    made = (
+        _made(model, name, entry, _where(robot, joint_of_dof(model, dof), (dof,)), sizes)
+        for dof in whole.dofs
+    )
+    return tuple(one for one in made if one is not None)
+
+
 def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     """Return the joints, links and drives that effects act on: each alone, or groups of them."""
-    model, groups = robot.model, dict(robot.groups)
-    if not groups:
-        if model.nv <= FEW_JOINTS:
-            groups = {joint_of_dof(model, dof): (dof,) for dof in range(model.nv)}
-        else:
-            kinds = model.jnt_type[model.dof_jntid]
-            for kind, name in ((3, "all_hinges"), (2, "all_slides")):
-                dofs = tuple(np.flatnonzero(kinds == kind).tolist())
-                groups |= {name: dofs} if dofs else {}
+    model, groups = robot.model, dict(robot.groups) or _groups(robot.model)
     channels = list(robot.drive)
-    driven = [_driven_dof(model, at) for at in channels]
-
-    def where(name: str, dofs: tuple[int, ...], own: Sequence[int]) -> Where:
-        bodies = tuple(dict.fromkeys(int(model.dof_bodyid[dof]) for dof in dofs))
-        actuators = tuple(a for c in own if (a := channels[c].actuator) is not None)
-        return Where(name, dofs, bodies, tuple(own), actuators)
-
-    joints = [
-        where(name, dofs, [c for c, dof in enumerate(driven) if dof in dofs])
-        for name, dofs in groups.items()
-    ]
+    joints = [_where(robot, name, dofs) for name, dofs in groups.items()]
     drives = [one for one in joints if one.channels]
-    loose = [c for c, dof in enumerate(driven) if not any(dof in j.dofs for j in joints)]
-    drives += [where(channels[c].name, (), [c]) for c in loose]
+    known = {c for one in joints for c in one.channels}
+    for c in range(len(channels)):
+        if c not in known:
+            drives.append(_where(robot, channels[c].name, (), (c,)))
     bodies = [int(model.dof_bodyid[dof]) for dof in range(model.nv)]
     if model.nv > FEW_JOINTS:  # loads hang on the last bodies
         bodies = [b for b in bodies if not (model.body_parentid == b).any()]
     names = names_of(model, "body")
     links = [Where(names[b], (), (b,), (), ()) for b in dict.fromkeys(bodies)]
-    everything = where("", tuple(range(model.nv)), range(len(channels)))
-    return {"joint": joints, "body": links, "drive": drives, "robot": [everything]}
+    pairs = []
+    for one, other in coupled(model):
+        dofs = tuple(int(model.joint(name).dofadr[0]) for name in (one, other))
+        pairs.append(_where(robot, f"{one}_and_{other}", dofs, ()))
+    whole = _where(robot, "", tuple(range(model.nv)), range(len(channels)))
+    return {"joint": joints, "pair": pairs, "body": links, "drive": drives, "robot": [whole]}
+
+
+def _groups(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
+    """Return each joint alone, of many those alike: as deep in the tree, as all knees are."""
+    if model.nv <= FEW_JOINTS:
+        return {joint_of_dof(model, dof): (dof,) for dof in range(model.nv)}
+    alike: dict[tuple[int, int], list[int]] = {}
+    for dof in range(model.nv):
+        depth, parent = 0, int(model.dof_parentid[dof])
+        while parent >= 0:
+            depth, parent = depth + 1, int(model.dof_parentid[parent])
+        alike.setdefault((int(model.jnt_type[model.dof_jntid[dof]]), depth), []).append(dof)
+    if len(alike) > FEW_JOINTS:  # a chain
+        kinds = model.jnt_type[model.dof_jntid]
+        found = {"all_hinges": np.flatnonzero(kinds == 3), "all_slides": np.flatnonzero(kinds == 2)}
+        return {name: tuple(dofs.tolist()) for name, dofs in found.items() if len(dofs)}
+    return {_common([joint_of_dof(model, d) for d in some]): tuple(some) for some in alike.values()}
+
+
+def _common(names: Sequence[str]) -> str:
+    """Return the words that all names share, "calf joint" of FL_calf_joint and RR_calf_joint."""
+    words = [name.replace("-", "_").split("_") for name in names]
+    shared = [word for word in words[0] if all(word in other for other in words)]
+    return "_".join(shared) or "_".join(names)
+
+
+def _where(
+    robot: RobotFile, name: str, dofs: tuple[int, ...], own: Sequence[int] | None = None
+) -> Where:
+    """Return a part by its joints, with the channels that drive them unless others are named."""
+    model, channels = robot.model, list(robot.drive)
+    if own is None:
+        own = [c for c, at in enumerate(channels) if _driven_dof(model, at) in dofs]
+    bodies = tuple(dict.fromkeys(int(model.dof_bodyid[dof]) for dof in dofs))
+    actuators = tuple(a for c in own if (a := channels[c].actuator) is not None)
+    return Where(name, dofs, bodies, tuple(own), actuators)
 
 
 def _driven_dof(model: mujoco.MjModel, at: Any) -> int | None:
@@ -88,8 +127,10 @@ def _made(
     """Make one effect on one part, None where it cannot act there."""
     more = {k: v for k, v in entry.items() if k not in ("text", "parameters", "part", "needs")}
     dofs = where.dofs or tuple(range(model.nv))
-    if not _needed(model, entry.get("needs"), where):
+    if not _needed(model, entry.get("needs"), where, sizes):
         return None
+    if "usual" in more:
+        more["usual"] = sizes.of(more["usual"], dofs, where.channels)[0]
     effect = build(
         more,
         name=f"{name}_{where.name}" if where.name else name,
@@ -104,10 +145,18 @@ def _made(
     return _within_physics(model, effect)
 
 
-def _needed(model: mujoco.MjModel, what: str | None, where: Where) -> bool:
-    if what == "gravity":
-        return bool(np.any(model.opt.gravity))
-    return what != "drive" or bool(where.channels)
+def _needed(model: mujoco.MjModel, what: str | None, where: Where, sizes: Sizes) -> bool:
+    """Tell whether a part has what an effect needs.
+
+    All encoders late are all drives late, so that latency needs others that are not.
+    """
+    return {
+        None: True,
+        "gravity": bool(np.any(model.opt.gravity)),
+        "drive": bool(where.channels),
+        "others": len(where.dofs) < model.nv,
+        "contact": sizes.touches,
+    }[what]
 
 
 def _parameter(

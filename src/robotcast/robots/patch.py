@@ -96,7 +96,8 @@ def _copy(model: mujoco.MjModel, spec: mujoco.MjSpec, at: Address) -> None:
         else:
             kind, _, name = at.field.partition("_")
             owner = getattr(spec, f"{kind}s")[row]
-            setattr(owner, name, np.atleast_1d(values[row]))
+            many = np.ndim(getattr(owner, name)) > 0
+            setattr(owner, name, np.atleast_1d(values[row]) if many else float(values[row]))
 
 
 def _joint(model: mujoco.MjModel, field: str, row: int) -> int:

@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 import yaml
 
+from robotcast.robots.couplings import couple
 from robotcast.robots.names import Address, Channel, Signal, address, channel, signal
 from robotcast.robots.units import to_si
 
@@ -126,7 +127,7 @@ def read_robot(folder: Path) -> RobotFile:
         if not said.get(key):
             raise ValueError(f"{path}: {key!r} is missing: it names {KEYS[key]}")
     model_path = folder / str(said["model"])
-    model = compiled(load_spec(model_path), model_path)
+    model = compiled(couple(load_spec(model_path)), model_path)
     windows = _mapping(said.get("windows") or {}, path, "windows")
     logs = _log_paths(folder, said["logs"], path)
     return RobotFile(

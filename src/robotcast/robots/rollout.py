@@ -17,12 +17,15 @@ from robotcast.robots.effect import Acting, Motion, RobotEffect
 from robotcast.robots.logs import Log
 from robotcast.robots.model_fields import BatchFields
 from robotcast.robots.robot_file import RobotFile, Tunable
+from robotcast.robots.transmission import Transmission
 from robotcast.robots.windows import Window
 from robotcast.simulators.mujoco_cables import quiet_mujoco
 
 BATCH = 256  # simulations stepped side by side
 CHECK_EVERY = 50  # steps between looks for runs that diverged
 DIVERGED_RATE = 1e4  # rad/s or m/s: no robot moves like that
+INPUTS = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
+STEPWISE = ("force", "friction", "transmission")  # hooks that are asked at every step
 LEAD_S = 0.3  # of commands before a window, for effects that remember them
 
 
@@ -56,6 +59,9 @@ class Rollout:
         self._model = copy(robot.model)
         self._model.opt.timestep /= finer
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        free = self._model.actuator_forcelimited == 0  # so that an effect may limit them
+        self._model.actuator_forcerange[free] = -np.inf, np.inf
+        self._model.actuator_forcelimited[:] = 1
         self._step_s = float(self._model.opt.timestep)
         self._channels = list(robot.drive)
         self._signals = list(robot.measured)
@@ -78,30 +84,32 @@ class Rollout:
         """
         k_max = max(map(len, times_s))
         found = np.full((len(vectors), len(starts), k_max, len(self._signals)), np.nan)
-        pairs = [(v, s) for s in range(len(starts)) for v in range(len(vectors))]
-        parts = -(-len(pairs) // BATCH)
-        for part in np.array_split(np.array(pairs), parts):
-            of_vector, of_start = part.T
-            paths = self._run(
-                [starts[s] for s in of_start],
-                [times_s[s] for s in of_start],
-                effects,
-                vectors[of_vector],
-            )
-            for v, s, path in zip(of_vector, of_start, paths, strict=True):
-                found[v, s, : len(times_s[s])] = path
+        by_steps = stepwise(self.robot.tune, effects, vectors)
+        for alike in (np.flatnonzero(~by_steps), np.flatnonzero(by_steps)):
+            pairs = np.array([(v, s) for s in range(len(starts)) for v in alike])
+            for part in np.array_split(pairs, -(-len(pairs) // BATCH)) if len(pairs) else ():
+                of_vector, of_start = part.T
+                paths = self._run(
+                    [starts[s] for s in of_start],
+                    [times_s[s] for s in of_start],
+                    _acting(self.robot.tune, effects, vectors[of_vector]),
+                    vectors[of_vector],
+                    by_steps[of_vector[0]],
+                )
+                for v, s, path in zip(of_vector, of_start, paths, strict=True):
+                    found[v, s, : len(times_s[s])] = path
         return found
 
     def _run(
         self,
         starts: Sequence[Start],
         times_s: Sequence[np.ndarray],
-        effects: Sequence[RobotEffect],
+        acting: Acting,
         values: np.ndarray,
+        by_steps: bool,
     ) -> list[np.ndarray]:
         """Simulate one batch; row by row a start with its own values (n_sim, n)."""
         batch = Batch(self._model, len(starts), nthread=self.threads)
-        acting = _acting(self.robot.tune, effects, values)
         fields = BatchFields(batch)
         for k, tunable in enumerate(self.robot.tune):
             write = fields.multiply if tunable.factor else fields.set
@@ -111,8 +119,12 @@ class Rollout:
         fields.finish()
         self._place(batch, starts, acting)
         n_steps = int(np.ceil(max(t[-1] for t in times_s) / self._step_s - 1e-9)) + 1
-        path = self._stepped(batch, starts, acting, n_steps)
-        return self._observed(path, times_s, acting)
+        drive = self._drive(starts, acting, n_steps)
+        if by_steps:
+            path = self._stepped(batch, starts, acting, drive)
+        else:
+            path = self._rolled(batch, drive)
+        return self._observed(path, starts, times_s, acting)
 
     def _place(self, batch: Batch, starts: Sequence[Start], acting: Acting) -> None:
         """Write the states at the starts: where encoders show them, less what those distort."""
@@ -123,8 +135,13 @@ class Rollout:
         for effect, own in _through("unseen", acting):
             at = self.qpos_of_dof[list(effect.where.dofs)]
             qpos[:, at] = effect.unseen(qpos[:, None, at], **_deeper(own))[:, 0]
-        batch.bind("qpos")[:] = qpos
-        batch.bind("qvel")[:] = np.array([w.qvel for w in windows]) + moved[:, 1]
+        qvel = np.array([w.qvel for w in windows]) + moved[:, 1]
+        for effect, own in _through("latency_s", acting):
+            dofs, late_s = list(effect.where.dofs), effect.latency_s(**own)
+            qacc = np.array([w.qacc for w in windows])[:, dofs]
+            qpos[:, self.qpos_of_dof[dofs]] += late_s * (qvel[:, dofs] + late_s / 2 * qacc)
+            qvel[:, dofs] += late_s * qacc
+        batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos, qvel
 
     def _drive(self, starts: Sequence[Start], acting: Acting, n_steps: int) -> np.ndarray:
         """Return what drives every step, (n_sim, n_steps, n_channels)."""
@@ -147,31 +164,69 @@ class Rollout:
             drive[:, :, at] = effect.command(drive[:, :, at], self._step_s, **_deeper(own))
         return drive[:, lead:]
 
+    def _rolled(self, batch: Batch, drive: np.ndarray) -> np.ndarray:
+        """Do what `_stepped` does where nothing is computed between steps, in one call."""
+        model, n_sim, n_steps = self._model, *drive.shape[:2]
+        control = np.zeros((n_sim, n_steps, model.nu + model.nv))
+        for channel, at in enumerate(self._channels):
+            column = at.actuator if at.actuator is not None else model.nu + at.dof
+            control[:, :, column] = drive[:, :, channel]
+        record = ("qpos", "qvel", *(["sensordata"] if model.nsensor else []))
+        size = {"qpos": model.nq, "qvel": model.nv, "sensordata": model.nsensordata}
+        out = {name: np.full((n_sim, n_steps, size[name]), np.nan) for name in record}
+        first = [batch.bind(name)[:, None].copy() for name in record[:2]]
+        lost = np.zeros(n_sim, bool)
+        try:
+            batch.rollout(n_steps, control, INPUTS, record, out=out)
+        except SimulationError as error:
+            lost[error.ids] = True
+        after = np.abs(out["qvel"][:, [*range(0, n_steps, CHECK_EVERY), -1]])
+        lost |= ~(after < DIVERGED_RATE).all(axis=(1, 2)) | batch.warning.any(axis=(1, 2))
+        states = [
+            np.concatenate([start, out[name][:, :-1]], axis=1)
+            for name, start in zip(record, first, strict=False)
+        ]
+        path = np.concatenate([*states, *(out[name] for name in record[2:])], axis=2)
+        path[lost] = np.nan
+        return path.swapaxes(0, 1)
+
     def _stepped(
-        self, batch: Batch, starts: Sequence[Start], acting: Acting, n_steps: int
+        self, batch: Batch, starts: Sequence[Start], acting: Acting, drive: np.ndarray
     ) -> np.ndarray:
         """Step to the end; return qpos, qvel and sensors of every step (n_steps, n_sim, m)."""
-        model, drive = self._model, self._drive(starts, acting, n_steps)
+        model, n_steps = self._model, drive.shape[1]
+        nq_nv = model.nq + model.nv
         qpos, qvel, ctrl = (batch.bind(name) for name in ("qpos", "qvel", "ctrl"))
         applied = batch.bind("qfrc_applied")
         sensors = batch.bind("sensordata") if model.nsensor else np.zeros((len(starts), 0))
-        path = np.empty((n_steps, len(starts), model.nq + model.nv + sensors.shape[1]))
+        path = np.empty((n_steps, len(starts), nq_nv + sensors.shape[1]))
         channels = list(enumerate(self._channels))
         controls = [(c, at.actuator) for c, at in channels if at.actuator is not None]
         torques = [(c, at.dof) for c, at in channels if at.dof is not None]
         acts = _Forces(self, batch, starts, acting)
+        soft = list(_through("transmission", acting))
+        between = Transmission(batch, soft, self.qpos_of_dof) if soft else None
         for k in range(n_steps):
-            path[k, :, : model.nq], path[k, :, model.nq : model.nq + model.nv] = qpos, qvel
+            applied[:] = 0.0
             for channel, actuator in controls:
                 ctrl[:, actuator] = drive[:, k, channel]
             for channel, dof in torques:
                 applied[:, dof] = drive[:, k, channel]
+            if between and k == 0:
+                between.place()
+            shown_qpos, shown_qvel = path[k, :, : model.nq], path[k, :, model.nq : nq_nv]
+            shown_qpos[:], shown_qvel[:] = qpos, qvel
+            if between:
+                between.show(shown_qpos, shown_qvel)
+                between.apply()
             acts.apply(k * self._step_s)
             try:
                 batch.step()
             except SimulationError as error:
                 qvel[error.ids] = np.nan
-            path[k, :, model.nq + model.nv :] = sensors
+            if between:
+                between.advance()
+            path[k, :, nq_nv:] = sensors
             if k % CHECK_EVERY == 0 or k == n_steps - 1:
                 lost = ~(np.abs(qvel).max(axis=1) < DIVERGED_RATE)
                 if lost.any():
@@ -182,7 +237,11 @@ class Rollout:
         return path
 
     def _observed(
-        self, path: np.ndarray, times_s: Sequence[np.ndarray], acting: Acting
+        self,
+        path: np.ndarray,
+        starts: Sequence[Start],
+        times_s: Sequence[np.ndarray],
+        acting: Acting,
     ) -> list[np.ndarray]:
         """Return what the columns show at the wanted times, (k, n_signals) a simulation."""
         nq, nv = self._model.nq, self._model.nv
@@ -192,14 +251,41 @@ class Rollout:
             path[:, :, at] = shown.swapaxes(0, 1)
         first = {"position": 0, "velocity": nq, "sensor": nq + nv}
         columns = [first[s.kind] + s.index for s in self._signals]
+        late_s = self._latency_s(path.shape[1], acting)
+        windows = [self.windows[s.window] for s in starts]
         found = []
         for sim, wanted_s in enumerate(times_s):
-            steps = wanted_s / self._step_s
+            since_s = wanted_s[:, None] - late_s[sim]
+            steps = np.maximum(since_s, 0.0) / self._step_s
             before = np.minimum(steps.astype(int), len(path) - 2)
-            share = (steps - before)[:, None]
             one = path[:, sim, columns]
-            found.append(one[before] + share * (one[before + 1] - one[before]))
+            at = before, np.arange(len(columns))
+            after = before + 1, at[1]
+            shown = one[at] + (steps - before) * (one[after] - one[at])
+            if late_s[sim].any():
+                shown += self._before_start(windows[sim], since_s, late_s[sim])
+            found.append(shown)
         return found
+
+    def _latency_s(self, n_sim: int, acting: Acting) -> np.ndarray:
+        """Return by how much every signal comes late, (n_sim, n_signals)."""
+        late_s = np.zeros((n_sim, len(self._signals)))
+        for effect, own in _through("latency_s", acting):
+            late_s[:, [s.dof in effect.where.dofs for s in self._signals]] += effect.latency_s(
+                **own
+            )
+        return late_s
+
+    def _before_start(self, window: Window, since_s: np.ndarray, late_s: np.ndarray) -> np.ndarray:
+        """Return how far the signals were from where they start, before it, (k, n_signals)."""
+        away = np.zeros_like(since_s)
+        for k, s in enumerate(self._signals):
+            if s.dof is not None:
+                before_s, bent = np.minimum(since_s[:, k], 0.0), window.qacc[s.dof]
+                rate = window.qvel[s.dof] + late_s[k] * bent
+                of_position = rate + before_s / 2 * bent
+                away[:, k] = before_s * (of_position if s.kind == "position" else bent)
+        return away
 
 
 class _Drive:
@@ -238,9 +324,6 @@ class _Forces:
         )
         if not (self._forces or self._frictions):
             return
-        nv = owner.robot.model.nv
-        self._driven = [at.dof for at in owner.robot.drive if at.dof is not None]
-        self._others = [dof for dof in range(nv) if dof not in self._driven]
         windows = [owner.windows[s.window] for s in starts]
         began = [owner.logs[w.log].times_s[w.first] - owner.logs[w.log].times_s[0] for w in windows]
         self._log_time_s = np.array(began)[:, None]
@@ -255,21 +338,32 @@ class _Forces:
         """Write the forces of the step that begins at `time_s`."""
         if not (self._forces or self._frictions):
             return
-        torque = self._actuated.copy()
-        torque[:, self._driven] += self._applied[:, self._driven]
+        torque = self._actuated + self._applied
         qpos = self._qpos[:, self._qpos_of_dof]
 
         def of(dofs: list[int]) -> Motion:
             log_time_s = self._log_time_s + time_s
             return Motion(log_time_s, qpos[:, dofs], self._qvel[:, dofs], torque[:, dofs])
 
-        self._applied[:, self._others] = 0.0
         for dofs, force, own in self._forces:
             self._applied[:, dofs] += force(of(dofs), **own)
         if self._frictions:
             self._frictionloss[:] = self._nominal
         for dofs, friction, own in self._frictions:
             self._frictionloss[:, dofs] += friction(of(dofs), **own)
+
+
+def stepwise(
+    tune: Sequence[Tunable], effects: Sequence[RobotEffect], vectors: np.ndarray
+) -> np.ndarray:
+    """Tell in which vectors (n_vectors, n) an effect that is asked at every step does anything."""
+    found = np.zeros(len(vectors), bool)
+    for effect, own in _acting(tune, effects, vectors):
+        if any(effect.acts_through(hook) for hook in STEPWISE):
+            for parameter in effect.parameters:
+                if parameter.null is not None:
+                    found |= own[parameter.name][:, 0] != parameter.null
+    return found
 
 
 def _acting(tune: Sequence[Tunable], effects: Sequence[RobotEffect], values: np.ndarray) -> Acting:

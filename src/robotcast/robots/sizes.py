@@ -20,6 +20,8 @@ UNITS = {  # what a size is, of a hinge and of a slide
     "compliance": ("rad/N m", "m/N"),
     "inertia": ("kg m²", "kg"),
     "per command": ("1", "1"),  # one over the largest command
+    "per torque": ("1/(N m)", "1/N"),
+    "per speed": ("s/rad", "s/m"),
 }
 
 
@@ -35,6 +37,7 @@ class Sizes:
     lowest, highest : the range of positions.
     command : the largest that was commanded of every channel, (n_channels,).
     reach_m : how far the bodies' centres lie from the joints, the median.
+    touches : whether anything touched anything.
     """
 
     torque: np.ndarray
@@ -47,6 +50,7 @@ class Sizes:
     command: np.ndarray
     log_s: float
     reach_m: float
+    touches: bool
 
     def of(self, kind: str, dofs: Sequence[int], channels: Sequence[int]) -> tuple[float, str]:
         """Return the size of a kind over joints or channels, and its unit; of others 1."""
@@ -67,6 +71,8 @@ class Sizes:
             "stiffness": torque / position,
             "compliance": position / torque,
             "inertia": self.inertia[at],
+            "per torque": 1 / torque,
+            "per speed": 1 / speed,
         }[kind]
         return float(np.median(values)), UNITS[kind][0 if self.hinge[at[0]] else 1]
 
@@ -88,11 +94,12 @@ def sizes_of(model: mujoco.MjModel, logs: Sequence[Log], starts: StartStates) ->
     """Measure them by inverse dynamics on states that are spread over the logs."""
     data = mujoco.MjData(model)
     qpos_of = model.jnt_qposadr[model.dof_jntid]
-    rows = []
+    rows, touches = [], False
     mass = np.empty((model.nv, model.nv))
     for _, _, qpos, qvel, qacc in inverse_states(logs, starts, MOST_STATES):
         data.qpos[:], data.qvel[:], data.qacc[:] = qpos, qvel, qacc
         mujoco.mj_inverse(model, data)
+        touches |= data.ncon > 0
         mujoco.mj_fullM(model, data, mass)
         own = np.diag(mass)
         rows.append((np.hypot(own * qacc, data.qfrc_inverse), qvel, qpos[qpos_of], own.copy()))
@@ -117,4 +124,5 @@ def sizes_of(model: mujoco.MjModel, logs: Sequence[Log], starts: StartStates) ->
         command=np.maximum(np.max([np.abs(log.drive).max(axis=0) for log in logs], axis=0), 1e-9),
         log_s=max(log.times_s[-1] - log.times_s[0] for log in logs),
         reach_m=float(np.median(reach_m[reach_m > 0])) if (reach_m > 0).any() else 0.1,
+        touches=touches,
     )

@@ -33,6 +33,7 @@ class Window:
     part : windows of one part are held out together.
     qpos, qvel : the state at its start, (nq,) and (nv,).
     start_sd : standard deviations of the positions and of the velocities there, (2, nv).
+    qacc : the acceleration there, (nv,).
     """
 
     log: int
@@ -42,6 +43,7 @@ class Window:
     qpos: np.ndarray
     qvel: np.ndarray
     start_sd: np.ndarray
+    qacc: np.ndarray
 
 
 def noise_of(robot: RobotFile, logs: Sequence[Log]) -> np.ndarray:
@@ -91,26 +93,29 @@ class StartStates:
         """How many samples before and after a start are looked at."""
         return self._margin
 
-    def at(self, log: int, first: int) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """Return qpos (nq,), qvel (nv,) and their deviations (2, nv); None where samples lack."""
+    def at(self, log: int, first: int) -> tuple[np.ndarray, ...] | None:
+        """Return qpos (nq,), qvel (nv,), their deviations (2, nv) and qacc (nv,).
+
+        None where samples lack.
+        """
         model, some = self._robot.model, self._logs[log]
         rows = slice(first - self._margin, first + self._margin + 1)
         if rows.start < 0 or rows.stop > len(some.times_s):
             return None
         since_s = some.times_s[rows] - some.times_s[first]
-        qpos, qvel, sd = model.qpos0.copy(), np.zeros(model.nv), np.zeros((2, model.nv))
+        qpos, sd = model.qpos0.copy(), np.zeros((2, model.nv))
+        qvel, qacc = np.zeros((2, model.nv))
         for dof, signals in self._of_dof.items():
             fitted = self._fitted(some, rows, since_s, signals)
             if fitted is None:
                 return None
-            value, rate, sd[0, dof], sd[1, dof] = fitted
+            value, qvel[dof], qacc[dof], sd[0, dof], sd[1, dof] = fitted
             qpos[next(at.index for _, at in signals if at.kind == "position")] = value
-            qvel[dof] = rate
-        return qpos, qvel, sd
+        return qpos, qvel, sd, qacc
 
     def _fitted(
         self, log: Log, rows: slice, since_s: np.ndarray, signals: Sequence[tuple[int, Signal]]
-    ) -> tuple[float, float, float, float] | None:
+    ) -> tuple[float, ...] | None:
         """Fit one cubic to the positions and its slope to the velocities of a joint."""
         span = since_s[-1]
         tau, powers = since_s / span, np.arange(CUBIC)
@@ -130,7 +135,7 @@ class StartStates:
         found = np.linalg.lstsq(design, target, rcond=None)[0]
         left = float(((target - design @ found) ** 2).sum() / (len(target) - CUBIC))
         sd = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * max(1.0, left))
-        return found[0], found[1] / span, sd[0], sd[1] / span
+        return found[0], found[1] / span, 2 * found[2] / span**2, sd[0], sd[1] / span
 
 
 def cut(

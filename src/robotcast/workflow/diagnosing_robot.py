@@ -8,11 +8,11 @@ from typing import Any
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
-from robotcast.diagnosis.diagnose import diagnose
 from robotcast.files import plain, write_text
 from robotcast.reporting.diagnosis_page import diagnosis_page
 from robotcast.reporting.robot_page import traces_figure
 from robotcast.reporting.style import svg
+from robotcast.robots.by_joint import diagnose_by_joint
 from robotcast.robots.describe import describe
 from robotcast.robots.patch import write_patched
 from robotcast.robots.robot_case import read_case
@@ -52,7 +52,7 @@ def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         write_text(folder / "index.html", diagnosis_page(whole))
 
     with bar("diagnose") as progress:
-        found = diagnose(question, write, progress)
+        found = diagnose_by_joint(case, question, write, progress)
     facts["robot"] = shown(case, found)
     if found["model"]:
         effects = case.model.effects

@@ -1,0 +1,194 @@
+"""What lies between a drive and its link where that is not rigid: a spring, play, or both.
+
+Two masses, the rotor at θ with inertia J (the joint's `armature`) and the link at q = θ − δ:
+
+    J θ'' = u − τ,    M(q) q'' + … = τ,    τ = k (δ − clip(δ, −b, b)) + d δ'
+
+with compliance 1/k, retardation time d/k and half a gap b (Spong 1987, doi 10.1115/1.3143860). The
+drive u acts on the rotor and closes its loop there; encoders sit on it too. MuJoCo steps the link,
+the rotor is stepped here, and the two are coupled implicitly. With κ = d, or as much more as a
+step of dt needs to be stable, N = J + dt κ and s = dt κ / N, the force between them is
+
+    τ = (1 − s) k δ + s (u + J (θ' − q') / dt) − s J q''
+
+so that the link carries s J as armature and the rest as an applied force. A soft spring has a small
+s, a stiff one s → 1; the limit is the rigid joint with its whole armature, no equation is stiff.
+No second joint is compiled, so that the whole library can be let in at once.
+"""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from robotcast.robots.effect import Acting
+
+LEAST_ROTOR = 0.02  # of a joint's inertia, taken from its link where the model gives no armature
+IMPLICIT = 2 / 3  # of a step, by which a spring that it does not resolve is damped
+SURE_SIDE = 0.1  # of the usual torque, from which it is known on which side of a gap a joint rests
+FIXED_GAIN, AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
+
+
+def drives_of(model: mujoco.MjModel, dof: int) -> list[int]:
+    """Return the actuators that drive a joint themselves."""
+    joint = int(model.dof_jntid[dof])
+    of_joint = (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)) & (
+        model.actuator_trnid[:, 0] == joint
+    )
+    return np.flatnonzero(of_joint).tolist()
+
+
+def is_plain(model: mujoco.MjModel, actuator: int) -> bool:
+    """Tell whether an actuator's force is gain × command + bias + stiffness, damping of a servo."""
+    return (
+        model.actuator_dyntype[actuator] == int(mujoco.mjtDyn.mjDYN_NONE)
+        and model.actuator_gaintype[actuator] == FIXED_GAIN
+        and model.actuator_biastype[actuator] in (int(mujoco.mjtBias.mjBIAS_NONE), AFFINE)
+    )
+
+
+def link_inertia(model: mujoco.MjModel, dofs: Sequence[int]) -> np.ndarray:
+    """Return what a joint has to accelerate when the others are free, without rotors, (n,)."""
+    data, mass = mujoco.MjData(model), np.empty((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    whole = 1 / np.diag(np.linalg.inv(mass))[list(dofs)]
+    return np.maximum(whole - model.dof_armature[list(dofs)], LEAST_ROTOR * whole)
+
+
+class Transmission:
+    """The rotors of all joints that some effect makes soft, in all simulations of a batch.
+
+    Parameters
+    ----------
+    acting : effects with a `transmission`.
+    qpos_of_dof : where every joint's position stands.
+
+    Rows in which all of them are at their null are left to MuJoCo, bit by bit.
+    """
+
+    def __init__(self, batch: Batch, acting: Acting, qpos_of_dof: np.ndarray) -> None:
+        model = batch.model
+        self.dofs = sorted({dof for effect, _ in acting for dof in effect.where.dofs})
+        self.qpos_at = qpos_of_dof[self.dofs]
+        self._batch, self._step_s = batch, float(model.opt.timestep)
+        self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
+        self._ctrl, self._applied = batch.bind("ctrl"), batch.bind("qfrc_applied")
+        self._twist = np.zeros((batch.nsim, len(self.dofs)))  # δ
+        self._rate = np.zeros_like(self._twist)  # θ'
+        self._set_up(acting)
+        self._take_drives()
+
+    def _set_up(self, acting: Acting) -> None:
+        """Add up what the effects say of every joint."""
+        model, shape, dt = self._batch.model, self._twist.shape, self._step_s
+        compliance, retardation_s, self._half_gap = (np.zeros(shape) for _ in range(3))
+        teeth = np.zeros(shape)
+        for effect, own in acting:
+            at = [self.dofs.index(dof) for dof in effect.where.dofs]
+            said = effect.transmission(**own)
+            for total, part in zip(
+                (compliance, retardation_s, self._half_gap, teeth), said, strict=True
+            ):
+                total[:, at] += part
+        self.soft = (compliance > 0) | (self._half_gap > 0)
+        self._armature = self._batch.expand("dof_armature")
+        self._rigid = self._armature[:, self.dofs].copy()
+        rotor = self._rigid.copy()
+        for k, dof in enumerate(self.dofs):
+            for a in drives_of(model, dof):
+                rotor[:, k] += model.actuator_armature[a] * model.actuator_gear[a, 0] ** 2
+        link = link_inertia(model, self.dofs)
+        self._rotor = np.maximum(rotor, LEAST_ROTOR * link)  # J
+        both = self._rotor * link / (self._rotor + link)
+        # teeth are as stiff as a step resolves; less where they would yield by more than the gap
+        compliance = compliance + np.minimum(teeth, dt**2 / both)
+        self._stiffness = np.where(self.soft, 1 / np.where(self.soft, compliance, 1.0), 0.0)
+        unresolved = np.maximum(0.0, 1 - both * compliance / dt**2)
+        damped_s = np.maximum(retardation_s, IMPLICIT * dt * unresolved)
+        self._damping = self._stiffness * np.where(teeth > 0, np.maximum(damped_s, dt), damped_s)
+
+    def _take_drives(self) -> None:
+        """Take the drives of soft joints from MuJoCo, which would close their loops at the link."""
+        model, batch = self._batch.model, self._batch
+        gain, bias = batch.expand("actuator_gainprm"), batch.expand("actuator_biasprm")
+        force_range = batch.expand("actuator_forcerange")
+        self._drives = []
+        for k, dof in enumerate(self.dofs):
+            for a in drives_of(model, dof):
+                clamps = model.actuator_ctrllimited[a] and not (
+                    model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+                )
+                limits = model.actuator_ctrlrange[a] if clamps else (-np.inf, np.inf)
+                ends = force_range[:, a].copy()
+                if not model.actuator_forcelimited[a]:
+                    ends[:] = -np.inf, np.inf
+                affine = model.actuator_biastype[a] == AFFINE
+                law = np.column_stack([gain[:, a, 0], bias[:, a, :3] * affine])
+                self._drives.append((k, a, model.actuator_gear[a, 0], law, limits, ends))
+                gain[self.soft[:, k], a] = 0.0
+                bias[self.soft[:, k], a] = 0.0
+
+    def place(self) -> None:
+        """Start where encoders show the rotors, twisted as far as a rigid joint's torque does."""
+        batch, warm = self._batch, self._batch.bind("qacc_warmstart")
+        before, given = warm.copy(), self._applied.copy()
+        self._rate[:] = self._qvel[:, self.dofs]
+        drive, _ = self._drive()
+        self._applied[:, self.dofs] = np.where(self.soft, drive, given[:, self.dofs])
+        batch.forward()
+        warm[:], self._applied[:] = before, given
+        carried = drive - self._rotor * batch.bind("qacc")[:, self.dofs]
+        stiffness = np.where(self.soft, self._stiffness, 1.0)
+        sure = SURE_SIDE * self._half_gap * stiffness
+        side = np.clip(carried / np.where(sure > 0, sure, 1.0), -1, 1) * self._half_gap
+        self._twist = np.where(self.soft, side + carried / stiffness, 0.0)
+        at = self._qpos[:, self.qpos_at]
+        self._qpos[:, self.qpos_at] = np.where(self.soft, at - self._twist, at)
+
+    def show(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
+        """Write what encoders show over positions (n_sim, nq) and velocities (n_sim, nv)."""
+        at = qpos[:, self.qpos_at]
+        qpos[:, self.qpos_at] = np.where(self.soft, at + self._twist, at)
+        qvel[:, self.dofs] = np.where(self.soft, self._rate, qvel[:, self.dofs])
+
+    def apply(self) -> None:
+        """Replace what drives soft joints by what reaches their links in the step that begins."""
+        dt, rotor = self._step_s, self._rotor
+        drive, brake = self._drive()
+        drive += brake * self._rate  # the brake acts at the end of the step
+        stretched = self._twist - np.clip(self._twist, -self._half_gap, self._half_gap)
+        touches = (self._half_gap == 0) | (stretched != 0)
+        damping = np.where(touches, self._damping, 0.0)
+        whole = rotor + dt * (brake + damping)
+        share = dt * damping / whole  # s
+        spring = self._stiffness * stretched
+        speed = self._qvel[:, self.dofs]
+        carried = (1 - share) * spring + share * (
+            drive - brake * speed + rotor / dt * (self._rate - speed)
+        )
+        felt = self._rigid - rotor + share * (rotor + dt * brake)
+        self._armature[:, self.dofs] = np.where(self.soft, felt, self._rigid)
+        given = self._applied[:, self.dofs]
+        self._applied[:, self.dofs] = np.where(self.soft, carried, given)
+        self._coming = (rotor * self._rate + dt * (drive - spring)) / whole, share
+
+    def advance(self) -> None:
+        """Move the rotors to the end of the step that MuJoCo has done."""
+        free, share = self._coming
+        speed = self._qvel[:, self.dofs]
+        self._rate = free + share * speed
+        self._twist = self._twist + self._step_s * (self._rate - speed)
+
+    def _drive(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return what drives the rotors now, and by how much their own speed brakes them."""
+        drive = self._applied[:, self.dofs].copy()
+        brake = np.zeros_like(drive)
+        angle = self._qpos[:, self.qpos_at] + self._twist
+        for k, a, gear, law, limits, ends in self._drives:
+            force = law[:, 0] * np.clip(self._ctrl[:, a], *limits) + law[:, 1]
+            force = force + gear * (law[:, 2] * angle[:, k] + law[:, 3] * self._rate[:, k])
+            drive[:, k] += gear * np.clip(force, ends[:, 0], ends[:, 1])
+            brake[:, k] += gear**2 * np.maximum(0.0, -law[:, 3])
+        return drive, brake

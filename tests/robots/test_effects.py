@@ -1,0 +1,110 @@
+"""What effects of robots do, against what they say."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import polars as pl
+import pytest
+
+from robotcast.fitting.parameter import Parameter
+from robotcast.robots.effect import Motion, Where
+from robotcast.robots.effects import CommandRate, SpeedLimit, Stribeck
+from robotcast.robots.library import parts_of, within
+from robotcast.robots.robot_case import RobotCase, read_case
+from tests.robots.made_up_robot import ARM, PERIOD_S, write_folder
+
+WHERE = Where("axis", (0,), (1,), (0,), (0,))
+LEGS = "".join(
+    f"""<body name="{side}_thigh" pos="{k} 0 0"><joint name="{side}_hip_joint" axis="0 1 0"/>
+<inertial pos="0 0 -0.1" mass="1" diaginertia="0.01 0.01 0.01"/>
+<body name="{side}_shank" pos="0 0 -0.2"><joint name="{side}_knee_joint" axis="0 1 0"/>
+<inertial pos="0 0 -0.1" mass="1" diaginertia="0.01 0.01 0.01"/></body></body>"""
+    for k, side in enumerate(("left", "right", "third"))
+)
+WALKER = f"""<mujoco><option timestep="0.005"/><worldbody>{LEGS}</worldbody><actuator>
+<motor name="left" joint="left_knee_joint"/><motor name="right" joint="right_knee_joint"/>
+</actuator></mujoco>"""
+
+
+def parameters(*names: str) -> list[Parameter]:
+    return [Parameter(name, "1", 0.0, 10.0, 0.0, null=0.0) for name in names]
+
+
+def test_a_late_encoder_is_what_makes_a_log_with_a_shifted_column(tmp_path: Path) -> None:
+    late, windows = 2, {"length_s": 0.4, "most": 6}
+    folder = write_folder(tmp_path, ARM, logs=3, windows=windows, noise=0.0)
+    for path in folder.glob("log*.csv"):
+        table = pl.read_csv(path)
+        shifted = pl.col("q_elbow").shift(late).fill_null(strategy="backward")
+        table.with_columns(shifted).write_csv(path)
+    model = read_case(folder).model
+    tau = np.array([[0.0], [late * PERIOD_S]])
+    found = model.predict(model.records, ["encoder_latency_elbow"], tau)
+    off = [
+        [np.linalg.norm(one[: len(r.times_s)] - r.measured) for one in found[:, k]]
+        for k, r in enumerate(model.records)
+    ]
+    without, with_it = np.median(off, axis=0)
+    assert with_it < without / 4
+
+
+def test_a_servo_follows_a_step_no_faster_than_its_rate() -> None:
+    effect = CommandRate("rate", "", parameters("s"), WHERE)
+    step = np.ones((2, 100, 1))
+    step[:, :10] = 0.0
+    s = np.array([[0.0], [0.5]])
+    found = effect.command(step, 0.01, s=s[:, :, None])
+    assert (found[0] == step[0]).all()
+    np.testing.assert_allclose(np.diff(found[1, 10:59, 0]), 2.0 * 0.01)
+    assert found[1, -1, 0] == 1.0
+
+
+def test_a_drive_pushes_no_faster_than_its_speed_but_brakes_from_any() -> None:
+    effect = SpeedLimit("limit", "", parameters("s"), WHERE)
+    speed = np.array([[0.5], [1.0], [2.0], [2.0]])
+    torque = np.array([[3.0], [3.0], [3.0], [-3.0]])
+    motion = Motion(np.zeros((4, 1)), speed, speed, torque)
+    left = torque + effect.force(motion, s=np.ones((4, 1)))
+    np.testing.assert_allclose(left[:, 0], [3.0, 0.0, 0.0, -3.0], atol=1e-12)
+
+
+def test_stribeck_friction_falls_from_its_peak_to_dry_friction() -> None:
+    effect = Stribeck("stribeck", "", parameters("torque", "peak", "speed"), WHERE)
+    speed = np.array([[0.0, 0.1, 5.0]])
+    motion = Motion(np.zeros((1, 1)), speed, speed, speed)
+    one = {name: np.array([[v]]) for name, v in (("torque", 2.0), ("peak", 1.0), ("speed", 0.1))}
+    found = effect.friction(motion, **one)
+    np.testing.assert_allclose(found[0], [3.0, 2 + np.exp(-1), 2.0])
+
+
+def test_joints_that_are_alike_share_effects_until_one_is_named(tmp_path: Path) -> None:
+    windows = {"length_s": 0.3, "most": 4}
+    case = read_case(write_folder(tmp_path, WALKER, logs=1, windows=windows))
+    parts = {where.name: where.dofs for where in parts_of(case.robot)["joint"]}
+    assert parts == {"hip_joint": (0, 2, 4), "knee_joint": (1, 3, 5)}
+    whole = case.model.effects["dry_friction_knee_joint"]
+    alone = within(case.robot, case.sizes, whole)
+    assert [one.name for one in alone] == [
+        f"dry_friction_{side}_knee_joint" for side in ("left", "right", "third")
+    ]
+    assert within(case.robot, case.sizes, alone[0]) == ()
+    assert "elastic_joint_knee_joint" not in case.model.effects  # one has no drive
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> RobotCase:
+    windows = {"length_s": 0.3, "most": 4}
+    return read_case(write_folder(tmp_path_factory.mktemp("arm"), ARM, logs=2, windows=windows))
+
+
+def test_tendons_without_friction_change_nothing(arm: RobotCase) -> None:
+    coupled, bare = arm.robot.model, mujoco.MjModel.from_xml_path(str(arm.robot.model_path))
+    assert coupled.ntendon == 2
+    ends = []
+    for model in (coupled, bare):
+        data = mujoco.MjData(model)
+        data.ctrl[:] = 0.5, 0.2
+        mujoco.mj_step(model, data, 300)
+        ends.append(data.qpos.tobytes())
+    assert ends[0] == ends[1]

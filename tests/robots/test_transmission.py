@@ -1,0 +1,150 @@
+"""Between a drive and its link: the resonance of a spring, the dead band of a gap, no more."""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco.batch import Batch
+
+from robotcast.fitting.parameter import Parameter
+from robotcast.robots.effect import Where
+from robotcast.robots.effects import Backlash, ElasticJoint
+from robotcast.robots.transmission import Transmission
+
+ROTOR, LINK, STEP_S = 0.02, 0.05, 0.002
+JOINT = f"""
+<mujoco><option timestep="{STEP_S}" integrator="implicitfast"/><worldbody>
+<body name="link"><joint name="hinge" axis="0 0 1" armature="{ROTOR}" FRICTION/>
+<inertial pos="0 0 0" mass="1" diaginertia="{LINK} {LINK} {LINK}"/></body></worldbody>
+<actuator>DRIVE</actuator></mujoco>"""
+MOTOR = '<motor joint="hinge"/>'
+SERVO = '<position joint="hinge" kp="30" kv="0.8"/>'
+WHERE = Where("hinge", (0,), (1,), (0,), (0,))
+
+
+def parameter(name: str) -> Parameter:
+    return Parameter(name, "1", 0.0, 1.0, 0.0, null=0.0)
+
+
+def elastic() -> ElasticJoint:
+    return ElasticJoint("elastic", "", [parameter("c"), parameter("retardation")], WHERE)
+
+
+def moved(
+    effect: ElasticJoint | Backlash,
+    values: dict[str, list[float]],
+    command: Callable[[float], float],
+    *,
+    drive: str = MOTOR,
+    friction: str = "",
+    length_s: float = 1.0,
+    step_s: float = STEP_S,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what the encoder shows and where the link is, (n_steps, n_sim) each."""
+    xml = JOINT.replace("DRIVE", drive).replace("FRICTION", friction)
+    spec = mujoco.MjSpec.from_string(xml)
+    spec.bodies[1].simple = 0  # as `load_spec` has it
+    model = spec.compile()
+    model.opt.timestep = step_s
+    own = {name: np.array(some)[:, None] for name, some in values.items()}
+    batch = Batch(model, len(next(iter(own.values()))), nthread=1)
+    between = Transmission(batch, [(effect, own)], np.array([0]))
+    qpos, qvel, ctrl, applied = map(batch.bind, ("qpos", "qvel", "ctrl", "qfrc_applied"))
+    shown, link = [], []
+    for k in range(round(length_s / step_s)):
+        ctrl[:] = command(k * step_s)
+        applied[:] = 0.0
+        if k == 0:
+            between.place()
+        seen = qpos.copy()
+        between.show(seen, qvel.copy())
+        shown.append(seen[:, 0])
+        link.append(qpos[:, 0].copy())
+        between.apply()
+        batch.step()
+        between.advance()
+    return np.array(shown), np.array(link)
+
+
+def pulse(t_s: float) -> float:
+    return 1.0 if 0.01 <= t_s < 0.03 else 0.0
+
+
+@pytest.mark.parametrize("stiffness", [10.0, 60.0, 400.0])
+def test_two_masses_resonate_at_the_frequency_of_their_reduced_mass(stiffness: float) -> None:
+    c = 1 / stiffness
+    shown, link = moved(elastic(), {"c": [c], "retardation": [0.0]}, pulse, length_s=2.0)
+    twist = (shown - link)[50:, 0]
+    crossings = np.flatnonzero(np.diff(np.sign(twist)) > 0)
+    period_s = STEP_S * (crossings[-1] - crossings[0]) / (len(crossings) - 1)
+    wanted_hertz = np.sqrt(stiffness * (1 / ROTOR + 1 / LINK)) / (2 * np.pi)
+    assert 1 / period_s == pytest.approx(wanted_hertz, rel=0.02)
+    assert np.abs(twist[-200:]).max() == pytest.approx(np.abs(twist[:200]).max(), rel=0.02)
+
+
+def test_retardation_damps_a_spring_as_it_says() -> None:
+    stiffness, retardation_s = 60.0, 0.004
+    values = {"c": [1 / stiffness], "retardation": [retardation_s]}
+    shown, link = moved(elastic(), values, pulse)
+    twist, omega = (shown - link)[20:, 0], np.sqrt(stiffness * (1 / ROTOR + 1 / LINK))
+    peaks = np.flatnonzero((twist[1:-1] > twist[:-2]) & (twist[1:-1] > twist[2:])) + 1
+    decrement = np.log(twist[peaks[0]] / twist[peaks[2]]) / (2 * np.pi * 2)
+    assert decrement == pytest.approx(retardation_s * omega / 2, rel=0.15)
+
+
+@pytest.mark.parametrize("drive", [MOTOR, SERVO])
+@pytest.mark.parametrize("effect", ["elastic", "backlash"])
+def test_the_null_limit_is_the_rigid_joint(effect: str, drive: str) -> None:
+    if effect == "elastic":
+        made, values = elastic(), {"c": [0.0, 1e-8, 1e-5], "retardation": [0.0] * 3}
+    else:
+        made = Backlash("backlash", "", [parameter("gap")], WHERE, usual=1.0)
+        values = {"gap": [0.0, 1e-8, 1e-5]}
+    shown, _ = moved(made, values, lambda t_s: np.sin(12 * t_s), drive=drive)
+    off = np.abs(shown[:, 1:] - shown[:, :1]).max(axis=0) / np.abs(shown[:, 0]).max()
+    assert off[0] < 2e-4
+    assert off[1] < 5e-3
+
+
+def test_a_rotor_turns_within_its_gap_while_friction_holds_the_link() -> None:
+    gap = 0.08
+    made = Backlash("backlash", "", [parameter("gap")], WHERE, usual=1.0)
+    shown, link = moved(
+        made,
+        {"gap": [gap, gap / 2]},
+        lambda t_s: 0.5 * np.sin(9 * t_s),
+        friction='frictionloss="30"',
+        length_s=3.0,
+    )
+    assert np.ptp(link, axis=0).max() < 0.05 * gap
+    late = shown[len(shown) // 3 :]
+    np.testing.assert_allclose(np.ptp(late, axis=0), [gap, gap / 2], rtol=0.1)
+    np.testing.assert_allclose(np.abs(shown - link).max(axis=0), [gap / 2, gap / 4], rtol=0.15)
+
+
+@pytest.mark.parametrize("drive", [MOTOR, SERVO])
+@pytest.mark.parametrize("effect", ["elastic", "backlash"])
+def test_a_second_joint_in_the_patched_model_moves_alike(effect: str, drive: str) -> None:
+    if effect == "elastic":
+        made, values = elastic(), {"c": 0.02, "retardation": 0.002}
+    else:
+        made, values = Backlash("play", "", [parameter("gap")], WHERE, usual=1.0), {"gap": 0.1}
+
+    def command(t_s: float) -> float:
+        return 0.5 * np.sin(9 * t_s)
+
+    null = dict.fromkeys(values, 0.0)
+    both = {name: [values[name], null[name]] for name in values}
+    shown, _ = moved(made, both, command, drive=drive, step_s=STEP_S / 4)
+    spec = mujoco.MjSpec.from_string(JOINT.replace("DRIVE", drive).replace("FRICTION", ""))
+    assert made.patch(spec, spec.compile(), **values)
+    model = spec.compile()
+    model.opt.timestep, model.opt.integrator = STEP_S / 8, int(mujoco.mjtIntegrator.mjINT_RK4)
+    data, path = mujoco.MjData(model), []
+    for k in range(len(shown)):
+        path.append(float(data.qpos[0]))
+        data.ctrl[:] = command(k * STEP_S / 4)
+        mujoco.mj_step(model, data, 2)
+    off, moves = np.abs(shown[:, 0] - path).max(), np.abs(shown[:, 0] - shown[:, 1]).max()
+    assert off < 0.15 * moves
