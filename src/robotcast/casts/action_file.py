@@ -1,6 +1,6 @@
 """Actions in a CSV file: the casts that a diagnosis asks for, or that a user wrote down."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +20,22 @@ def write_actions(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
         pl.DataFrame(columns).write_csv(temporary)
 
 
-def read_actions(path: Path) -> list[Action]:
-    """Read one action a row, checked as in a measurement set; other columns are ignored."""
+def read_actions(path: Path, can: Callable[[np.ndarray], np.ndarray] | None = None) -> list[Action]:
+    """Read one action a row, checked as in a measurement set; other columns are ignored.
+
+    Given `can`, which tells of actions (n, 6) which the arm can do, another is refused by line.
+    """
     if not path.is_file():
         raise ValueError(f"{path}: there is no such file; expected a table of actions")
-    columns = read_table(path, ACTION_COLUMNS).columns
-    if not len(columns["vmax"]):
+    table = read_table(path, ACTION_COLUMNS)
+    if not len(table.rows):
         raise ValueError(f"{path}: holds no action")
-    return [Action.from_array(row) for row in np.stack(list(columns.values()), axis=1)]
+    numbers = np.stack(list(table.columns.values()), axis=1)
+    if can is not None:
+        table.refuse_where(
+            ~can(numbers), lambda i: "the arm cannot do this action or its mirror image"
+        )
+    return [Action.from_array(row) for row in numbers]
 
 
 def _cell(value: Any) -> Any:

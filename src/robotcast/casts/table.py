@@ -168,8 +168,12 @@ def _read_csv(path: Path, names: tuple[str, ...]) -> tuple[pl.DataFrame, np.ndar
     except pl.exceptions.PolarsError as error:
         raise ValueError(_ragged_line(path, data) or f"{path}: {_first_line(error)}") from None
     frame = frame.rename(dict(zip(frame.columns, header, strict=True)))
-    blank = frame.select(pl.all_horizontal(pl.all().is_null())).to_series().to_numpy()
-    return frame.filter(~blank), np.arange(2, 2 + frame.height)[~blank]
+    cells = pl.all().fill_null("").str
+    blank = frame.select(pl.all_horizontal(cells.strip_chars() == "")).to_series().to_numpy()
+    lines = np.ones(frame.height, int)
+    if b'"' in data:  # a quoted cell may go over several lines
+        lines += frame.select(pl.sum_horizontal(cells.count_matches("\n"))).to_series().to_numpy()
+    return frame.filter(~blank), (2 + np.cumsum(lines) - lines)[~blank]
 
 
 def _csv_header(path: Path, data: bytes) -> list[str]:

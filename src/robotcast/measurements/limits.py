@@ -33,4 +33,6 @@ FEWEST_WAYPOINTS = 3  # while the tool moves
 COAST_S, COASTING_M_S = 1.0, 0.5
 EARLY_S, EARLY_M = 0.25, 0.02  # the end moves before the tool: no camera is so early
 FROZEN, FROZEN_DIGITS = 4, 5.0  # equal places in a row, where noise is so many last digits
+# Decimals that a table was rounded to; no tracker repeats a whole path to a micrometre.
+FEWEST_DIGITS, MOST_DIGITS, SAME_M = 2, 7, 1e-6
 REST_M_S = 0.25  # from there friction of 0.2 stops the end within 16 mm
