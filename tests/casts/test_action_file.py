@@ -65,6 +65,20 @@ def test_text_of_another_encoding_is_refused(tmp_path: Path) -> None:
         read_actions(path)
 
 
+@pytest.mark.parametrize(
+    "before", ["\n", "   \n", ",,,,,\n", "\r\n\r\n", '0.5,0.6,-0.6,0.65,0.3,"1.2\n"\n']
+)
+def test_a_message_names_the_line_that_an_editor_shows(tmp_path: Path, before: str) -> None:
+    path = tmp_path / "actions.csv"
+    text = HEADER + GOOD + before + "0.6,0.62,-0.4,0.7,0.2,1.5\n"
+    path.write_bytes(text.encode())
+    last = len(text.splitlines())
+    with pytest.raises(
+        ValueError, match=rf"actions.csv line {last}: the arm cannot do this action"
+    ):
+        read_actions(path, lambda actions: actions[:, 0] < 0.55)
+
+
 def test_a_blank_line_and_a_note_with_a_comma_are_read(tmp_path: Path) -> None:
     path = tmp_path / "actions.csv"
     path.write_text(f'{HEADER.strip()},note\n{GOOD.strip()},"a, b"\n\n')

@@ -94,12 +94,12 @@ def doubled(table: str, later_s: float) -> Spoil:
     return spoil
 
 
-def copied(of: int, to: int) -> Spoil:
-    """Give one trial the waypoints of another."""
+def copied(of: int, to: int, digits: int = 17) -> Spoil:
+    """Give one trial the waypoints of another, rounded."""
 
     def spoil(tables: Tables) -> None:
         copy = tables["waypoints"].filter(C("trial") == of)
-        copy = copy.with_columns(trial=pl.lit(to, pl.Int64))
+        copy = copy.with_columns(C("x", "y").round(digits), trial=pl.lit(to, pl.Int64))
         tables["waypoints"] = pl.concat([tables["waypoints"], copy])
 
     return spoil
@@ -246,7 +246,7 @@ UNUSABLE: dict[str, tuple[Spoil, str]] = {
     ),
     "a copy": (
         both(keep("waypoints", ~TRIAL["waypoints"]), copied(of=1, to=3)),
-        "those of trial 1 to the last digit, and a copy is no repeat",
+        "those of trial 1 to the last digit that both have, and a copy is no repeat",
     ),
 }  # fmt: skip
 
@@ -338,11 +338,18 @@ def test_equal_actions_are_repeats_whatever_their_numbers(tmp_path: Path, jitter
     assert noise_floor(measured).waypoint_percent is not None
 
 
-def test_identical_copies_are_no_repeats(tmp_path: Path) -> None:
+@pytest.mark.parametrize("digits", [17, 6, 3, 2])
+def test_copies_are_no_repeats_however_they_were_rounded(tmp_path: Path, digits: int) -> None:
     only = keep("waypoints", ~C("trial").is_in([2, 3]))
-    measured = read(tmp_path, only, copied(of=0, to=2), copied(of=1, to=3))
+    copies = copied(of=0, to=2, digits=digits), copied(of=1, to=3, digits=digits)
+    measured = read(tmp_path, only, *copies)
     assert [t.trial for t in measured.trials] == [0, 1, 4]
     assert noise_floor(measured).n_casts == 2
+
+
+def test_repeats_are_no_copies_however_their_tracker_rounds(tmp_path: Path) -> None:
+    rounded = change("waypoints", x=C("x").round(2), y=C("y").round(2))
+    assert len(read(tmp_path, rounded).trials) == 5
 
 
 def test_frames_that_come_late_are_no_scatter(tmp_path: Path) -> None:

@@ -172,8 +172,12 @@ def _read_csv(path: Path, names: tuple[str, ...]) -> tuple[pl.DataFrame, np.ndar
     except pl.exceptions.PolarsError as error:
         raise ValueError(_ragged_line(path, data) or f"{path}: {_first_line(error)}") from None
     frame = frame.rename(dict(zip(frame.columns, header, strict=True)))
-    blank = frame.select(pl.all_horizontal(pl.all().is_null())).to_series().to_numpy()
-    return frame.filter(~blank), np.arange(2, 2 + frame.height)[~blank]
+    cells = pl.all().fill_null("").str
+    blank = frame.select(pl.all_horizontal(cells.strip_chars() == "")).to_series().to_numpy()
+    lines = np.ones(frame.height, int)
+    if b'"' in data:  # a quoted cell may go over several lines
+        lines += frame.select(pl.sum_horizontal(cells.count_matches("\n"))).to_series().to_numpy()
+    return frame.filter(~blank), (2 + np.cumsum(lines) - lines)[~blank]
 
 
 def _csv_header(path: Path, data: bytes) -> list[str]:
@@ -263,14 +267,22 @@ def write_actions(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
         pl.DataFrame(columns).write_csv(temporary)
 
 
-def read_actions(path: Path) -> list[Action]:
-    """Read one action a row, checked as in a measurement set; other columns are ignored."""
+def read_actions(path: Path, can: Callable[[np.ndarray], np.ndarray] | None = None) -> list[Action]:
+    """Read one action a row, checked as in a measurement set; other columns are ignored.
+
+    Given `can`, which tells of actions (n, 6) which the arm can do, another is refused by line.
+    """
     if not path.is_file():
         raise ValueError(f"{path}: there is no such file; expected a table of actions")
-    columns = read_table(path, ACTION_COLUMNS).columns
-    if not len(columns["vmax"]):
+    table = read_table(path, ACTION_COLUMNS)
+    if not len(table.rows):
         raise ValueError(f"{path}: holds no action")
-    return [Action.from_array(row) for row in np.stack(list(columns.values()), axis=1)]
+    numbers = np.stack(list(table.columns.values()), axis=1)
+    if can is not None:
+        table.refuse_where(
+            ~can(numbers), lambda i: "the arm cannot do this action or its mirror image"
+        )
+    return [Action.from_array(row) for row in numbers]
 
 
 def _cell(value: Any) -> Any:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from scipy.spatial import KDTree
 
 from robotcast.measurements.logs import REST_OVER_S, Logs
 
@@ -48,6 +49,8 @@ FEWEST_WAYPOINTS = 3  # while the tool moves
 COAST_S, COASTING_M_S = 1.0, 0.5
 EARLY_S, EARLY_M = 0.25, 0.02  # the end moves before the tool: no camera is so early
 FROZEN, FROZEN_DIGITS = 4, 5.0  # equal places in a row, where noise is so many last digits
+# Decimals that a table was rounded to; no tracker repeats a whole path to a micrometre.
+FEWEST_DIGITS, MOST_DIGITS, SAME_M = 2, 7, 1e-6
 REST_M_S = 0.25  # from there friction of 0.2 stops the end within 16 mm
 
 MOST_NAMED = 20  # casts in one sentence
@@ -303,11 +306,33 @@ def tracking(logs: Logs, found: Findings) -> None:
     run = 1 + counted - np.maximum.accumulate(np.where(same, 0, counted))
     rows, frozen = end.row_of_most(run), end.most(run) >= FROZEN
     found.of_casts("frozen", frozen, times=run[rows], at=end.t_s[rows])
-    seen: dict[bytes, int] = {}
-    places = [trial.waypoints_m.tobytes() for trial in logs.trials]
-    first = np.array([seen.setdefault(place, i) for i, place in enumerate(places)])
+    first = copied_from(logs)
     other = np.array([trial.trial for trial in logs.trials])[first]
     found.of_casts("copy", first < np.arange(len(first)), other=other)
+
+
+def copied_from(logs: Logs) -> np.ndarray:
+    """Return the first cast whose waypoints each cast has too, (n,), itself where none does.
+
+    To the last digit, or to the last one that was kept where one of the two was rounded.
+    """
+    end, casts = logs.end, np.arange(len(logs.trials))
+    first, counts, digit_m = casts.copy(), end.last - end.first, np.zeros(len(casts))
+    for digits in range(MOST_DIGITS, FEWEST_DIGITS - 1, -1):
+        units = end.values * 10**digits
+        whole = end.most(np.abs(units - np.round(units)).max(axis=1)) < 1e-3
+        digit_m[whole] = 10.0**-digits
+    for count in np.unique(counts):
+        alike = casts[counts == count]
+        paths = np.stack([logs.trials[i].waypoints_m.ravel() for i in alike])
+        widest_m = max(SAME_M, float(digit_m[alike].max()))
+        pairs = KDTree(paths).query_pairs(widest_m, p=np.inf, output_type="ndarray")
+        apart_m = np.abs(np.diff(paths[pairs], axis=1)).max(axis=-1, initial=0.0)[:, 0]
+        one, other = alike[pairs].T
+        rounded = digit_m[one] != digit_m[other]
+        most_m = np.where(rounded, (digit_m[one] + digit_m[other]) / 2, 0.0) + SAME_M
+        np.minimum.at(first, other[apart_m <= most_m], one[apart_m <= most_m])
+    return first
 
 
 def rest(logs: Logs, found: Findings) -> None:

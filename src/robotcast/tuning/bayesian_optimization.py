@@ -1,11 +1,12 @@
-"""Bayesian optimization of a composite function in a trust region, with BoTorch.
+"""Bayesian optimization of a composite function in trust regions, with BoTorch.
 
 The error is known once the residuals are. So Gaussian processes model the residuals, compressed to
-principal components, and the error follows from them (Astudillo and Frazier 2019). New vectors lie
-in a trust region about the best one, which shrinks where they do no better (TuRBO, Eriksson et al.
-2019): one has the least error by the mean of the processes, the others by a sample each (Thompson
-sampling). What a cable does late in a cast has many valleys, so that the beginnings of the casts
-are fitted first, although whole casts are simulated.
+principal components, about a linear trend, and least squares of what they predict lead on
+(Astudillo and Frazier 2019). New vectors lie in a trust region about the best one, which shrinks
+where they do no better; one that leads no further makes way for another, which begins all over the
+ranges and knows every vector nearby (TuRBO, Eriksson et al. 2019). What a cable does late in a cast
+has many valleys, so that the beginnings of the casts are fitted first, although whole casts are
+simulated.
 """
 
 from collections.abc import Callable
@@ -17,12 +18,11 @@ import numpy as np
 import torch
 from botorch.exceptions.errors import ModelFittingError
 from botorch.fit import fit_gpytorch_mll
-from botorch.generation.gen import gen_candidates_scipy
 from botorch.models import SingleTaskGP
 from botorch.models.utils.gpytorch_modules import get_covar_module_with_dim_scaled_prior
 from botorch.sampling.pathwise import draw_matheron_paths
 from botorch.sampling.pathwise.prior_samplers import draw_kernel_feature_paths
-from botorch.utils.sampling import draw_sobol_samples, manual_seed
+from botorch.utils.sampling import manual_seed
 from gpytorch.mlls import ExactMarginalLogLikelihood
 from threadpoolctl import threadpool_limits
 from torch import Tensor
@@ -34,17 +34,20 @@ from robotcast.tuning.search import Objective, Problem, Query, residuals_at
 SHARES = (0.5, 0.65, 0.8, 1.0)  # of each cast's waypoints that are fitted, stage by stage
 NEAR = 0.5  # of the noise: an error of the beginnings below which the next stage comes
 LENGTH = 0.8  # of every range, that a trust region has at first, and at most
-LEAST_LENGTHS = (0.15, 0.15, 0.15, 0.02)  # of one that leads no further, stage by stage
+LEAST_LENGTHS = (0.1, 0.1, 0.1, 0.01)  # of one that leads no further, stage by stage
 TRIES = 3  # regions whose beginnings stay far above the noise before the best of them goes on
-LEAST_LENGTH = 1e-4  # of one where the error of whole casts is below the noise
-CLEAR = 1e-3  # of the noise: an error with which nothing is left to find
-PROGRESS, LEAP = 0.01, 0.3  # of the error that a batch sheds to be a success, and to widen
-FAILURES = 2  # batches in turn that halve the length
+LEAST_LENGTH = 1e-3  # of one where the error of whole casts is below the noise
+CLEAR = 2e-3  # of the noise: an error with which nothing is left to find
+PROGRESS = 0.01  # of the error that a batch must shed, or the region shrinks
+SHRINKS, GROWS = 2.0, 2.0  # times its length
+SPANS = (1.0, 0.25, 4.0)  # lengths that least squares of the mean are sought in, side by side
+SAME = 0.1  # of the way from the best vector, by which two of a batch must differ
 OUTLIER = 3.0  # times the median error of a cast, or the noise, that one counts for at most
 INEXACT = 0.01  # of the size of a vector's residuals, that the processes may miss them by
 FEATURES = 256  # of the random Fourier series of a sample
-RAW_SAMPLES, RESTARTS = 128, 4  # where a sample is looked at, and from where it is descended
-ITERATIONS = 60  # of a fit, and of a descent
+ITERATIONS, STEPS = 12, 15  # of a fit of the processes, and of least squares
+DAMPINGS = np.array([1e-9, 1e-3, 0.1, 10.0])  # of these, tried side by side
+DIFFERENCE = 1e-6  # of the width of the vectors, for slopes of what the processes predict
 
 
 @dataclass(frozen=True)
@@ -86,11 +89,12 @@ class _TrustRegions:
         self._settings, self._problem, self._objective = settings, problem, objective
         self._vectors = np.empty((0, len(problem.start)))
         self._batches: list[np.ndarray] = []  # residuals of the vectors
+        self._like: SingleTaskGP | None = None
         self._done, self._tries = False, 0
         self._begin()
 
     def run(self) -> None:
-        """Try vectors until they would hardly differ from the best."""
+        """Try vectors until nothing is left to find, or the budget ends it."""
         settings, start = self._settings, self._problem.start
         while not self._done:
             if len(self._vectors) > self._first:
@@ -101,34 +105,40 @@ class _TrustRegions:
                 vectors[:1] = vectors[:1] if self._first else start
             self._batches.append(residuals_at(self._objective, Query(vectors)))
             self._vectors = np.vstack([self._vectors, vectors])
-            errors = self._residuals()[1].sum(axis=1)[self._first :]
-            older, newer = np.split(errors, [-len(vectors)])
-            self._change(older.min(initial=np.inf), newer.min())
+            self._change(len(self._vectors) - len(vectors))
 
     def _begin(self) -> None:
-        self._first, self._stage, self._length, self._failures = len(self._vectors), 0, LENGTH, 0
+        self._first, self._stage, self._length = len(self._vectors), 0, LENGTH
         self._tries += 1
 
-    def _change(self, before: float, now: float) -> None:
-        """Change the region's length, its stage, or the region, after a batch of least error."""
-        if now < before * (1 - LEAP):
-            self._length = min(2 * self._length, LENGTH)
-        self._failures = 0 if now < before * (1 - PROGRESS) else self._failures + 1
-        if self._failures == FAILURES:
-            self._length, self._failures = self._length / 2, 0
+    def _change(self, newer: int) -> None:
+        """Change the region's length, its stage, or the region, after a batch from `newer` on."""
+        errors = self._residuals()[1].sum(axis=1)
+        now = newer + int(np.argmin(errors[newer:]))
+        error = errors[now]
+        if newer > self._first:
+            before = self._first + int(np.argmin(errors[self._first : newer]))
+            moved = np.abs(self._vectors[now] - self._vectors[before]).max()
+            if error > (1 - PROGRESS) * errors[before]:
+                self._length /= SHRINKS
+            else:  # four times the way is as far as a step of this length should lead
+                grown = np.clip(4 * moved, self._length / GROWS, self._length * GROWS)
+                self._length = min(float(grown), LENGTH)
+            error = min(error, errors[before])
         whole = self._stage == len(SHARES) - 1
-        exhausted = self._length < LEAST_LENGTHS[self._stage]
-        noises = min(before, now) / self._problem.noise_percent
+        noises = error / self._problem.noise_percent
         near = noises < (1.0 if whole else NEAR)
-        self._done = whole and (noises < CLEAR or self._length < LEAST_LENGTH)
-        if whole and exhausted and not near:
+        least = LEAST_LENGTH if whole and near else LEAST_LENGTHS[self._stage]
+        exhausted = self._length < least
+        self._done = whole and noises < CLEAR
+        if whole and exhausted:
             self._tries = 0
             self._begin()
         elif not self._stage and exhausted and not near and self._tries < TRIES:
             self._begin()
         elif not whole and (near or exhausted):
             self._first = self._first if near or self._stage else 0
-            self._stage, self._failures = self._stage + 1, 0
+            self._stage += 1
             self._length = min(4 * self._length, LENGTH)
 
     def _residuals(self) -> tuple[np.ndarray, np.ndarray]:
@@ -159,7 +169,9 @@ class _TrustRegions:
         near = np.argsort(away, kind="stable")[:wanted]
         with threadpool_limits(1), manual_seed(settings.seed + len(self._vectors)):
             of, noise_percent = self._vectors[near], self._problem.noise_percent
-            surrogate = _Surrogate(settings, of, residuals[near], errors[near], noise_percent)
+            data = of, residuals[near], errors[near], noise_percent
+            surrogate = _Surrogate(settings, *data, like=self._like)
+            self._like = surrogate.model
             return surrogate.least_errors(self._length)
 
 
@@ -173,6 +185,7 @@ class _Surrogate:
         residuals: np.ndarray,
         errors: np.ndarray,
         noise_percent: float,
+        like: SingleTaskGP | None,
     ) -> None:
         self._settings = settings
         median = float(np.median(errors[np.isfinite(errors)]))
@@ -191,45 +204,50 @@ class _Surrogate:
         design = np.column_stack([np.ones(len(points)), points])
         trend = np.linalg.lstsq(design * weights, scores * weights, rcond=None)[0]
         rest = scores - design @ trend
-        spread = rest.std(axis=0) + 1e-12
-        self._origin, self._axes = torch.tensor(rows[0] + trend[0] @ axes), torch.tensor(axes)
-        self._slopes, self._spread = torch.tensor(trend[1:]), torch.tensor(spread)
-        noise = (INEXACT * sizes[:, None] / spread) ** 2 + 1e-6
-        self._model = _fitted(*map(torch.tensor, (points, rest / spread, noise)))
+        self._origin, self._slopes = trend[0] + rows[0] @ axes.T, trend[1:]
+        self._spread = rest.std(axis=0) + 1e-12
+        noise = (INEXACT * sizes[:, None] / self._spread) ** 2 + 1e-6
+        data = tuple(map(torch.tensor, (points, rest / self._spread, noise)))
+        self.model = _fitted(*data, like=like)
+        with torch.no_grad():
+            self._mean = _mean(self.model, *data)
 
     def least_errors(self, length: float) -> np.ndarray:
-        """Return vectors (batch, n) of least error in a trust region, by mean and by samples."""
-        settings = self._settings
-        ends = np.clip(self._best + length * np.array([[-0.5], [0.5]]), 0.0, 1.0)
-        box, best = (torch.tensor((v - self._low) / self._width) for v in (ends, self._best))
+        """Return vectors (batch, n) in a trust region that least squares lead to.
+
+        Of the mean of the processes in boxes of several lengths, where these differ; of a sample
+        of the processes each (Thompson sampling).
+        """
+        drawn = self._settings.batch - 1
+        best = (self._best - self._low) / self._width
+        lengths = length * np.append(SPANS, np.ones(drawn))
+        ends = np.clip(self._best + np.multiply.outer([-0.5, 0.5], lengths)[..., None], 0.0, 1.0)
+        low, high = (ends - self._low) / self._width
+        n_spans = len(SPANS)
         paths = draw_matheron_paths(
-            self._model,
-            torch.Size([settings.batch]),
+            self.model,
+            torch.Size([drawn]),
             prior_sampler=partial(draw_kernel_feature_paths, num_features=FEATURES),
         )
-
-        def sampled(points: Tensor) -> Tensor:
-            return self._gain(points, paths(points.unsqueeze(-3)).transpose(-1, -2))
-
-        def expected(points: Tensor) -> Tensor:
-            return self._gain(points, self._model.posterior(points).mean)
-
-        raw = draw_sobol_samples(box, RAW_SAMPLES, 1, seed=0).squeeze(1)
-        raw[::2] = best + 0.1 * (raw[::2] - best)  # about the best one half of them
-        raw[0] = best
         with torch.no_grad():
-            top = sampled(raw.expand(settings.batch, -1, -1)).topk(RESTARTS).indices
-        found = _climbed(sampled, raw[top], box)
-        found[:1] = _climbed(expected, torch.cat([found, best[None]])[None], box)
-        return np.clip(found.numpy() * self._width + self._low, 0.0, 1.0)
+            starts = np.tile(best, (n_spans, 1))
+            found = _least(partial(self._scores, self._mean), starts, low[:n_spans], high[:n_spans])
+            starts = np.tile(found[0], (drawn, 1))
+            sampled = _least(partial(self._scores, paths), starts, low[n_spans:], high[n_spans:])
+        chosen: list[np.ndarray] = []
+        for vector in np.vstack([found, sampled]) * self._width + self._low:
+            if all(_apart(vector, o) > SAME * _apart(o, self._best) for o in chosen):
+                chosen.append(vector)
+        return np.clip(chosen[: self._settings.batch], 0.0, 1.0)
 
-    def _gain(self, points: Tensor, rest: Tensor) -> Tensor:
-        """Return −log error (...) at points (..., n), the processes being (..., q) there."""
-        scores = points @ self._slopes + rest * self._spread
-        rows = (scores @ self._axes + self._origin).unflatten(-1, self._shape)
-        bounded = torch.linalg.vector_norm(rows, dim=-1).sum(dim=-1) / self._bound
-        errors = bounded / (1 - bounded.clamp(max=0.97))
-        return -torch.log(errors.sum(dim=-1) + 1e-12)
+    def _scores(self, rest: Callable[[Tensor], Tensor], points: np.ndarray) -> np.ndarray:
+        """Return scores (m, k, q) at points (m, k, n), the rest about the trend as given."""
+        values = rest(torch.from_numpy(points).unsqueeze(-3)).transpose(-1, -2).numpy()
+        return self._origin + points @ self._slopes + values * self._spread
+
+
+def _apart(vector: np.ndarray, other: np.ndarray) -> float:
+    return float(np.abs(vector - other).max())
 
 
 def _bounded(
@@ -251,10 +269,17 @@ def _bounded(
     return rows
 
 
-def _fitted(points: Tensor, scores: Tensor, variances: Tensor) -> SingleTaskGP:
-    """Return a process for each column of scores; its lengths have Hvarfner's priors (2024)."""
+def _fitted(
+    points: Tensor, scores: Tensor, variances: Tensor, like: SingleTaskGP | None
+) -> SingleTaskGP:
+    """Return a process for each column of scores; its lengths have Hvarfner's priors (2024).
+
+    The fit begins at the lengths of those `like` it.
+    """
     batch, n = torch.Size([scores.shape[1]]), points.shape[1]
     kernel = get_covar_module_with_dim_scaled_prior(ard_num_dims=n, batch_shape=batch)
+    if like is not None and like.covar_module.batch_shape == batch:
+        kernel.load_state_dict(like.covar_module.state_dict())
     model = SingleTaskGP(points, scores, variances, covar_module=kernel, outcome_transform=None)
     likelihood = ExactMarginalLogLikelihood(model.likelihood, model)
     try:
@@ -264,9 +289,41 @@ def _fitted(points: Tensor, scores: Tensor, variances: Tensor) -> SingleTaskGP:
     return model
 
 
-def _climbed(gain: Callable[[Tensor], Tensor], starts: Tensor, box: Tensor) -> Tensor:
-    """Return the point (m, n) of most gain that is reached from starts (m, n_starts, n)."""
-    climb: Any = gen_candidates_scipy  # any function serves, which its annotation does not say
-    options = {"maxiter": ITERATIONS}
-    points, gains = climb(starts, gain, box[0], box[1], options=options, use_parallel_mode=False)
-    return points[torch.arange(len(points)), gains.argmax(dim=-1)].detach()
+def _mean(
+    model: SingleTaskGP, points: Tensor, scores: Tensor, variances: Tensor
+) -> Callable[[Tensor], Tensor]:
+    """Return the mean (..., q, k) of processes at points (..., 1, k, n), in few operations."""
+    kernel: Any = model.covar_module
+    mean: Any = model.mean_module
+    constant = mean.constant.unsqueeze(-1)
+    covariance = kernel.forward(points, points) + torch.diag_embed(variances.T)
+    pulls = torch.linalg.solve(covariance, (scores.T - constant).unsqueeze(-1))
+    return lambda at: constant + (kernel.forward(at, points) @ pulls).squeeze(-1)
+
+
+def _least(
+    scores: Callable[[np.ndarray], np.ndarray],
+    starts: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+) -> np.ndarray:
+    """Return points (m, n) in boxes of least squares of `scores`, m functions at once."""
+    points, eye = starts, np.eye(starts.shape[1])
+    rows, probes = np.arange(len(starts)), DIFFERENCE * np.vstack([0 * eye[:1], eye])
+    for _ in range(STEPS):
+        values = scores(points[:, None] + probes)
+        slopes = (values[:, 1:] - values[:, :1]) / DIFFERENCE
+        rises = np.einsum("mnq,mq->mn", slopes, values[:, 0])
+        held = ((points <= low) & (rises > 0)) | ((points >= high) & (rises < 0))
+        slopes[held], rises[held] = 0.0, 0.0
+        bend = slopes @ slopes.transpose(0, 2, 1)
+        damped = np.einsum("mnn->mn", bend)[:, None] * DAMPINGS[:, None] + held[:, None] + 1e-12
+        steps = np.linalg.solve(bend[:, None] + damped[..., None] * eye, rises[:, None, :, None])
+        tried = np.clip(points[:, None] - steps[..., 0], low[:, None], high[:, None])
+        squares = (scores(tried) ** 2).sum(axis=-1)
+        chosen, before = squares.argmin(axis=1), (values[:, 0] ** 2).sum(axis=-1)
+        shed = before - squares[rows, chosen]
+        points = np.where(shed[:, None] > 0, tried[rows, chosen], points)
+        if (shed < PROGRESS**2 * before).all():
+            break
+    return points

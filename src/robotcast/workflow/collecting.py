@@ -1,8 +1,8 @@
 """Choosing the casts that collect executes."""
 
+from functools import partial
 from pathlib import Path
 
-import numpy as np
 from omegaconf import DictConfig
 
 from robotcast.build import action_space
@@ -26,11 +26,7 @@ def chosen_casts(config: DictConfig, folder: Path) -> list[tuple[int, Action]]:
         tell(f"{report.feasible} of {report.candidates} actions are feasible")
         size = config.scale.collect
         return choose_casts(feasible, size.casts, size.repeats, config.seed)
-    path = Path(config.collect.actions)
-    actions = read_actions(path)
-    can = are_feasible(np.array([a.as_array() for a in actions]), r0_m, limits, envelope)
-    if not can.all():
-        line = 2 + int(np.argmin(can))
-        raise ValueError(f"{path} line {line}: the arm cannot do this action or its mirror image")
+    can = partial(are_feasible, r0_m=r0_m, limits=limits, envelope=envelope)
+    actions = read_actions(Path(config.collect.actions), can)
     stood = read_session(folder).casts if (folder / SESSION_FILE).is_file() else ()
     return number_extra_actions(actions, stood)
