@@ -32,13 +32,15 @@ def robot_block(robot: Robot, model: str | None) -> Markup:
 def traces_figure(signals: list[Mapping[str, str]], window: Mapping[str, Any]) -> Figure:
     """Draw every signal, measured and predicted, and below it what the predictions miss."""
     n = len(signals)
-    figure = Figure(figsize=(4.2 * min(n, 3), 3.4 * -(-n // 3)), layout="constrained")
+    columns = 2 if n in (2, 4) else min(n, 3)
+    rows = -(-n // columns)
+    figure = Figure(figsize=(4.2 * columns, 3.4 * rows), layout="constrained")
     times_s = np.array(window["times_s"], float)
     measured, base, model = (
         np.array(window[name], float) for name in ("measured", "base", "model")
     )
     for k, (signal, part) in enumerate(
-        zip(signals, figure.subfigures(-(-n // 3), min(n, 3), squeeze=False).flat, strict=False)
+        zip(signals, figure.subfigures(rows, columns, squeeze=False).flat, strict=False)
     ):
         above, below = part.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         above.plot(times_s, measured[:, k], color=INK, lw=2.2)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from robotcast.diagnosis.wording import Axis, Wording
 from robotcast.robots.effects import TorqueField
 from robotcast.robots.library import candidates
 from robotcast.robots.logs import Log, periods, read_logs
+from robotcast.robots.next_motions import Motions, motions
 from robotcast.robots.robot_file import RobotFile, read_robot
 from robotcast.robots.robot_model import RobotModel, tuned_parameters
 from robotcast.robots.rollout import Rollout, Start
@@ -71,6 +73,12 @@ class RobotCase:
             factor_units={"time in the log": "s"},
         )
 
+    @cached_property
+    def motions(self) -> Motions:
+        """What could be logged next."""
+        noise = self.model.units.noise * self.model.units.si
+        return motions(self.robot, self.model, self.sizes, self.length_s, noise)
+
     def question(
         self, exclude: Sequence[str], fixed: Sequence[str], rule: Rule, effort: Effort
     ) -> Case:
@@ -91,6 +99,7 @@ class RobotCase:
             fixed=tuple(fixed),
             wording=self.wording,
             draw=draw_field,
+            further=lambda: self.motions.further,
             floor=self.floor_percent,
             floor_is_least=not self.repeated,
             numerical_error=self.step_percent,

@@ -66,10 +66,11 @@ class RobotModel:
         noise: np.ndarray,
         effects: Sequence[RobotEffect],
         threads: int = 0,
+        units: Units | None = None,
     ) -> None:
         self.effects: Mapping[str, RobotEffect] = {effect.name: effect for effect in effects}
         self.parameters = tuned_parameters(robot)
-        self.units = Units.of(logs, windows, noise)
+        self.units = units or Units.of(logs, windows, noise)
         self.scale = self.units.scale
         self.rollout = Rollout(robot, logs, windows, threads)
         self._gains: dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray]] = {}

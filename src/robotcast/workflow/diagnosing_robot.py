@@ -45,6 +45,8 @@ def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
 
     with bar("diagnose") as progress:
         found = diagnose(question, write, progress)
+    if found["next_actions"]:
+        found = {**found, "next_actions": case.motions.rows(found["next_actions"], folder)}
     facts["robot"] = shown(case, found["base"], found["model"])
     if found["model"]:
         facts |= {"patched": PATCHED, "robot": facts["robot"] | _written(case, found, folder)}
