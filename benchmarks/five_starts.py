@@ -40,12 +40,16 @@ def losses(measurements: Path, hidden: tuple[str, ...]) -> np.ndarray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--sets", default="", help="names of one letter, all by default")
     given = parser.parse_args()
     answers = yaml.safe_load((given.folder / "answers.yaml").read_text(encoding="utf-8"))
-    print("| set | effects | loss from five starts | largest over least |\n| --- | --- | --- | --- |")
+    print(
+        "| set | effects | loss from five starts | largest over least |\n| --- | --- | --- | --- |"
+    )
     for one in sorted(given.sets or answers):
         for hidden in dict.fromkeys(((), *(tuple(n) for n in answers[one]["accept"][:1]))):
             if set(hidden) & {"none", "unknown"}:

@@ -15,7 +15,7 @@ import polars as pl
 import yaml
 from mujoco.batch import Batch
 
-from robotcast.rigs.sealed import seal
+from robotcast.files import seal
 from robotcast.robots.model_fields import OneModel
 from robotcast.robots.names import address
 

@@ -20,9 +20,8 @@ from robot_truth import CASES, make
 from robotcast.diagnosis.diagnose import diagnose, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry, fit_base, held_out
 from robotcast.diagnosis.rule import Effort, Rule
-from robotcast.files import plain, write_text
-from robotcast.reporting.table import markdown
-from robotcast.rigs.sealed import unseal
+from robotcast.files import plain, unseal, write_text
+from robotcast.reporting.page import markdown
 from robotcast.robots.by_joint import diagnose_by_joint
 from robotcast.robots.effects import DeadTime, ModelField
 from robotcast.robots.robot_case import RobotCase, read_case

@@ -1,6 +1,7 @@
-"""Compare a tuned simulator with measured casts: how far off is it, when, where, for which?
+"""Compare a model with what was measured: how far off is it, when, where, for which?
 
 python stages/compare.py measurements=DIR output=DIR [tuned=DIR]
+python stages/compare.py model=mjcf robot=FOLDER output=DIR [effects=[…]]
 """
 
 import json
@@ -12,24 +13,25 @@ from robotcast.reporting.comparison_page import comparison_page
 from robotcast.running import write_page
 from robotcast.stage import output_folder, require, stage, tell
 from robotcast.workflow.comparing import compare_model
+from robotcast.workflow.diagnosing_robot import compare_robot
 
 
 def compare(config: DictConfig) -> None:
-    require(config, "measurements", "output")
+    of_robot = config.model == "mjcf"
+    require(config, "robot" if of_robot else "measurements", "output")
     folder = output_folder(config.output)
-    facts, found = compare_model(config)
-    plain = {**facts, **found.as_dict()}
-    write_text(folder / "comparison.json", json.dumps(plain, ensure_ascii=False, allow_nan=False))
-    write_page(folder / "index.html", comparison_page(plain))
-    floor = found.repeats.sample_percent
+    found = (compare_robot if of_robot else compare_model)(config)
+    write_text(folder / "comparison.json", json.dumps(found, ensure_ascii=False, allow_nan=False))
+    write_page(folder / "index.html", comparison_page(found))
+    floor = found["noise_floor_percent"]
     noise = "unknown" if floor is None else f"{floor:.2f} %"
     tell(
-        f"{folder}: {found.waypoint_error_percent:.2f} % average waypoint, "
-        f"{found.final_error_percent:.2f} % median final error, noise floor {noise}, "
-        f"{found.error_unit.removeprefix('% ')}; open {folder / 'index.html'}"
+        f"{folder}: {found['waypoint_error_percent']:.2f} % average {found['words']['sample']}, "
+        f"{found['final_error_percent']:.2f} % median final error, noise floor {noise}, "
+        f"{found['error_unit'].removeprefix('% ')}; open {folder / 'index.html'}"
     )
-    for finding in found.findings:
-        tell(f"- {finding.sentence}")
+    for finding in found["slices"]:
+        tell(f"- {finding['sentence']}")
 
 
 if __name__ == "__main__":

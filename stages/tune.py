@@ -1,12 +1,21 @@
-"""Tune one simulator's parameters to one cable's casts with one optimizer."""
+"""Tune one simulator's parameters to one cable's casts, or a robot's model to its logs.
+
+python stages/tune.py model=mjcf robot=FOLDER output=DIR [effects=[…]]
+"""
 
 from omegaconf import DictConfig
 
-from robotcast.stage import stage, tell, warn
+from robotcast.stage import require, stage, tell, warn
+from robotcast.workflow.diagnosing_robot import tune_robot
 from robotcast.workflow.tuning import tune_simulator
 
 
 def tune(config: DictConfig) -> None:
+    if config.model == "mjcf":
+        require(config, "robot", "output")
+        for sentence in tune_robot(config):
+            tell(sentence)
+        return
     folder, tuned = tune_simulator(config)
     test = tuned.errors["test"]
     tell(

@@ -1,7 +1,8 @@
 """The command `robotcast STAGE [FOLDER] [OVERRIDE …]`, short for `python stages/STAGE.py …`.
 
-A folder as the first word is a measurement set. It runs from the repository that it was installed
-from in place (`pip install -e .`), because stages and configuration lie there.
+A folder as the first word is a measurement set, or a robot's with its robot.yaml. It runs from the
+repository that it was installed from in place (`pip install -e .`), because stages and
+configuration lie there.
 """
 
 import ast
@@ -24,6 +25,7 @@ OF_A_SET = {  # stage → what a set stands for: setting → value
         "paths.tuned": "{outputs}/${{simulator.name}}-${{optimizer.name}}",
     },
 }
+OF_A_ROBOT = {"model": "mjcf", "robot": "{set}", "output": "{outputs}/{stage}"}
 COMPLETION = ("-sc", "--shell-completion")
 
 
@@ -51,11 +53,15 @@ def main() -> None:
 
 def overrides(stage: str, given: list[str]) -> list[str]:
     """Return what the stage takes: a folder as the first word becomes settings, `given` win."""
-    if stage not in OF_A_SET or not given or not _is_folder(given[0]):
+    if stage not in (*OF_A_SET, "describe") or not given or not _is_folder(given[0]):
         return given
     folder, *given = given
-    places = {"set": folder, "outputs": f"outputs/{Path(folder).resolve().name}"}
-    settings = {name: value.format(**places) for name, value in OF_A_SET[stage].items()}
+    outputs = f"outputs/{Path(folder).resolve().name}"
+    places = {"set": folder, "outputs": outputs, "stage": stage}
+    known = {"robot": "{set}"} if stage == "describe" else OF_A_SET[stage]
+    if stage in OF_A_SET and (Path(folder) / "robot.yaml").is_file():
+        known = OF_A_ROBOT
+    settings = {name: value.format(**places) for name, value in known.items()}
     quoted = {name: value.replace("'", r"\'") for name, value in settings.items()}
     return [*(f"{name}='{value}'" for name, value in quoted.items()), *given]
 
@@ -80,7 +86,8 @@ def _overview() -> str:
             "",
             *lines,
             "",
-            f"FOLDER is a measurement set, for {', '.join(OF_A_SET)}; results go to outputs/NAME.",
+            f"FOLDER is a measurement set or a robot's, for {', '.join(OF_A_SET)}, describe; "
+            "results go to outputs/NAME.",
             "robotcast STAGE --help lists all that an OVERRIDE can set: simulator=hybrid seed=1",
             'eval "$(robotcast -sc install=bash)" completes stages and settings (zsh, fish too)',
         )

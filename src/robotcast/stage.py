@@ -85,7 +85,7 @@ def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
 
 
 NAMES = ("effects", "exclude")
-PATHS = ("measurements", "output", "tuned", "session", "rig.path", "collect.actions")
+PATHS = ("measurements", "robot", "output", "tuned", "session", "rig.path", "collect.actions")
 
 
 def as_typed(argument: str) -> str:

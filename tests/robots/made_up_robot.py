@@ -12,7 +12,7 @@ SLIDER = """
 <mujoco><option timestep="0.005" integrator="implicitfast"/><worldbody>
 <body name="table"><joint name="axis" type="slide" axis="1 0 0" damping="2" range="-3 3"/>
 <inertial pos="0 0 0" mass="2" diaginertia="0.1 0.1 0.1"/></body></worldbody>
-<actuator><motor name="motor" joint="axis"/></actuator>
+<actuator><motor name="motor" joint="axis" ctrllimited="true" ctrlrange="-10 10"/></actuator>
 <sensor><jointvel name="tacho" joint="axis"/></sensor></mujoco>"""
 
 ARM = """

@@ -8,8 +8,9 @@ import polars as pl
 import pytest
 import yaml
 
+from robotcast.robots.logs import columns_of
 from robotcast.robots.robot_case import read_case
-from tests.robots.made_up_robot import write_folder
+from tests.robots.made_up_robot import SLIDER, write_folder
 
 Edit = Callable[[dict], None]
 
@@ -58,6 +59,15 @@ AXIS = "joint[axis].position"
         (key("drive", "actuator[motor]", "unit", value="mA"), "a torque_constant"),
         (key("repeats", value=[["log0.csv", "other.csv"]]), "other.csv is none of the logs"),
         (key("windows", "length_s", value=9.0), "no window of 9 s fits"),
+        (
+            key("windows", "length_s", value="long"),
+            "length_s: expected a number",
+        ),
+        (key("windows", "length", value=1), "no key is called 'length'; there are length_s, most"),
+        (key("weld", value=["root"]), "weld: the model has no joint 'root'; it has axis"),
+        (key("payloads", "body[table]", value={"log9.csv": 1}), "no key is called 'log9.csv'"),
+        (key("payloads", "body[table]", value={"log1.csv": "kg"}), "expected a number, got 'kg'"),
+        (key("sysid", value="none.yaml"), "none.yaml: there is no such file; ParameterDict"),
     ],
 )
 def test_what_robot_yaml_cannot_say(good: Path, tmp_path: Path, edit: Edit, words: str) -> None:
@@ -65,8 +75,16 @@ def test_what_robot_yaml_cannot_say(good: Path, tmp_path: Path, edit: Edit, word
         read_case(copy_of(good, tmp_path, edit))
 
 
-def frozen(table: pl.DataFrame) -> pl.DataFrame:
-    return table.with_columns(q_axis=pl.lit(0.1), v=pl.col("q_axis"))
+def stuck(table: pl.DataFrame) -> pl.DataFrame:
+    held = pl.int_range(pl.len()).is_between(95, 125)
+    return table.with_columns(
+        pl.when(held).then(pl.col("q_axis").get(95)).otherwise("q_axis").alias("q_axis")
+    )
+
+
+def noise_alone(table: pl.DataFrame) -> pl.DataFrame:
+    noise = np.random.default_rng(0).normal(0, 1e-3, len(table))
+    return table.with_columns(pl.Series("q_axis", noise))
 
 
 def saturated(table: pl.DataFrame) -> pl.DataFrame:
@@ -91,7 +109,11 @@ def with_cell(column: str, row: int, value: object) -> Callable[[pl.DataFrame], 
         (with_cell("q_axis", 4, "4.0e"), "line 6: q_axis: '4.0e' is no number"),
         (with_cell("q_axis", 20, 90.0), "line 22: joint.axis..position is 90 m, far outside"),
         (lambda table: table.with_columns(q_axis=0.3), "nothing moves in it"),
+        (noise_alone, "nothing moves in it"),
         (saturated, "a saturated sensor"),
+        (stuck, "stays at .* amid a motion, a frozen sensor"),
+        (lambda table: table.with_columns(pl.col("t") * 1e3), "a sample every 10 s; no robot is"),
+        (lambda table: table.with_columns(pl.col("u_motor") * 9), "where the model clips at -10"),
         (lambda table: table[:20], "20 samples; a log needs at least 50"),
         (lambda table: table.with_columns(pl.col("t") * 3), "logs of one folder need one rate"),
     ],
@@ -101,6 +123,53 @@ def test_what_a_log_cannot_hold(good: Path, tmp_path: Path, change: Callable, wo
     change(pl.read_csv(folder / "log1.csv")).write_csv(folder / "log1.csv")
     with pytest.raises(ValueError, match=words):
         read_case(folder)
+
+
+FREE = """<mujoco><worldbody><body name="table"><freejoint name="root"/><geom size="0.1"/></body>
+</worldbody></mujoco>"""
+FAR = SLIDER.replace(' range="-3 3"', "")
+MESH = SLIDER.replace("<worldbody>", '<asset><mesh file="hand.stl"/></asset><worldbody>')
+
+
+@pytest.mark.parametrize(
+    ("xml", "table", "words"),
+    [
+        (FAR, lambda t: t.with_columns(pl.col("q_axis") * 100), "is .* m, and it comes back; is"),
+        (MESH, lambda t: t, "Error opening file 'hand.stl'; copy its meshes along"),
+        (FREE, lambda t: t, "root is a free or a ball joint; .* say weld: .root. in robot.yaml"),
+    ],
+)
+def test_what_a_model_cannot_be(
+    good: Path, tmp_path: Path, xml: str, table: Callable, words: str
+) -> None:
+    folder = copy_of(good, tmp_path)
+    (folder / "robot.xml").write_text(xml)
+    for path in folder.glob("log*.csv"):
+        table(pl.read_csv(path)).write_csv(path)
+    with pytest.raises(ValueError, match=words):
+        read_case(folder)
+
+
+def as_semicolons(text: str) -> str:
+    return text.replace(",", ";").replace(".", ",")
+
+
+@pytest.mark.parametrize(
+    "write", [as_semicolons, lambda text: f"# {text}", lambda text: text.replace(",", ", ")]
+)
+def test_tables_as_loggers_write_them_are_read_alike(
+    good: Path, tmp_path: Path, write: Callable[[str], str]
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("\ufeff" + write((good / "log0.csv").read_text()), encoding="utf-8")
+    assert columns_of(path).equals(columns_of(good / "log0.csv"))
+
+
+def test_a_table_without_a_header_is_refused(good: Path, tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text((good / "log0.csv").read_text().partition("\n")[2])
+    with pytest.raises(ValueError, match="line 1: numbers where the names"):
+        columns_of(path)
 
 
 def test_units_are_converted_once(good: Path, tmp_path: Path) -> None:

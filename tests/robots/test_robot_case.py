@@ -1,16 +1,25 @@
 """What a robot's folder is read as: windows, start states, noise, effects at their null."""
 
+import re
+import shutil
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
+import polars as pl
 import pytest
 
 from robotcast.diagnosis.diagnose import diagnose
 from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.files import plain
+from robotcast.reporting.diagnosis_page import diagnosis_page
 from robotcast.robots import rollout
+from robotcast.robots.patch import write_patched
 from robotcast.robots.robot_case import RobotCase, read_case
 from robotcast.robots.rollout import Start
+from robotcast.robots.shown import shown
+from robotcast.robots.sysid import write_parameters
 from tests.robots.made_up_robot import ARM, PERIOD_S, QUANTUM, dry, write_folder
 
 
@@ -143,11 +152,114 @@ def test_repeats_tell_the_floor(tmp_path: Path) -> None:
     assert parts[0] == parts[1]
 
 
-def test_hidden_dry_friction_is_named(slider: RobotCase) -> None:
+@pytest.fixture(scope="module")
+def named(slider: RobotCase) -> dict[str, Any]:
     kept = ("dry_friction_axis", "viscous_friction_axis", "drive_gain_axis", "mass_table")
     others = [n for n, e in slider.model.effects.items() if e.depends_on is None and n not in kept]
     effort = Effort(some=12, tried=3, finalists=1)
-    said = diagnose(slider.question(others, (), Rule(), effort), lambda known: None)
-    assert said["verdict"] == ["dry_friction_axis"]
-    torque = said["ranking"][0]["parameters"]["torque"]
+    return diagnose(slider.question(others, (), Rule(), effort), lambda known: None)
+
+
+def test_hidden_dry_friction_is_named(named: dict[str, Any]) -> None:
+    assert named["verdict"] == ["dry_friction_axis"]
+    torque = named["ranking"][0]["parameters"]["torque"]
     assert torque["value"] == pytest.approx(0.8, rel=0.05)
+
+
+def test_where_it_errs_is_said_in_the_units_of_the_logs(
+    slider: RobotCase, named: dict[str, Any]
+) -> None:
+    (axis,) = slider.wording.axes
+    assert (axis.name, axis.unit) == ("axis position", "m")
+    travel = [float(np.ptp(r.measured)) * axis.scale for r in slider.model.records]
+    assert 1e-3 < np.median(travel) < 1.0  # metres again
+    words = [part["sentence"] for part in named["comparison"]["slices"]]
+    assert not any("board" in text or "path" in text for text in words)
+
+
+def test_the_next_motions_stay_within_limits_and_are_written_as_the_logs_are(
+    slider: RobotCase, tmp_path: Path
+) -> None:
+    motions = slider.motions
+    assert {one.told["payload_kg"] for one in motions.some} == {0.0, 0.5, 2.0}
+    for one in motions.some:
+        assert np.abs(one.log.drive).max() <= 10.0 and np.abs(one.log.measured).max() <= 3.0
+    row = motions.rows([{"motion": 1, "separates": ["a", "b"]}], tmp_path)[0]
+    assert row["separates"] == ["a", "b"] and isinstance(row["motion"], str)
+    table = pl.read_csv(tmp_path / row["file"])
+    assert table.columns == ["t", "u_motor", "q_axis"]
+    np.testing.assert_allclose(table["u_motor"], motions.some[1].log.drive[:, 0])
+
+
+def test_the_page_opens_in_a_browser(
+    slider: RobotCase, named: dict[str, Any], tmp_path: Path
+) -> None:
+    """Its sentences are a robot's; it fits narrow windows; what it links to is there."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    chromium = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
+    if chromium is None:
+        pytest.skip("there is no Chromium on this machine")
+    base, last = named["base"], named["model"]
+    rows = slider.motions.rows([{"motion": 0, "separates": ["drive_gain_axis"]}], tmp_path)
+    rows = [{**row, "difference_percent": 3.0, "why": "so far apart"} for row in rows]
+    said = {**named, "next_actions": rows, "measurements": "a/robot", "overrides": ["model=mjcf"]}
+    left_out = write_patched(slider.robot, slider.model.effects, last, tmp_path / "model.xml")
+    write_parameters(tmp_path / "parameters.yaml", last["parameters"])
+    said |= {"robot": {**shown(slider, base, last), "left_out": left_out}, "patched": "model.xml"}
+    (tmp_path / "index.html").write_text(diagnosis_page(plain(said)))
+    errors: list[str] = []
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        page = browser.new_page()
+        page.on("console", lambda message: errors.append(message.text))
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        for width in (1280, 800):
+            page.set_viewport_size({"width": width, "height": 900})
+            page.goto((tmp_path / "index.html").as_uri())
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+        text = page.locator("body").inner_text()
+        links = page.locator("a[download]").evaluate_all("all => all.map(a => a.href)")
+        browser.close()
+    assert errors == []
+    assert not {"cast", "casts", "board", "cable"} & set(re.findall(r"\w+", text.lower()))
+    assert len(links) == 3 and all(Path(link.removeprefix("file://")).is_file() for link in links)
+
+
+def test_a_payload_moves_as_a_mass_that_is_fixed_to_the_link(tmp_path: Path) -> None:
+    place = [0.05, 0.0, -0.2]
+    said = {"body[fore]": {"log1.csv": {"kg": 0.4, "at": place}}}
+    windows = {"length_s": 0.3, "most": 6}
+    case = read_case(write_folder(tmp_path, ARM, logs=2, payloads=said, windows=windows))
+    record = next(r for r in case.model.records if r.factors["log"] == 2)
+    window, log = case.model.rollout.windows[record.trial], case.model.rollout.logs[1]
+    spec = mujoco.MjSpec.from_string(ARM)
+    hung = {"mass": 0.4, "ipos": [0, 0, 0], "inertia": [1e-12] * 3, "explicitinertial": True}
+    spec.body("fore").add_body(pos=place, **hung)
+    model = spec.compile()
+    data, path = mujoco.MjData(model), []
+    data.qpos[:], data.qvel[:] = window.qpos, window.qvel
+    for k in range(window.first, window.end):
+        path.append(data.qpos.copy())
+        data.ctrl[:] = log.drive[k]
+        mujoco.mj_step(model, data, round(PERIOD_S / model.opt.timestep))
+    still = [Start(record.trial, np.zeros((2, 2)))]
+    found = case.model.rollout.simulate(still, [record.times_s], (), np.zeros((1, 0)))[0, 0]
+    np.testing.assert_allclose(found, path, atol=1e-6)
+
+
+def test_a_parameter_dict_of_sysid_is_the_nominal_fit_and_comes_back(tmp_path: Path) -> None:
+    sysid = pytest.importorskip("mujoco.sysid._src.parameter")
+    known = sysid.ParameterDict()
+    known.add(sysid.Parameter("friction", 2.0, 1.0, 4.0))
+    known.add(sysid.Parameter("weight", 2.0, 1.0, 3.0, frozen=True))
+    known["friction"].value[:] = 2.5
+    known.save_to_disk(tmp_path / "identified.yaml")
+    tune = {"joint[axis].damping": "friction", "body[table].mass": "weight"}
+    case = read_case(write_folder(tmp_path, logs=2, sysid="identified.yaml", tune=tune))
+    damping, mass = case.model.parameters
+    assert (damping.nominal, damping.lower, damping.upper, damping.frozen) == (2.5, 1.0, 4.0, False)
+    assert mass.frozen
+    size = {"value": 2.4, "low": 2.2, "high": 2.6}
+    write_parameters(tmp_path / "parameters.yaml", {damping.name: size, "rest": {"value": 1.0}})
+    again = sysid.ParameterDict.load_from_disk(tmp_path / "parameters.yaml")
+    assert again["joint[axis].damping"].value == [2.4] and again["rest"].frozen

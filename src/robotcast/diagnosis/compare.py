@@ -167,7 +167,7 @@ class Comparison:
                 "noise_floor_percent": repeats.sample_percent,
                 "noise_floor_final_percent": repeats.final_percent,
                 "repeats": {"groups": repeats.groups, "trials": repeats.trials},
-                "groups": len({r.group for r in self.records}),
+                "groups": len({_together(r) for r in self.records}),
                 "diverged": [
                     r.trial for r, lost in zip(self.records, found.diverged, strict=True) if lost
                 ],
@@ -245,6 +245,10 @@ def compare(
         phases=median_phases(records),
         trends=trends(records, found),
     )
+
+
+def _together(record: Record) -> int:
+    return record.group if record.held_out_with is None else record.held_out_with
 
 
 def _usual(exceptions: Sequence[Finding], n_trials: int) -> np.ndarray:

@@ -49,6 +49,15 @@ def heading_sentence(
     )
 
 
+def signal_sentence(some: Slice, share_of_error: float, share_of_signals: float) -> str:
+    """Say which part of the error lies in one of several signals."""
+    name = some.subject[0].upper() + some.subject[1:]
+    return (
+        f"{name} holds {_percent(share_of_error)} of the squared error, each signal in units of "
+        f"its own; it is one of {round(1 / share_of_signals)}."
+    )
+
+
 def outstanding_sentence(
     name: str, count: int, share_of_error: float, n_trials: int, wording: Wording
 ) -> str:
@@ -111,7 +120,11 @@ def find(
         text = share_sentence(some, *shares, wording)
         elsewhere = found.distance[used & ~inside]
     else:
-        text = heading_sentence(some, shares[0], found, inside, wording, slicing.steady)
+        text = (
+            heading_sentence(some, shares[0], found, inside, wording, slicing.steady)
+            if some.kind == "heading"
+            else signal_sentence(some, *shares)
+        )
         other = found.distance**2 - some.sizes(found) ** 2
         elsewhere = np.sqrt(np.maximum(other[inside], 0))
     to_percent = 100 / found.scale

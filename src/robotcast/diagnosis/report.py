@@ -193,15 +193,20 @@ def model_parameters(
     if verdict is None or not found.judged:
         return {}
     top = found.top if verdict.named else found.base
-    own = sizes(inquiry, top.revision, top.errors.vectors, rule.discrepancy)
+    return fitted(inquiry, top.revision, top.errors.vectors, rule)
+
+
+def fitted(inquiry: Inquiry, revision: Revision, vectors: np.ndarray, rule: Rule) -> dict[str, Any]:
+    """Return the parameters of a fitted model by name, those of its effects with their effect."""
+    own = sizes(inquiry, revision, vectors, rule.discrepancy)
     names = [p.name for p in inquiry.model.parameters]
     names += [
         f"{e}.{p.name.rpartition('.')[2]}"
-        for e in top.effects
+        for e in revision.effects
         for p in inquiry.model.effects[e].parameters
     ]
     return {
-        "effects": list(top.effects),
+        "effects": list(revision.effects),
         "parameters": {name: size.as_dict() for name, size in zip(names, own, strict=True)},
     }
 

@@ -82,8 +82,8 @@ class Slice:
     Attributes
     ----------
     name : what it is in a few words, "in the coast".
-    kind : "phase", "place", "speed", "heading", "trial" or the name of a factor; slices of one
-        kind say the same thing in different ways.
+    kind : "phase", "place", "speed", "heading", "signal", "trial" or the name of a factor; slices
+        of one kind say the same thing in different ways.
     subject : how a sentence on it begins, "Casts with alpha above 1.6 rad".
     trials : the number of the trial in every row.
     mask : bool ndarray of shape (n_trials, k_max).
@@ -157,7 +157,7 @@ def candidate_slices(
     present = sample_mask(records)
     made: list[Slice] = []
     seen: set[tuple[bytes, str]] = set()
-    for family in (_phases, _places, _speeds, _headings, _factors):
+    for family in (_phases, _places, _speeds, _headings, _signals, _factors):
         for whole in family(records, wording, slicing):
             found = replace(whole, mask=whole.mask & present)
             key = (found.mask.tobytes(), found.name if found.directions is not None else "")
@@ -201,22 +201,24 @@ def _run(names: Sequence[str]) -> str:
 
 
 def _places(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
-    """Ranges of every component of the measured signal; for two components also cells."""
+    """Ranges of every component of the measured signal; for a place in a plane also cells."""
     where = padded(records, [r.measured for r in records])
+    plane = wording.in_plane(where.shape[-1])
     for i in range(where.shape[-1]):
         axis = wording.axis(i)
-        for part in ranges(where[..., i]):
+        values = where[..., i] * axis.scale
+        for part in ranges(values):
             side = axis.above if math.isinf(part.high) else axis.below
             side = f" {side}" if side and not np.isfinite([part.low, part.high]).all() else ""
             text = f"{axis.name} {part.text(axis.unit)}"
             yield Slice(
                 name=f"{side.strip()} ({text})" if side else text,
-                kind="place",
+                kind="place" if plane else f"place of {axis.name}",
                 subject=f"{wording.samples.capitalize()}{side} ({text})",
                 trials=_numbers(records),
-                mask=part.holds(where[..., i]),
+                mask=part.holds(values),
             )
-    if where.shape[-1] == 2:
+    if plane:
         first, second = wording.axis(0), wording.axis(1)
         for row in thirds(where[..., 0]):
             for column in thirds(where[..., 1]):
@@ -233,23 +235,38 @@ def _places(records: Sequence[Record], wording: Wording, slicing: Slicing) -> It
 
 
 def _speeds(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
-    speed = np.linalg.norm(_velocity(records), axis=-1)
-    unit = f"{wording.axis(0).unit or 'units'}/s"
-    for part in ranges(speed):
-        text = part.text(unit, "faster than", "slower than", "at between")
-        yield Slice(
-            name=f"moving {text}",
-            kind="speed",
-            subject=f"{wording.samples.capitalize()} where {wording.mover} moves {text}",
-            trials=_numbers(records),
-            mask=part.holds(speed),
-        )
+    """Ranges of the speed; of signals with units of their own, of each and by its direction."""
+    velocity = _velocity(records)
+    axes = [wording.axis(i) for i in range(velocity.shape[-1])]
+    apart = len({(axis.unit, axis.scale) for axis in axes}) > 1 or axes[0].scale != 1
+    moving = [(wording.mover, "", axes[0].unit or "units", np.linalg.norm(velocity, axis=-1))]
+    if apart:  # the rate of a velocity is none of these
+        moving = [
+            (axis.name, f" of {axis.name}", axis.unit, velocity[..., i] * axis.scale)
+            for i, axis in enumerate(axes)
+            if not axis.unit.endswith(("/s", "rpm"))
+        ]
+    for mover, of, unit, rate in moving:
+        speed = np.abs(rate)
+        parts = [
+            (part.text(f"{unit}/s", "faster than", "slower than", "at between"), part.holds(speed))
+            for part in ranges(speed)
+        ]
+        parts += [("upwards", rate > 0), ("downwards", rate < 0)] if apart else []
+        for text, mask in parts:
+            yield Slice(
+                name=f"{mover} moving {text}" if of else f"moving {text}",
+                kind=f"speed{of}",
+                subject=f"{wording.samples.capitalize()} where {mover} moves {text}",
+                trials=_numbers(records),
+                mask=mask,
+            )
 
 
 def _headings(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
     """Errors along and across the measured path, where the signal moves in the plane."""
     velocity = _velocity(records)
-    if velocity.shape[-1] != 2:
+    if not wording.in_plane(velocity.shape[-1]):
         return
     speed = np.linalg.norm(velocity, axis=-1)
     fastest = np.nanmax(speed, axis=1)[:, None]
@@ -266,6 +283,23 @@ def _headings(records: Sequence[Record], wording: Wording, slicing: Slicing) -> 
             trials=_numbers(records),
             mask=moving,
             directions=directions,
+        )
+
+
+def _signals(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
+    """Errors of every signal beside the others, where they are no place in a plane."""
+    d = records[0].measured.shape[1]
+    present = sample_mask(records)
+    if wording.in_plane(d) or len(wording.axes) < 2:
+        return
+    for i in range(d):
+        yield Slice(
+            name=f"in {wording.axis(i).name}",
+            kind="signal",
+            subject=wording.axis(i).name,
+            trials=_numbers(records),
+            mask=present,
+            directions=np.broadcast_to(np.eye(d)[i], (*present.shape, d)),
         )
 
 

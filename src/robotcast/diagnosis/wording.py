@@ -12,12 +12,14 @@ class Axis:
     Attributes
     ----------
     above, below : where large and small values lie, "on the left"; empty when they have no name.
+    scale : what 1 of the signal is in the unit, where it counts in units of its own.
     """
 
     name: str
     unit: str
     above: str = ""
     below: str = ""
+    scale: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,12 @@ class Wording:
         """Return component `index`, under a made-up name when the domain gave none."""
         return self.axes[index] if index < len(self.axes) else Axis(f"signal {index + 1}", "")
 
+    def in_plane(self, d: int) -> bool:
+        """Tell whether a signal of `d` components is a place in a plane."""
+        first, second = self.axis(0), self.axis(1)
+        lengths = first.unit == second.unit and first.unit in ("", "m", "cm", "mm")
+        return d == 2 and lengths and first.scale == second.scale
+
     def factor(self, name: str, value: str) -> str:
         """Return a factor's value as it is read, "alpha 1.6 rad" without the name."""
         unit = self.factor_units.get(name, "")
@@ -62,6 +70,7 @@ class Wording:
             "mover": self.mover,
             **({} if self.floor == Wording.floor else {"floor": self.floor}),
             "axes": [asdict(self.axis(i)) for i in range(d)],
+            "plane": self.in_plane(d),
             "factor_units": dict(self.factor_units),
         }
 

@@ -18,9 +18,11 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from robotcast.diagnosis.rule import RULE
 from robotcast.reporting.bars import Bar, Row, bars
 from robotcast.reporting.names import error, factor_label, rig_name
 from robotcast.reporting.page import block, render
+from robotcast.reporting.robot_page import robot_block
 from robotcast.reporting.style import (
     BLUE,
     GREEN,
@@ -60,7 +62,8 @@ def comparison_page(comparison: Comparison) -> str:
         `model` (what predicted, in a few words) and `notes` (list of sentences on limits of the
         data).
     """
-    chosen = [*comparison.get("overrides", ()), f"measurements={comparison['measurements']}"]
+    robot, source = comparison.get("robot"), comparison["measurements"]
+    chosen = [*comparison.get("overrides", ()), f"{'robot' if robot else 'measurements'}={source}"]
     return render(
         "comparison.html",
         c=comparison,
@@ -70,7 +73,8 @@ def comparison_page(comparison: Comparison) -> str:
         command=shlex.join(["python", "stages/diagnose.py", *chosen, "output=OUT"]),
         bars=inline(_errors_figure(comparison), "Errors beside the noise floor"),
         where=where_blocks(comparison),
-        casts=casts_block(comparison),
+        robot=robot_block(robot, comparison.get("patched")) if robot else "",
+        casts=None if robot else casts_block(comparison),
     )
 
 
@@ -79,7 +83,10 @@ def _state(comparison: Comparison) -> str:
 
     And "open" when the repeats are too few to tell.
     """
-    fit = comparison["lack_of_fit"]
+    fit, floor = comparison["lack_of_fit"], comparison["noise_floor_percent"]
+    if fit is None and floor is not None:
+        within = comparison["waypoint_error_percent"] <= RULE.at_floor * floor
+        return "within" if within else "missing"
     if fit is None or fit["smallest_p_value"] > _DOUBT:
         return "open"
     return "missing" if fit["p_value"] <= _DOUBT else "within"
@@ -285,8 +292,7 @@ def _mean_arrows(axes: Axes, row: np.ndarray, start: np.ndarray, end: np.ndarray
 
 def _in_plane(comparison: Comparison) -> bool:
     """Tell whether the signal is a place in a plane."""
-    axes = comparison["words"]["axes"]
-    return len(axes) == 2 and all(axis["unit"] != "1" for axis in axes)
+    return comparison["words"]["plane"]
 
 
 @style(on_page=True)

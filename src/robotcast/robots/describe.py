@@ -1,7 +1,7 @@
 """A first robot.yaml, guessed from the names in a model and in the header of a log."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,33 +11,35 @@ import polars as pl
 
 from robotcast.files import write_text
 from robotcast.robots.logs import columns_of
-from robotcast.robots.names import names_of
+from robotcast.robots.names import is_hinge, joint_of_actuator, names_of
 from robotcast.robots.robot_file import FILE, compiled, load_spec
+from robotcast.robots.units import UNITS
 
-TIMES = ("time", "t", "timestamp", "stamp", "time_s", "t_s", "sec", "seconds", "time_ms")
+TIMES = set(["time", "t", "timestamp", "stamp", "times", "sec", "seconds", "secs", "clock"])
 WORDS = {
-    "command": "u ctrl control command commanded cmd con des desired target action ref setpoint",
-    "torque": "tau torque torques effort efforts current currents",
+    "torque": "tau torque torques effort efforts current currents moment force",
+    "command": "u ctrl control command commanded commands cmd con des desired target action "
+    "actions ref reference setpoint",
     "velocity": "v dq qd dqpos vel velocity velocities qvel speed omega rate rpm",
-    "position": "q pos position positions angle angles theta qpos deg",
+    "position": "q pos position positions angle angles theta qpos deg state encoder",
 }
-KINDS = {kind: set(words.split()) for kind, words in WORDS.items()}
-FAR_RAD, FAST_RAD_S = 13.0, 150.0  # beyond these a hinge is taken to be logged in degrees
-TUNE = """# tune:  # parameters that the nominal fit may change, with bounds; the others are trusted
-#   joint[{joint}].damping: [0.0, 1.0]
-#   body[*].mass: {{ factor: [0.8, 1.2] }}
-"""
+KINDS = {kind: set(words.split()) for kind, words in WORDS.items()}  # the first that fits
+FAR, FAST = 13.0, 150.0  # radians, and radians per second, that are looked at twice
+TOO_MUCH = 30.0  # times the energy that gravity and drives can give: the angle is in degrees
+PERIODS = (("ns", 2e4), ("us", 200.0), ("ms", 0.3))  # unit → least usual step in it
 
 
 @dataclass
 class Guess:
-    """What robot.yaml will say, and what was guessed in a sentence each."""
+    """What robot.yaml will say: target → column and unit."""
 
-    time: str = ""
-    time_unit: str = "s"
-    drive: dict[str, tuple[str, str]] = field(default_factory=dict)  # target → column, unit
+    time: str
+    time_unit: str
+    weld: list[str]
+    drive: dict[str, tuple[str, str]] = field(default_factory=dict)
     measured: dict[str, tuple[str, str]] = field(default_factory=dict)
     unused: list[str] = field(default_factory=list)
+    unmeasured: list[str] = field(default_factory=list)
 
 
 def describe(folder: Path) -> tuple[Path, list[str]]:
@@ -45,58 +47,82 @@ def describe(folder: Path) -> tuple[Path, list[str]]:
     path = folder / FILE
     if path.exists():
         raise ValueError(f"{path} exists already: rename it, or edit it")
-    model_path = _only(folder, ("*.xml", "*.urdf"), "an MJCF or URDF file")
+    model_path = _model_in(folder)
     logs = sorted(p for e in ("csv", "parquet") for p in folder.rglob(f"*.{e}"))
     if not logs:
         raise ValueError(f"{folder}: no log (.csv or .parquet) lies in it")
-    model = compiled(load_spec(model_path), model_path)
+    spec = load_spec(model_path)
     table = columns_of(logs[0])
-    numbers = [c for c in table.columns if table[c].dtype.is_numeric()]
-    guess = _guessed(model, table, numbers)
-    write_text(path, _text(folder, model, model_path, logs, guess))
-    return path, _remarks(model, logs[0], guess)
+    guess = _guessed(compiled(spec, model_path), table)
+    load_spec(model_path, guess.weld)  # what cannot be welded is said before anything is written
+    write_text(path, _text(folder, model_path, logs, guess))
+    return path, _remarks(logs[0], guess)
 
 
-def _only(folder: Path, patterns: Sequence[str], what: str) -> Path:
-    found = sorted(p for pattern in patterns for p in folder.glob(pattern))
-    if len(found) > 1:
-        scenes = [p for p in found if p.stem == "scene"]
-        found = scenes or found
-    if len(found) != 1:
-        names = ", ".join(p.name for p in found) or "none"
-        raise ValueError(f"{folder}: expected {what}, one; found {names}")
-    return found[0]
+def _model_in(folder: Path) -> Path:
+    """Return the model that no other one in the folder includes."""
+    found = sorted(p for e in ("xml", "urdf", "mjcf") for p in folder.glob(f"*.{e}"))
+    texts = {p: p.read_text(encoding="utf-8", errors="replace") for p in found}
+    found = [p for p in found if re.search(r"<(mujoco|robot)\b", texts[p])]
+    included = {
+        (folder / name).resolve()
+        for p in found
+        for name in re.findall(r'<include\s+file="([^"]+)"', texts[p])
+    }
+    tops = [p for p in found if p.resolve() not in included]
+    if len(tops) != 1:
+        names = ", ".join(p.name for p in tops) or "none"
+        raise ValueError(f"{folder}: expected an MJCF or URDF file, one; found {names}")
+    return tops[0]
 
 
-def _guessed(model: mujoco.MjModel, table: pl.DataFrame, columns: Sequence[str]) -> Guess:
-    guess = Guess()
-    times = [c for c in columns if c.lower() in TIMES] or [
-        c for c in columns if "time" in c.lower()
-    ]
-    guess.time = times[0] if times else columns[0]
-    guess.time_unit = _time_unit(table[guess.time])
-    left = [c for c in columns if c != guess.time]
-    by_kind = {kind: [c for c in left if _kind(c) == kind] for kind in WORDS}
-    joints = [n for n, t in zip(names_of(model, "joint"), model.jnt_type, strict=True) if t >= 2]
-    hinges = {n: model.joint(n).type[0] == 3 for n in joints if n}
+def _guessed(model: mujoco.MjModel, table: pl.DataFrame) -> Guess:
+    columns = [c for c in table.columns if table[c].dtype.is_numeric()]
+    if not columns:
+        raise ValueError(f"no column of the log holds numbers; it has {', '.join(table.columns)}")
+    time = next((c for c in columns if _tokens(c) & TIMES), columns[0])
+    names = names_of(model, "joint")
+    single = {n: j for j, n in enumerate(names) if model.jnt_type[j] >= 2}
+    guess = Guess(time, _time_unit(table[time]), [n for n in names if n not in single])
+    left = [c for c in columns if c != time]
+    by_kind = {kind: [c for c in left if _kind(c, names) == kind] for kind in WORDS}
     for kind in ("position", "velocity"):
-        for joint, column in _assigned(by_kind[kind], joints).items():
-            unit = _unit(table[column], column, kind, hinges.get(joint, True))
+        for joint, column in _assigned(by_kind[kind], list(single)).items():
+            unit = _unit(model, single[joint], table, column, kind, guess)
             guess.measured[f"joint[{joint}].{kind}"] = (column, unit)
-    actuators = names_of(model, "actuator")
-    moved = [_joint_of(model, a) for a in range(model.nu)]
-    found = _assigned(by_kind["command"], actuators, moved)
-    guess.drive = {f"actuator[{a}]": (column, "") for a, column in found.items()}
-    if not guess.drive:
-        commanded = [c for c in by_kind["torque"] if _tokens(c) & KINDS["command"]]
-        some = commanded or by_kind["torque"]
-        guess.drive = {
-            f"joint[{j}].torque": (column, "N m" if hinges.get(j, True) else "N")
-            for j, column in _assigned(some, joints).items()
-        }
+    guess.drive = dict(_driven(model, by_kind, single))
     used = {column for column, _ in (*guess.drive.values(), *guess.measured.values())}
+    for sensor, address in _sensors(model):
+        if sensor in left and sensor not in used:
+            guess.measured[address] = (sensor, "")
+    used |= {column for column, _ in guess.measured.values()}
     guess.unused = [c for c in left if c not in used]
+    guess.unmeasured = [n for n in single if f"joint[{n}].position" not in guess.measured]
     return guess
+
+
+def _driven(
+    model: mujoco.MjModel, by_kind: Mapping[str, list[str]], single: Mapping[str, int]
+) -> Iterator[tuple[str, tuple[str, str]]]:
+    """Match commands to actuators, or commanded torques, else measured ones, to joints."""
+    actuators, joints = names_of(model, "actuator"), names_of(model, "joint")
+    moved = [joint_of_actuator(model, a) for a in range(model.nu)]
+    also = ["" if j is None else joints[j] for j in moved]
+    found = _assigned(by_kind["command"], actuators, also)
+    if found:
+        yield from ((f"actuator[{a}]", (column, "")) for a, column in found.items())
+        return
+    commanded = [c for c in by_kind["torque"] if _tokens(c) & KINDS["command"]]
+    for joint, column in _assigned(commanded or by_kind["torque"], list(single)).items():
+        yield f"joint[{joint}].torque", (column, "N m" if is_hinge(model, single[joint]) else "N")
+
+
+def _sensors(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
+    for i, name in enumerate(names_of(model, "sensor")):
+        size = int(model.sensor_dim[i])
+        for k in range(size):
+            end = "" if size == 1 else f"[{k}]"
+            yield f"{name}{end}", f"sensor[{name}]{end}"
 
 
 def _tokens(name: str) -> set[str]:
@@ -104,11 +130,13 @@ def _tokens(name: str) -> set[str]:
     return {token.lower() for token in re.split(r"[^A-Za-z0-9]+", apart) if token}
 
 
-def _kind(column: str) -> str | None:
-    """Return what a column seems to hold; a commanded torque is a torque."""
+def _kind(column: str, joints: Sequence[str]) -> str | None:
+    """Return what a column seems to hold; one that is called as a joint is its position."""
     tokens = _tokens(column)
-    order = ("torque", "command", "velocity", "position")
-    return next((kind for kind in order if tokens & KINDS[kind]), None)
+    own = set[str]().union(*(_tokens(j) for j in joints if _tokens(j) < tokens))
+    said = tokens - own or tokens  # a joint may be called pos_1
+    found = next((kind for kind, words in KINDS.items() if said & words), None)
+    return "position" if column in joints else found
 
 
 def _assigned(
@@ -117,46 +145,67 @@ def _assigned(
     """Match columns to things by name, else in their order where there are as many of both."""
     found = {}
     for k, name in enumerate(names):
-        called = [name, *others[k : k + 1]]
-        same = [c for c in columns if any(n and _tokens(n) <= _tokens(c) for n in called)]
-        if len(same) >= 1:
-            found[name] = same[0]
+        called = [n for n in (name, *others[k : k + 1]) if n and not n.isdigit()]
+        same = [c for c in columns if any(_tokens(n) <= _tokens(c) for n in called)]
+        if same:  # the shortest: wrist before wrist_roll
+            found[name] = min(same, key=lambda c: len(_tokens(c)))
+    if len(set(found.values())) < len(found):
+        found = {}
     if not found and len(columns) >= len(names):
         found = dict(zip(names, columns, strict=False))
     return found
 
 
-def _joint_of(model: mujoco.MjModel, actuator: int) -> str:
-    if model.actuator_trntype[actuator] != int(mujoco.mjtTrn.mjTRN_JOINT):
-        return ""
-    return names_of(model, "joint")[int(model.actuator_trnid[actuator, 0])]
-
-
 def _time_unit(times: pl.Series) -> str:
     step = float(np.median(np.diff(times.drop_nulls().to_numpy().astype(float))))
-    bounds = (("ns", 2e4), ("us", 200.0), ("ms", 0.3))
-    return next((unit for unit, least in bounds if step >= least), "s")
+    return next((unit for unit, least in PERIODS if step >= least), "s")
 
 
-def _unit(values: pl.Series, column: str, kind: str, hinge: bool) -> str:
-    tokens, known = _tokens(column), values.drop_nulls().to_numpy().astype(float)
-    most = float(np.abs(known[np.isfinite(known)]).max(initial=0.0))
-    if not hinge:
-        return "m" if kind == "position" else "m/s"
+def _unit(
+    model: mujoco.MjModel, joint: int, table: pl.DataFrame, column: str, kind: str, guess: Guess
+) -> str:
+    def numbers(of: str) -> np.ndarray:
+        return table[of].cast(pl.Float64).fill_null(np.nan).to_numpy()
+
+    tokens, values = _tokens(column), numbers(column)
+    times_s = numbers(guess.time) * UNITS["s"][guess.time_unit]
+    per, most = "" if kind == "position" else "/s", float(np.nanmax(np.abs(values), initial=0.0))
+    if not is_hinge(model, joint):
+        return f"m{per}"
     if "rpm" in tokens:
         return "rpm"
-    if kind == "position":
-        return "deg" if "deg" in tokens or most > FAR_RAD else "rad"
-    return "deg/s" if "deg" in tokens or most > FAST_RAD_S else "rad/s"
+    if tokens & {"deg", "degrees"}:
+        return f"deg{per}"
+    if per:
+        name = names_of(model, "joint")[joint]
+        place, unit = guess.measured.get(f"joint[{name}].position", ("", "rad"))
+        if not place:
+            return "deg/s" if most > FAST else "rad/s"
+        rate = np.gradient(numbers(place) * UNITS["rad"][unit], times_s)
+        return "deg/s" if np.nanstd(values) > 8 * np.nanstd(rate) else "rad/s"
+    least, largest = model.jnt_range[joint]
+    if model.jnt_limited[joint]:
+        return "deg" if most > max(FAR, 2 * max(abs(least), abs(largest))) else "rad"
+    return "deg" if most > FAR and _too_fast(model, joint, values, times_s) else "rad"
 
 
-def _text(
-    folder: Path, model: mujoco.MjModel, model_path: Path, logs: Sequence[Path], guess: Guess
-) -> str:
-    parents = {log.parent for log in logs}
-    patterns = sorted({f"{p.relative_to(folder)}/*".removeprefix("./") for p in parents})
-    kinds = sorted({log.suffix for log in logs})
-    named = [f"{pattern}{kind}" for pattern in patterns for kind in kinds]
+def _too_fast(model: mujoco.MjModel, joint: int, values: np.ndarray, times_s: np.ndarray) -> bool:
+    """Tell whether neither gravity nor a drive could turn a joint like that, read in radians."""
+    data, mass = mujoco.MjData(model), np.empty((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    body, dof = int(model.jnt_bodyid[joint]), int(model.jnt_dofadr[joint])
+    lever_m = float(np.linalg.norm(data.subtree_com[body] - data.xanchor[joint]))
+    weight = float(model.body_subtreemass[body] * np.linalg.norm(model.opt.gravity))
+    driven = np.abs(model.actuator_gear[:, 0] * model.actuator_ctrlrange[:, 1])
+    own = [joint_of_actuator(model, a) == joint for a in range(model.nu)]
+    given = 2 * weight * lever_m + 2 * np.pi * float(driven[own].sum())
+    speed = np.abs(values[8:] - values[:-8]) / (times_s[8:] - times_s[:-8])
+    return 0.5 * mass[dof, dof] * float(np.nanquantile(speed, 0.9)) ** 2 > TOO_MUCH * given
+
+
+def _text(folder: Path, model_path: Path, logs: Sequence[Path], guess: Guess) -> str:
+    named = {f"{(p.parent.relative_to(folder) / '*').as_posix()}{p.suffix}" for p in logs}
 
     def lines(said: Mapping[str, tuple[str, str]]) -> str:
         rows = [
@@ -165,15 +214,19 @@ def _text(
         ]
         return "\n".join(rows) or "  # nothing was recognised: add lines like those in docs"
 
-    joint = names_of(model, "joint")[0] if model.njnt else "NAME"
+    joint = next(iter(guess.measured), "joint[NAME].position").rpartition(".")[0]
+    weld = f"weld: [{', '.join(map(_quoted, guess.weld))}]  # stays where the model puts it\n"
     return (
         f"# Written by describe from {model_path.name} and {logs[0].name}: check columns, units.\n"
-        f"model: {model_path.name}\n"
-        f"logs: [{', '.join(map(_quoted, named))}]\n"
+        f"model: {_quoted(model_path.name)}\n"
+        f"logs: [{', '.join(map(_quoted, sorted(named)))}]\n"
         f"time: {{ column: {_quoted(guess.time)}, unit: {guess.time_unit} }}\n"
         f"drive:  # what was commanded\n{lines(guess.drive)}\n"
         f"measured:\n{lines(guess.measured)}\n"
-        f"{TUNE.format(joint=joint)}"
+        f"{weld if guess.weld else ''}"
+        "# tune:  # parameters that the nominal fit may change, with bounds; others are trusted\n"
+        f"#   {joint}.damping: [0.0, 1.0]\n"
+        "#   body[*].mass: { factor: [0.8, 1.2] }\n"
         + (f"# not used: {', '.join(guess.unused)}\n" if guess.unused else "")
     )
 
@@ -182,16 +235,22 @@ def _quoted(text: str) -> str:
     return text if re.fullmatch(r"[A-Za-z_][\w./-]*", text) else f'"{text}"'
 
 
-def _remarks(model: mujoco.MjModel, log: Path, guess: Guess) -> list[str]:
+def _remarks(log: Path, guess: Guess) -> list[str]:
     said = [f"time is column {guess.time!r} in {guess.time_unit}"]
-    said += [f"{t} is column {c!r}{f' in {u}' if u else ''}" for t, (c, u) in guess.drive.items()]
-    said += [f"{t} is column {c!r} in {u}" for t, (c, u) in guess.measured.items()]
-    unmeasured = [
-        name for name in names_of(model, "joint") if f"joint[{name}].position" not in guess.measured
-    ]
-    if unmeasured:
+    for target, (column, unit) in {**guess.drive, **guess.measured}.items():
+        said.append(f"{target} is column {column!r}{f' in {unit}' if unit else ''}")
+    if guess.weld:
         said.append(
-            f"no position was found for {', '.join(unmeasured)}: name its column, or weld the joint"
+            f"{', '.join(guess.weld)}: a free or a ball joint, which is not simulated; it is taken "
+            "to stay where the model puts it, as on a stand"
+        )
+        own = [c for c in guess.unused if any(_tokens(w) <= _tokens(c) for w in guess.weld)]
+        if own:
+            said.append(f"{', '.join(own)} are not used: if the base moved, this log is of no use")
+    if guess.unmeasured:
+        said.append(
+            f"no position was found for {', '.join(guess.unmeasured)}: name its column below "
+            "measured, or put it into weld if it does not move"
         )
     if not guess.drive:
         said.append(f"no column of {log.name} looks like a command: name what drives the robot")

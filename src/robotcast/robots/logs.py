@@ -1,6 +1,7 @@
 """Logs of a robot: read, converted to SI units, and checked before anything is simulated."""
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,12 +9,17 @@ import mujoco
 import numpy as np
 import polars as pl
 
-from robotcast.robots.names import Signal
+from robotcast.robots.names import Channel, Signal, joint_of_actuator
 from robotcast.robots.robot_file import Column, RobotFile
 
 FASTEST = {"rad": 500.0, "m": 50.0}  # per second, between two samples: no joint moves like that
-BEYOND = {"rad": 1.0, "m": 0.5}  # outside of a joint's range
-PLATEAU = 20  # samples at the same extreme in a row, of more than so many values: saturated
+BEYOND = {"rad": 1.0, "m": 0.5}  # outside of a joint's range, or a quarter of that range
+SWINGS = {"rad": 8 * np.pi, "m": 20.0}  # to and fro, of a joint without a range
+OTHER_UNIT = 3.0  # times what positions say: a velocity in another unit
+PLATEAU = 20  # equal samples in a row, between fast ones: the sensor stood still, not the joint
+SHORT = 4  # equal samples that a turn of the motion may show
+STILL = 1.3  # times what neighbouring samples differ by: with less, a signal is noise
+PERIODS_S = (1e-5, 1.0)
 OTHER_RATE = 1.5  # times another log's period
 LEAST_SAMPLES = 50
 
@@ -62,52 +68,70 @@ def read_logs(robot: RobotFile) -> tuple[Log, ...]:
 
 def columns_of(path: Path) -> pl.DataFrame:
     """Return a log's table, whatever its columns hold."""
+    kind = path.suffix.lower()
     try:
-        if path.suffix.lower() in (".csv", ".txt"):
-            return pl.read_csv(path, infer_schema_length=None, null_values=["", "nan", "NaN"])
-        if path.suffix.lower() == ".parquet":
+        if kind in (".csv", ".txt"):
+            return _read_text(path)
+        if kind == ".parquet":
             return pl.read_parquet(path)
-    except (pl.exceptions.PolarsError, OSError) as error:
-        why = str(error).splitlines()[0]
+    except (pl.exceptions.PolarsError, OSError, UnicodeDecodeError) as error:
+        why = (str(error).splitlines() or [type(error).__name__])[0]
         raise ValueError(f"{path}: cannot be read as a table: {why}") from None
     raise ValueError(f"{path}: expected a .csv or a .parquet file")
 
 
+def _read_text(path: Path) -> pl.DataFrame:
+    """Read a table with a header, its cells apart by commas, semicolons or tabs."""
+    with path.open(encoding="utf-8-sig") as lines:
+        header, first = lines.readline(), lines.readline()
+    apart = max(",;\t", key=header.count)
+    if all(re.fullmatch(r'[\s"#]*[-+.\d][-+.,\deE]*[\s"]*', c) for c in header.split(apart)):
+        raise ValueError(
+            f"{path}, line 1: numbers where the names of the columns should stand; put a line with "
+            "the names before them"
+        )
+    comma = apart == ";" and bool(re.search(r"\d,\d", first))
+    table = pl.read_csv(
+        path,
+        separator=apart,
+        decimal_comma=comma,
+        infer_schema_length=None,
+        null_values=["", "nan", "NaN", "NAN", "null"],
+    )
+    table.columns = [name.strip("# \ufeff") for name in table.columns]
+    table = table.with_columns(pl.col(pl.String).str.strip_chars())
+    for cells in table.select(pl.col(pl.String)):  # numbers after a space
+        numbers = cells.cast(pl.Float64, strict=False)
+        if numbers.null_count() == cells.null_count():
+            table = table.with_columns(numbers)
+    return table
+
+
 def _read(path: Path, robot: RobotFile) -> Log:
-    table = columns_of(path)
+    table, row = columns_of(path), _Rows(path)
     times_s = _numbers(path, table, robot.time, "time")
     drive = _stacked(path, table, robot.drive)
     measured = _stacked(path, table, robot.measured)
-    row = _Rows(path)
     if len(times_s) < LEAST_SAMPLES:
         raise ValueError(f"{path}: {len(times_s)} samples; a log needs at least {LEAST_SAMPLES}")
-    row.refuse(~np.isfinite(times_s), lambda i: "no time; every row needs one")
-    back = np.r_[False, np.diff(times_s) <= 0]
-    row.refuse(
-        back,
-        lambda i: (
-            f"time goes from {times_s[i - 1]:.6g} s to {times_s[i]:.6g} s; it must rise: "
-            "drop rows that were written twice, or give the unit of the time"
-        ),
-    )
+    _check_times(row, times_s)
     for k, at in enumerate(robot.drive):
-        row.refuse(~np.isfinite(drive[:, k]), lambda i, at=at: f"{at.name}: no value is commanded")
+        _check_drive(row, robot.model, at, drive[:, k])
     for k, at in enumerate(robot.measured):
-        _check(row, robot.model, at, robot.measured[at], times_s, measured[:, k])
-    if not any(np.nanstd(one) > 1e-9 for one in measured.T):
+        column = robot.measured[at]
+        _check(row, robot.model, at, times_s, measured[:, k])
+        _refuse_stuck(row, at, column, measured[:, k])
+    _refuse_other_units(path, robot, times_s, measured)
+    if not any(_moves(one) for one in measured.T):
         raise ValueError(f"{path}: nothing moves in it; take it out of logs")
-    for k, at in enumerate(robot.measured):
-        if np.nanmax(measured[:, k]) == np.nanmin(measured[:, k]):
-            raise ValueError(
-                f"{path}: {at.name} stays at {measured[0, k]:.6g} in all rows, where others move: "
-                "a frozen sensor, or the wrong column; take the log or the signal out"
-            )
+    _refuse_frozen(path, robot, drive, measured)
     return Log(path, times_s, drive, measured)
 
 
-def _stacked(path: Path, table: pl.DataFrame, columns: dict | object) -> np.ndarray:
-    items = columns.items()  # type: ignore[attr-defined]
-    return np.column_stack([_numbers(path, table, column, at.name) for at, column in items])
+def _stacked(
+    path: Path, table: pl.DataFrame, columns: Mapping[Channel, Column] | Mapping[Signal, Column]
+) -> np.ndarray:
+    return np.column_stack([_numbers(path, table, c, at.name) for at, c in columns.items()])
 
 
 def _numbers(path: Path, table: pl.DataFrame, column: Column, what: str) -> np.ndarray:
@@ -136,69 +160,173 @@ class _Rows:
             raise ValueError(f"{self.path}, {row}: {say(i)}")
 
 
+def _check_times(row: _Rows, times_s: np.ndarray) -> None:
+    row.refuse(~np.isfinite(times_s), lambda i: "no time; every row needs one")
+    row.refuse(
+        np.r_[False, np.diff(times_s) <= 0],
+        lambda i: (
+            f"time goes from {times_s[i - 1]:.6g} s to {times_s[i]:.6g} s; it must rise: "
+            "drop rows that were written twice, or give the unit of the time"
+        ),
+    )
+    period_s = float(np.median(np.diff(times_s)))
+    if not PERIODS_S[0] < period_s < PERIODS_S[1]:
+        raise ValueError(
+            f"{row.path}: a sample every {period_s:.3g} s; no robot is logged like that: is the "
+            "unit of the time right?"
+        )
+
+
+def _check_drive(row: _Rows, model: mujoco.MjModel, at: Channel, values: np.ndarray) -> None:
+    row.refuse(
+        ~np.isfinite(values),
+        lambda i: f"{at.name}: no value is commanded; fill the gap, or cut the log there",
+    )
+    if at.actuator is None or not model.actuator_ctrllimited[at.actuator]:
+        return
+    least, most = model.actuator_ctrlrange[at.actuator]
+    row.refuse(
+        (values < 2 * least - most) | (values > 2 * most - least),
+        lambda i: (
+            f"{at.name} is commanded {values[i]:.4g}, where the model clips at {least:.4g} and "
+            f"{most:.4g}; is the unit right? If so, widen its ctrlrange"
+        ),
+    )
+
+
 def _check(
-    row: _Rows,
-    model: mujoco.MjModel,
-    at: Signal,
-    column: Column,
-    times_s: np.ndarray,
-    values: np.ndarray,
+    row: _Rows, model: mujoco.MjModel, at: Signal, times_s: np.ndarray, values: np.ndarray
 ) -> None:
     if not np.isfinite(values).any():
         raise ValueError(f"{row.path}: {at.name} holds no number; take the log or the signal out")
-    unit = at.unit.removesuffix("/s")
-    ask = "; is the unit right?"
-    if at.kind == "position":
-        joint = int(np.flatnonzero(model.jnt_qposadr == at.index)[0])
-        least, most = model.jnt_range[joint]
-        if model.jnt_limited[joint]:
-            out = (values < least - BEYOND[unit]) | (values > most + BEYOND[unit])
-            row.refuse(
-                out,
-                lambda i: (
-                    f"{at.name} is {values[i]:.4g} {unit}, far outside of its range of "
-                    f"{least:.4g} to {most:.4g} in the model{ask}"
-                ),
-            )
-        with np.errstate(invalid="ignore"):
-            speed = np.r_[0.0, np.abs(np.diff(values)) / np.diff(times_s)]
-            # a glitch of one sample is noise; a wrong unit shows in how fast it usually moves
-            usual = np.nanquantile(speed, 0.9)
-        row.refuse(
-            (speed > FASTEST[unit]) & (usual > FASTEST[unit] / 10),
-            lambda i: f"{at.name} moves at {speed[i]:.4g} {unit}/s; no joint does{ask}",
-        )
-    elif at.kind == "velocity":
+    unit, ask = at.unit.removesuffix("/s"), "; is the unit right?"
+    if at.kind == "velocity":
         row.refuse(
             np.abs(values) > FASTEST[unit],
             lambda i: f"{at.name} is {values[i]:.4g} {at.unit}; no joint is so fast{ask}",
         )
-    _refuse_saturated(row, at.name, column, values)
-
-
-def _refuse_saturated(row: _Rows, name: str, column: Column, values: np.ndarray) -> None:
-    """Refuse a signal of many values that stays at its least or at its largest one for long."""
-    known = values[np.isfinite(values)]
-    if len(np.unique(known)) < 2 * PLATEAU:
+    if at.kind != "position":
         return
-    for end in (known.min(), known.max()):
-        first = _long_run(values == end, PLATEAU)
-        if first is not None and (known == end).mean() > 0.02:
+    joint = int(np.flatnonzero(model.jnt_qposadr == at.index)[0])
+    least, most = model.jnt_range[joint]
+    if model.jnt_limited[joint]:
+        beyond = max(BEYOND[unit], 0.25 * (most - least))  # a limit gives way a little
+        row.refuse(
+            (values < least - beyond) | (values > most + beyond),
+            lambda i: (
+                f"{at.name} is {values[i]:.4g} {unit}, far outside of its range of "
+                f"{least:.4g} to {most:.4g} in the model{ask}"
+            ),
+        )
+    elif (span := float(np.ptp(_known(values)))) > SWINGS[unit]:
+        ends = _known(values)[[0, -1]]
+        far = np.abs(values - ends[0]) > SWINGS[unit]
+        row.refuse(
+            far if span > 1.5 * abs(ends[1] - ends[0]) else np.zeros_like(far),
+            lambda i: (
+                f"{at.name} is {values[i]:.4g} {unit}, and it comes back{ask} If it does "
+                "move so far, give the joint a range in the model"
+            ),
+        )
+    with np.errstate(invalid="ignore"):
+        speed = np.r_[0.0, np.abs(np.diff(values)) / np.diff(times_s)]
+        # a glitch of one sample is noise; a wrong unit shows in how fast it usually moves
+        usual = np.nanquantile(speed, 0.9)
+    row.refuse(
+        (speed > FASTEST[unit]) & (usual > FASTEST[unit] / 10),
+        lambda i: f"{at.name} moves at {speed[i]:.4g} {unit}/s; no joint does{ask}",
+    )
+
+
+def _refuse_other_units(
+    path: Path, robot: RobotFile, times_s: np.ndarray, measured: np.ndarray
+) -> None:
+    """Refuse velocities that are far from what the positions of the same joint say."""
+    column = {(at.kind, at.dof): k for k, at in enumerate(robot.measured)}
+    for (kind, dof), k in column.items():
+        if kind != "velocity" or ("position", dof) not in column:
+            continue
+        rate = np.gradient(measured[:, column["position", dof]], times_s)
+        speed = measured[:, k]
+        seen = np.isfinite(rate) & np.isfinite(speed)
+        if not seen.any() or not (np.ptp(rate[seen]) and np.ptp(speed[seen])):
+            continue
+        slope = np.sqrt(np.mean(rate[seen] ** 2) / np.mean(speed[seen] ** 2))
+        alike = np.corrcoef(rate[seen], speed[seen])[0, 1]
+        if abs(alike) > 0.8 and not 1 / OTHER_UNIT < slope < OTHER_UNIT:
+            name = list(robot.measured)[k].name
+            raise ValueError(
+                f"{path}: the position moves {slope:.3g} times as fast as {name} says; one of the "
+                "two units is wrong (deg is 57.3 times rad, rad/s 9.55 times rpm)"
+            )
+
+
+def _refuse_stuck(row: _Rows, at: Signal, column: Column, values: np.ndarray) -> None:
+    """Refuse runs of equal samples between fast ones: no joint stops and starts like that.
+
+    A velocity may: a joint sticks. It is refused at the ends of what it reaches alone.
+    """
+    known = _known(values)
+    steps = np.abs(np.diff(values, prepend=np.nan, append=np.nan))
+    moved = steps[steps > 0]
+    if len(np.unique(known)) < 2 * PLATEAU or not len(moved):
+        return
+    fast = max(0.3 * float(np.median(moved)), 4 * float(np.quantile(moved, 0.01)))
+    ends = known.min(), known.max()
+    for first, end in _runs(steps[1:-1] == 0):
+        # of the steps into a run and out of it the first may be a part of one; they are NaN at
+        # the ends of a log, where a robot may rest
+        edges = (steps[max(first - 1, 0) : first + 1], steps[end + 1 : end + 3])
+        clipped = values[first] in ends
+        if at.kind != "position" and not clipped:
+            continue
+        n = int((values == values[first]).sum()) if clipped else end - first + 1
+        if n >= PLATEAU and end - first > SHORT and all(edge.max() > fast for edge in edges):
+            why = f"the end of what column {column.name!r} reaches: a saturated"
+            why = why if clipped else "a frozen"
             row.refuse(
                 np.arange(len(values)) == first,
-                lambda i, end=end: (
-                    f"{name} stays at {end:.6g}, the end of what column "
-                    f"{column.name!r} reaches: a saturated sensor; take the log or the signal out"
+                lambda i, why=why, n=n: (
+                    f"{at.name} stays at {values[i]:.6g} for {n} samples amid a motion, {why} "
+                    "sensor; take the log or the signal out, or leave these cells empty"
                 ),
             )
 
 
-def _long_run(same: np.ndarray, least: int) -> int | None:
-    """Return where the first run of at least so many True begins."""
-    edges = np.flatnonzero(np.diff(np.r_[False, same, False].astype(int)))
-    runs = edges.reshape(-1, 2)
-    long = runs[np.diff(runs, axis=1)[:, 0] >= least]
-    return int(long[0, 0]) if len(long) else None
+def _refuse_frozen(path: Path, robot: RobotFile, drive: np.ndarray, measured: np.ndarray) -> None:
+    """Refuse a joint that never moves although it is driven, or hangs on others that move."""
+    for k, at in enumerate(robot.measured):
+        if np.ptp(_known(measured[:, k])) > 0:
+            continue
+        own = [c for c, channel in enumerate(robot.drive) if _moves_dof(robot.model, channel, at)]
+        if not own or np.ptp(drive[:, own], axis=0).any():
+            raise ValueError(
+                f"{path}: {at.name} stays at {_known(measured[:, k])[0]:.6g} in all rows, where "
+                f"{'it is driven' if own else 'others move'}: a frozen sensor, or the wrong "
+                "column; take the log or the signal out"
+            )
+
+
+def _moves_dof(model: mujoco.MjModel, channel: Channel, at: Signal) -> bool:
+    if channel.actuator is None:
+        return channel.dof == at.dof
+    joint = joint_of_actuator(model, channel.actuator)
+    return joint is not None and int(model.jnt_dofadr[joint]) == at.dof
+
+
+def _moves(values: np.ndarray) -> bool:
+    """Tell a motion from noise, of which neighbouring samples differ as much as distant ones."""
+    steps = np.diff(_known(values))
+    return float(_known(values).std()) > STILL * float(np.sqrt(np.mean(steps**2) / 2)) + 1e-12
+
+
+def _known(values: np.ndarray) -> np.ndarray:
+    return values[np.isfinite(values)]
+
+
+def _runs(same: np.ndarray) -> np.ndarray:
+    """Return the first and the end of every run of True, (n, 2)."""
+    return np.flatnonzero(np.diff(np.r_[False, same, False].astype(int))).reshape(-1, 2)
 
 
 def periods(logs: Sequence[Log]) -> float:

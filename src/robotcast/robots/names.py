@@ -15,43 +15,26 @@ OBJECTS = {
     "geom": mujoco.mjtObj.mjOBJ_GEOM,
     "sensor": mujoco.mjtObj.mjOBJ_SENSOR,
 }
-Place = Literal["dof", "joint", "qpos", "object"]
-FIELDS: dict[str, dict[str, tuple[str, Place]]] = {
+FIELDS = {  # what may be set of each: a field of MjModel, most of them called as in MJCF
     "joint": {
-        "damping": ("dof_damping", "dof"),
-        "dampingpoly": ("dof_dampingpoly", "dof"),  # by |v| and by v²
-        "frictionloss": ("dof_frictionloss", "dof"),
-        "armature": ("dof_armature", "dof"),
-        "stiffness": ("jnt_stiffness", "joint"),
-        "springref": ("qpos_spring", "qpos"),
+        "damping": "dof_damping",
+        "dampingpoly": "dof_dampingpoly",  # by |v| and by v²
+        "frictionloss": "dof_frictionloss",
+        "armature": "dof_armature",
+        "stiffness": "jnt_stiffness",
+        "springref": "qpos_spring",
     },
-    "body": {
-        "mass": ("body_mass", "object"),
-        "ipos": ("body_ipos", "object"),
-        "inertia": ("body_inertia", "object"),
-    },
+    "body": {name: f"body_{name}" for name in ("mass", "ipos", "inertia")},
     "actuator": {
-        "gainprm": ("actuator_gainprm", "object"),
-        "biasprm": ("actuator_biasprm", "object"),
-        "dynprm": ("actuator_dynprm", "object"),
-        "gear": ("actuator_gear", "object"),
-        "forcerange": ("actuator_forcerange", "object"),
-        "damping": ("actuator_damping", "object"),
-        "armature": ("actuator_armature", "object"),
+        name: f"actuator_{name}"
+        for name in ["gainprm", "biasprm", "dynprm", "gear", "forcerange", "damping", "armature"]
     },
-    "geom": {
-        "friction": ("geom_friction", "object"),
-        "solref": ("geom_solref", "object"),
-    },
-    "option": {
-        "gravity": ("opt.gravity", "object"),
-        "wind": ("opt.wind", "object"),
-        "density": ("opt.density", "object"),
-        "viscosity": ("opt.viscosity", "object"),
-    },
+    "geom": {name: f"geom_{name}" for name in ("friction", "solref")},
+    "option": {name: f"opt.{name}" for name in ("gravity", "wind", "density", "viscosity")},
 }
-FORM = re.compile(r"(\w+)(?:\[([^\]]+)\])?\.(\w+)(?:\[(\d)\])?")
-ELEMENT = {"joint": ("position", "velocity", "torque")}
+FIRST_OF = ("gainprm", "gear", "friction")  # without an index, their first element is meant
+FORM = re.compile(r"(\w+)(?:\[([^\]]+)\])?(?:\.(\w+))?(?:\[(\d)\])?")
+WIDTH = {mujoco.mjtJoint.mjJNT_FREE: 6, mujoco.mjtJoint.mjJNT_BALL: 3}
 
 
 @dataclass(frozen=True)
@@ -95,6 +78,12 @@ class Signal:
     dof: int | None
     unit: str
 
+    @property
+    def spoken(self) -> str:
+        """As it is read: elbow position."""
+        kind, pattern, attribute, index = FORM.fullmatch(self.name).groups()  # type: ignore
+        return f"{pattern} {attribute or kind}{f' {index}' if index else ''}".replace("_", " ")
+
 
 def field_of(model: mujoco.MjModel, field: str) -> np.ndarray:
     """Return a field of a model, those of its options as arrays too."""
@@ -117,77 +106,72 @@ def names_of(model: mujoco.MjModel, kind: str) -> list[str]:
     return [mujoco.mj_id2name(model, OBJECTS[kind], i) or str(i) for i in range(count)]
 
 
+def joint_of_dof(model: mujoco.MjModel, dof: int) -> str:
+    """Return the name of the joint that a degree of freedom belongs to."""
+    return names_of(model, "joint")[int(model.dof_jntid[dof])]
+
+
+def joint_of_actuator(model: mujoco.MjModel, actuator: int) -> int | None:
+    """Return the joint that an actuator drives, None where it drives a tendon or a site."""
+    of_joint = model.actuator_trntype[actuator] == int(mujoco.mjtTrn.mjTRN_JOINT)
+    return int(model.actuator_trnid[actuator, 0]) if of_joint else None
+
+
+def is_hinge(model: mujoco.MjModel, joint: int) -> bool:
+    """Tell hinges from slides."""
+    return int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_HINGE)
+
+
 def address(model: mujoco.MjModel, text: str, where: str) -> Address:
     """Return what `joint[elbow].damping` or `actuator[*].gainprm[0]` stands for."""
     kind, pattern, attribute, index = _parsed(text, where)
-    known = FIELDS.get(kind, {})
-    if attribute not in known:
+    field = FIELDS.get(kind, {}).get(attribute)
+    if field is None:
         forms = ", ".join(f"{k}.{a}" for k, some in FIELDS.items() for a in some)
         raise ValueError(f"{where}: {kind}.{attribute} cannot be set; these can: {forms}")
-    field, place = known[attribute]
     values = field_of(model, field)
-    if kind == "option":
-        column = index if values.ndim else None
-        if values.ndim and index is None:
-            raise ValueError(f"{where}: it has {len(values)} elements; write {text}[0] or another")
-        return Address(text, field, (), column)
-    objects = matching(model, kind, pattern, where)
-    rows = [row for i in objects for row in _rows(model, i, place)]
-    many = values.ndim > 1
-    if many and index is None:
-        if attribute not in ("gainprm", "gear", "friction"):
-            n = values.shape[1]
-            raise ValueError(f"{where}: it has {n} elements; write {text}[0] or another")
+    rows: list[int] = []
+    if kind != "option":
+        rows = [r for i in matching(model, kind, pattern, where) for r in _rows(model, i, field)]
+    size = values.shape[-1] if values.ndim > (0 if kind == "option" else 1) else 0
+    if size and index is None and attribute in FIRST_OF:
         index = 0
-    return Address(text, field, tuple(rows), index if many else None, mass=attribute == "mass")
+    if size and (index is None or index >= size):
+        raise ValueError(f"{where}: it has {size} elements; end it with [0] to [{size - 1}]")
+    column = index if size else None
+    return Address(text, field, tuple(rows), column, mass=attribute == "mass")
 
 
 def channel(model: mujoco.MjModel, text: str, where: str) -> Channel:
     """Return what `actuator[shoulder]` or `joint[elbow].torque` stands for."""
-    kind, pattern, attribute, _ = _parsed(text if "." in text else f"{text}.ctrl", where)
-    if (kind, attribute) not in (("actuator", "ctrl"), ("joint", "torque")):
+    kind, pattern, attribute, _ = _parsed(text, where)
+    if (kind, attribute) not in (("actuator", ""), ("joint", "torque")):
         raise ValueError(f"{where}: expected actuator[NAME] or joint[NAME].torque")
-    found = matching(model, kind, pattern, where)
-    if len(found) > 1:
-        raise ValueError(f"{where}: names {len(found)} things; a column drives one")
+    one = _single(model, kind, pattern, where, "drives")
     if kind == "actuator":
-        return Channel(text, found[0], None, "")
-    dof, _, angular = _single_dof(model, found[0], where)
-    return Channel(text, None, dof, "N m" if angular else "N")
+        return Channel(text, one, None, "")
+    return Channel(text, None, int(model.jnt_dofadr[one]), "N m" if is_hinge(model, one) else "N")
 
 
 def signal(model: mujoco.MjModel, text: str, where: str) -> Signal:
     """Return what `joint[elbow].position` or `sensor[tip][2]` stands for."""
-    kind, pattern, attribute, index = _parsed(re.sub(r"\](\[\d\])?$", r"].value\1", text), where)
-    wanted = (("joint", "position"), ("joint", "velocity"), ("sensor", "value"))
-    if (kind, attribute) not in wanted:
+    kind, pattern, attribute, index = _parsed(text, where)
+    if (kind, attribute) not in (("joint", "position"), ("joint", "velocity"), ("sensor", "")):
         raise ValueError(
             f"{where}: expected joint[NAME].position, joint[NAME].velocity or sensor[NAME]"
         )
-    found = matching(model, kind, pattern, where)
-    if len(found) > 1:
-        raise ValueError(f"{where}: names {len(found)} things; a column measures one")
+    one = _single(model, kind, pattern, where, "measures")
     if kind == "sensor":
-        size = int(model.sensor_dim[found[0]])
+        size = int(model.sensor_dim[one])
         if (index or 0) >= size or (index is None and size > 1):
             raise ValueError(
-                f"{where}: the sensor has {size} elements; write {text.split('[')[0]}"
-                f"[{pattern}][0] or another"
+                f"{where}: the sensor has {size} elements; write sensor[{pattern}][0] or another"
             )
-        return Signal(text, "sensor", int(model.sensor_adr[found[0]]) + (index or 0), None, "")
-    dof, qpos, angular = _single_dof(model, found[0], where)
-    unit = "rad" if angular else "m"
+        return Signal(text, "sensor", int(model.sensor_adr[one]) + (index or 0), None, "")
+    dof, unit = int(model.jnt_dofadr[one]), "rad" if is_hinge(model, one) else "m"
     if attribute == "position":
-        return Signal(text, "position", qpos, dof, unit)
+        return Signal(text, "position", int(model.jnt_qposadr[one]), dof, unit)
     return Signal(text, "velocity", dof, dof, f"{unit}/s")
-
-
-def _parsed(text: str, where: str) -> tuple[str, str, str, int | None]:
-    match = FORM.fullmatch(str(text))
-    if not match:
-        raise ValueError(f"{where}: expected a name like joint[elbow].damping or actuator[*].gear")
-    kind, pattern, attribute, index = match.groups()
-    return kind, pattern or "", attribute, None if index is None else int(index)
 
 
 def matching(model: mujoco.MjModel, kind: str, pattern: str, where: str) -> list[int]:
@@ -202,29 +186,25 @@ def matching(model: mujoco.MjModel, kind: str, pattern: str, where: str) -> list
     return found
 
 
-def _rows(model: mujoco.MjModel, i: int, place: Place) -> list[int]:
-    if place == "object":
-        return [i]
-    if place == "joint":
-        return [i]
-    width = {mujoco.mjtJoint.mjJNT_FREE: 6, mujoco.mjtJoint.mjJNT_BALL: 3}
-    if place == "qpos":
+def _parsed(text: str, where: str) -> tuple[str, str, str, int | None]:
+    match = FORM.fullmatch(str(text))
+    if not match:
+        raise ValueError(f"{where}: expected a name like joint[elbow].damping or actuator[*].gear")
+    kind, pattern, attribute, index = match.groups()
+    return kind, pattern or "", attribute or "", None if index is None else int(index)
+
+
+def _single(model: mujoco.MjModel, kind: str, pattern: str, where: str, does: str) -> int:
+    found = matching(model, kind, pattern, where)
+    if len(found) > 1:
+        raise ValueError(f"{where}: names {len(found)} things; a column {does} one")
+    return found[0]
+
+
+def _rows(model: mujoco.MjModel, i: int, field: str) -> list[int]:
+    if field.startswith("qpos_"):
         return [int(model.jnt_qposadr[i])]
+    if not field.startswith("dof_"):
+        return [i]
     first = int(model.jnt_dofadr[i])
-    return list(range(first, first + width.get(mujoco.mjtJoint(model.jnt_type[i]), 1)))
-
-
-def _single_dof(model: mujoco.MjModel, joint: int, where: str) -> tuple[int, int, bool]:
-    kind = mujoco.mjtJoint(model.jnt_type[joint])
-    if kind not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE):
-        raise ValueError(f"{where}: only hinges and slides are read; this is a free or ball joint")
-    return (
-        int(model.jnt_dofadr[joint]),
-        int(model.jnt_qposadr[joint]),
-        kind == mujoco.mjtJoint.mjJNT_HINGE,
-    )
-
-
-def joint_of_dof(model: mujoco.MjModel, dof: int) -> str:
-    """Return the name of the joint that a degree of freedom belongs to."""
-    return names_of(model, "joint")[int(model.dof_jntid[dof])]
+    return list(range(first, first + WIDTH.get(mujoco.mjtJoint(model.jnt_type[i]), 1)))

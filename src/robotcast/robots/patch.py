@@ -13,7 +13,7 @@ from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import springref
 from robotcast.robots.model_fields import OneModel
 from robotcast.robots.names import Address
-from robotcast.robots.robot_file import RobotFile, compiled, load_spec
+from robotcast.robots.robot_file import Moving, RobotFile, compiled, load_spec
 
 OF_JOINTS = {
     "dof_damping": "damping",
@@ -56,15 +56,16 @@ def patched(
     for one, value in zip(robot.tune, tuned, strict=True):
         (fields.multiply if one.factor else fields.set)(one.at, np.array([[value]]))
     spec = load_spec(robot.model_path)
+    moving: Any = Moving(spec, robot.weld)
     left_out = []
     for effect, values in acting:
         writes = effect.acts_through("write")
         if writes:
             effect.write(fields, **{name: np.array([[v]]) for name, v in values.items()})
-        if not effect.patch(spec, robot.model, **values) and not writes:
+        if not effect.patch(moving, robot.model, **values) and not writes:
             left_out.append(effect.name)
     for at in fields.changed:
-        _copy(fields.model, spec, at)
+        _copy(fields.model, moving, at)
     compiled(spec, robot.model_path)
     return spec, left_out
 

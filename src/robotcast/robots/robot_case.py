@@ -2,25 +2,33 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from robotcast.diagnosis.decision import Unexplained, strengths
 from robotcast.diagnosis.diagnose import Case
+from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.diagnosis.wording import Axis, Wording
+from robotcast.robots.effects import TorqueField
 from robotcast.robots.library import candidates
 from robotcast.robots.logs import Log, periods, read_logs
+from robotcast.robots.next_motions import Motions, motions
 from robotcast.robots.robot_file import RobotFile, read_robot
 from robotcast.robots.robot_model import RobotModel, tuned_parameters
 from robotcast.robots.rollout import Rollout, Start
 from robotcast.robots.sizes import Sizes, sizes_of
+from robotcast.robots.units import to_si
 from robotcast.robots.windows import GROUPS, LEAST_SAMPLES, StartStates, Window, cut, noise_of
 
 LOSES = 0.5  # of how far a joint moves in a log: predictions that err by more have lost the trial
 LONGEST_S = 2.0
+LEAST_NOISE = 1e-9  # of a joint that never moves
 LOOKED_AT = 24  # starts from which the length of windows is judged
 
 
@@ -46,6 +54,31 @@ class RobotCase:
     repeated: bool
     notes: tuple[str, ...]
 
+    @property
+    def wording(self) -> Wording:
+        """What windows and signals are called, and the units that the logs have them in."""
+        columns = zip(self.robot.measured.items(), self.model.units.si, strict=True)
+        axes = []
+        for (at, column), si in columns:
+            unit = column.unit or at.unit
+            axes.append(Axis(at.spoken, unit, scale=si / to_si(unit or None, at.unit, None, "")))
+        return Wording(
+            trial="window",
+            trials="windows",
+            group="part of a log",
+            groups="parts of logs",
+            mover="the robot",
+            floor="repeats differ by" if self.repeated else "noise leaves",
+            axes=tuple(axes),
+            factor_units={"time in the log": "s"},
+        )
+
+    @cached_property
+    def motions(self) -> Motions:
+        """What could be logged next."""
+        noise = self.model.units.noise * self.model.units.si
+        return motions(self.robot, self.model, self.sizes, self.length_s, noise)
+
     def question(
         self, exclude: Sequence[str], fixed: Sequence[str], rule: Rule, effort: Effort
     ) -> Case:
@@ -64,7 +97,9 @@ class RobotCase:
             records=self.model.records,
             candidates=[n for n in names if n not in left_out and n not in fixed],
             fixed=tuple(fixed),
-            wording=wording_of(self.robot, self.repeated),
+            wording=self.wording,
+            draw=draw_field,
+            further=lambda: self.motions.further,
             floor=self.floor_percent,
             floor_is_least=not self.repeated,
             numerical_error=self.step_percent,
@@ -77,7 +112,7 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
     """Read a robot's folder, and refuse in one sentence what cannot be diagnosed."""
     robot = read_robot(folder)
     logs = read_logs(robot)
-    noise = noise_of(robot, logs)
+    noise = np.maximum(noise_of(robot, logs), LEAST_NOISE)
     starts = StartStates(robot, logs, noise)
     length_s = robot.length_s or _length(robot, logs, starts, threads)
     windows = cut(robot, logs, starts, length_s)
@@ -101,18 +136,21 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
     )
 
 
-def wording_of(robot: RobotFile, repeated: bool) -> Wording:
-    """Return what windows and signals are called."""
-    return Wording(
-        trial="window",
-        trials="windows",
-        group="part of a log",
-        groups="parts of logs",
-        mover="the robot",
-        floor="repeats differ by" if repeated else "noise leaves",
-        axes=tuple(Axis(at.name, "1") for at in robot.measured),  # in units of their motion
-        factor_units={"time in the log": "s"},
-    )
+def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:
+    """Return a fitted torque over what it depends on, as `unexplained.field` has it."""
+    field = inquiry.model.effects[left.field or ""]
+    if not isinstance(field, TorqueField):
+        return None
+    torque = field.parameters[0].unit
+    length = "rad" if torque == "N m" else "m"
+    unit = {"position": length, "speed": f"{length}/s", "torque": torque, "time": "s"}[field.of]
+    return {
+        "acts_on": field.where.name.replace("_", " "),
+        "axes": [f"{field.of} [{unit}]"],
+        "unit": torque,
+        "points": [[knot] for knot in field.knots],
+        "values": [[value] for value in strengths(inquiry, left)],
+    }
 
 
 def _length(robot: RobotFile, logs: Sequence[Log], starts: StartStates, threads: int) -> float:
@@ -197,9 +235,10 @@ def _notes(
         )
     parts = len({w.part for w in windows})
     if parts > len(logs):
+        few = "One log is" if len(logs) == 1 else f"{len(logs)} logs are"
         notes.append(
-            f"{len(logs)} logs are too few to hold out whole ones: each was cut, into {parts} "
-            "parts in all. What stays the same throughout a log, such as its temperature or a "
-            "calibration, is not put to the test."
+            f"{few} too few to hold out whole ones: each was cut, into {parts} parts in all. What "
+            "stays the same throughout a log, such as its temperature or a calibration, is not put "
+            "to the test."
         )
     return tuple(notes)

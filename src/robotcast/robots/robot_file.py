@@ -1,6 +1,6 @@
 """robot.yaml: which columns of the logs drive what, which measure what, and what may be tuned."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,18 @@ import mujoco
 import yaml
 
 from robotcast.robots.couplings import couple
-from robotcast.robots.names import Address, Channel, Signal, address, channel, signal
+from robotcast.robots.names import (
+    Address,
+    Channel,
+    Signal,
+    address,
+    channel,
+    matching,
+    names_of,
+    signal,
+)
+from robotcast.robots.payload import Payload
+from robotcast.robots.sysid import read_parameters
 from robotcast.robots.units import to_si
 
 FILE = "robot.yaml"
@@ -19,12 +30,16 @@ KEYS = {
     "time": "column and unit",
     "drive": "what the columns drive",
     "measured": "what the columns measure",
+    "weld": "joints that stay where the model puts them, a base on a stand",
     "tune": "parameters of the model that the nominal fit may change, with bounds",
+    "sysid": "a ParameterDict of mujoco.sysid, as it saves it, for values and bounds of `tune`",
     "groups": "name → joints that share their effects",
+    "payloads": "body[NAME] → log → mass [kg] that was fixed to it",
     "repeats": "lists of logs that repeat one motion",
     "windows": "length_s, most",
     "exclude": "effects that are not tried",
 }
+COLUMN_KEYS = ("column", "unit", "scale", "offset", "noise", "torque_constant")
 
 
 @dataclass(frozen=True)
@@ -33,6 +48,7 @@ class Column:
 
     Attributes
     ----------
+    unit : as the log has it; empty where robot.yaml gives none.
     noise : standard deviation in SI units, None to have it estimated.
     """
 
@@ -40,6 +56,7 @@ class Column:
     factor: float
     offset: float = 0.0
     noise: float | None = None
+    unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -49,12 +66,16 @@ class Tunable:
     Attributes
     ----------
     lower, upper : bounds of the value; with `factor`, of what every element is multiplied by.
+    start : where a fit starts; None for what the model has.
+    frozen : whether it stays there.
     """
 
     at: Address
     lower: float
     upper: float
     factor: bool
+    start: float | None = None
+    frozen: bool = False
 
 
 @dataclass(frozen=True)
@@ -68,28 +89,64 @@ class RobotFile:
     time: Column
     drive: Mapping[Channel, Column]
     measured: Mapping[Signal, Column]
+    weld: tuple[str, ...] = ()
     tune: tuple[Tunable, ...] = ()
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)  # joints' dofs
+    payloads: Mapping[str, tuple[Payload, ...]] = field(default_factory=dict)  # by log
     repeats: tuple[tuple[str, ...], ...] = ()
     length_s: float | None = None
     most_windows: int = 60
     exclude: tuple[str, ...] = ()
 
 
-def load_spec(path: Path) -> mujoco.MjSpec:
+def load_spec(path: Path, weld: Sequence[str] = ()) -> mujoco.MjSpec:
     """Return the model of an MJCF or URDF file, or refuse it with MuJoCo's own words.
 
-    No body is compiled as a simple one, whose centre of mass could not be moved.
+    No body is compiled as a simple one, whose centre of mass could not be moved. Joints that are
+    welded are left out, with their actuators, sensors, and the keyframes.
     """
     if not path.is_file():
         raise ValueError(f"{path}: there is no such model; give an MJCF or URDF file")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
-        for body in spec.bodies[1:]:
-            body.simple = 0
-        return spec
     except (ValueError, mujoco.FatalError) as error:
         raise ValueError(f"{path}: MuJoCo cannot read it: {_one_line(error)}") from None
+    for body in spec.bodies[1:]:
+        body.simple = 0
+    if unknown := [name for name in weld if name not in called(spec.joints)]:
+        has = ", ".join(called(spec.joints))
+        raise ValueError(f"{path}: weld: the model has no joint {unknown[0]!r}; it has {has}")
+    moving = Moving(spec, weld)
+    some = [*spec.sensors, *spec.actuators, *spec.joints]
+    kept = [*moving.sensors, *moving.actuators, *moving.joints]
+    for one in [one for one in some if not any(one is k for k in kept)]:
+        spec.delete(one)
+    for key in list(spec.keys) if weld else ():
+        spec.delete(key)
+    return spec
+
+
+def called(elements: Iterable[Any]) -> list[str]:
+    """Return the names of a spec's elements; one without is called by its number."""
+    return [one.name or str(k) for k, one in enumerate(elements)]
+
+
+class Moving:
+    """A spec without its welded joints, their actuators and their sensors; else as it is."""
+
+    def __init__(self, spec: mujoco.MjSpec, weld: Sequence[str]) -> None:
+        joints = zip(spec.joints, called(spec.joints), strict=True)
+        gone = {mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT}
+        self._spec = spec
+        self.joints = [joint for joint, name in joints if name not in weld]
+        self.actuators = [
+            a for a in spec.actuators if a.trntype not in gone or a.target not in weld
+        ]
+        driven = {a.name for a in spec.actuators} - {a.name for a in self.actuators}
+        self.sensors = [s for s in spec.sensors if s.objname not in {*weld, *driven}]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._spec, name)
 
 
 def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
@@ -97,7 +154,9 @@ def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     try:
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
-        raise ValueError(f"{path}: MuJoCo cannot compile it: {_one_line(error)}") from None
+        said = _one_line(error)
+        copy = "; copy its meshes along, at the places that it names" if "file" in said else ""
+        raise ValueError(f"{path}: MuJoCo cannot compile it: {said}{copy}") from None
 
 
 def _one_line(error: Exception) -> str:
@@ -117,109 +176,187 @@ def read_robot(folder: Path) -> RobotFile:
         write = f"python stages/describe.py robot={folder}"
         raise ValueError(f"{folder} has no {FILE}: {write} writes one")
     try:
-        said = yaml.safe_load(path.read_text(encoding="utf-8"))
+        said = _Said(path, FILE, yaml.safe_load(path.read_text(encoding="utf-8")))
     except yaml.YAMLError as error:
         raise ValueError(f"{path}: not YAML: {_one_line(error)}") from None
-    said = _mapping(said, path, FILE)
-    if unknown := [key for key in said if key not in KEYS]:
-        raise ValueError(f"{path}: no key is called {unknown[0]!r}; there are {', '.join(KEYS)}")
+    said.allow(*KEYS)
     for key in ("model", "logs", "drive", "measured"):
         if not said.get(key):
             raise ValueError(f"{path}: {key!r} is missing: it names {KEYS[key]}")
-    model_path = folder / str(said["model"])
-    model = compiled(couple(load_spec(model_path)), model_path)
-    windows = _mapping(said.get("windows") or {}, path, "windows")
-    logs = _log_paths(folder, said["logs"], path)
+    model_path, weld = folder / str(said.get("model")), tuple(said.names("weld"))
+    model = compiled(couple(load_spec(model_path, weld)), model_path)
+    if loose := [n for n, t in zip(names_of(model, "joint"), model.jnt_type, strict=True) if t < 2]:
+        raise ValueError(
+            f"{model_path}: {loose[0]} is a free or a ball joint; only hinges and slides are "
+            f"simulated: log the robot with its base on a stand, and say weld: [{loose[0]}] in "
+            f"{FILE}"
+        )
+    known = read_parameters(folder / str(said.get("sysid"))) if said.get("sysid") else {}
+    logs, windows = _log_paths(folder, said), said.part("windows")
+    windows.allow("length_s", "most")
     return RobotFile(
         path=path,
         model=model,
         model_path=model_path,
         logs=logs,
-        time=_column(said.get("time") or {"column": "time"}, "s", path, "time"),
-        drive=_columns(said["drive"], channel, model, path, "drive"),
-        measured=_columns(said["measured"], signal, model, path, "measured"),
-        tune=tuple(
-            _tunable(model, name, how, path) for name, how in (said.get("tune") or {}).items()
-        ),
-        groups=_groups(model, said.get("groups") or {}, path),
-        repeats=_repeats(said.get("repeats") or (), logs, path),
-        length_s=None if windows.get("length_s") is None else float(windows["length_s"]),
-        most_windows=int(windows.get("most", RobotFile.most_windows)),
-        exclude=tuple(said.get("exclude") or ()),
+        time=_column(said.part("time", "column", "time"), "s"),
+        drive=_columns(said.part("drive"), channel, model),
+        measured=_columns(said.part("measured"), signal, model),
+        weld=weld,
+        tune=tuple(_tunables(said, known, model)),
+        groups=_groups(said.part("groups"), model),
+        payloads=_payloads(said.part("payloads"), model, logs),
+        repeats=_repeats(said, logs),
+        length_s=windows.number("length_s"),
+        most_windows=int(windows.number("most") or RobotFile.most_windows),
+        exclude=tuple(said.names("exclude")),
     )
 
 
-def _mapping(said: Any, path: Path, where: str) -> dict[str, Any]:
-    if not isinstance(said, dict):
-        raise ValueError(f"{path}: {where}: expected `key: value` lines, got {said!r}")
-    return said
+@dataclass(frozen=True)
+class _Said:
+    """A mapping of robot.yaml, which knows where it stands."""
+
+    path: Path
+    where: str
+    values: Any
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.values, dict):
+            raise self.wrong("expected `key: value` lines", self.values)
+
+    def wrong(self, rule: str, got: Any) -> ValueError:
+        """Return the error that a rule was broken here."""
+        return ValueError(f"{self.path}: {self.where}: {rule}, got {got!r}")
+
+    def allow(self, *keys: str) -> None:
+        """Refuse any other key."""
+        if unknown := [key for key in self.values if key not in keys]:
+            raise ValueError(
+                f"{self.path}: {self.where}: no key is called {unknown[0]!r}; "
+                f"there are {', '.join(keys)}"
+            )
+
+    def get(self, key: str) -> Any:
+        return self.values.get(key)
+
+    def at(self, key: str) -> str:
+        return key if self.where == FILE else f"{self.where} {key}"
+
+    def part(self, key: str, short: str = "", otherwise: Any = None) -> "_Said":
+        """Return a mapping below; what stands there alone is its `short` key."""
+        value = self.values.get(key, otherwise)
+        if short and not isinstance(value, dict):
+            value = {short: value}
+        return _Said(self.path, self.at(key), {} if value is None else value)
+
+    def names(self, key: str) -> list[str]:
+        """Return a list of words, or one."""
+        some = self.values.get(key) or []
+        return [some] if isinstance(some, str) else [str(one) for one in some]
+
+    def number(self, key: str) -> float | None:
+        """Return a number, None where it is not given."""
+        value = self.values.get(key)
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise _Said(self.path, self.at(key), {}).wrong("expected a number", value)
+        return float(value)
 
 
-def _log_paths(folder: Path, said: Any, path: Path) -> tuple[Path, ...]:
+def _log_paths(folder: Path, said: _Said) -> tuple[Path, ...]:
     found: list[Path] = []
-    for pattern in [said] if isinstance(said, str) else said:
-        some = sorted(folder.glob(str(pattern)))
+    for pattern in said.names("logs"):
+        some = sorted(folder.glob(pattern))
         if not some:
-            raise ValueError(f"{path}: logs: no file matches {pattern!r} in {folder}")
+            raise ValueError(f"{said.path}: logs: no file matches {pattern!r} in {folder}")
         found += [one for one in some if one not in found]
     return tuple(found)
 
 
-def _columns(said: Any, parse: Any, model: mujoco.MjModel, path: Path, key: str) -> dict:
+def _columns(said: _Said, parse: Callable[..., Any], model: mujoco.MjModel) -> dict:
     found = {}
-    for target, how in _mapping(said, path, key).items():
-        where = f"{key} {target}"
-        at = parse(model, target, f"{path}: {where}")
-        found[at] = _column(how, at.unit, path, where)
+    for target in said.values:
+        at = parse(model, target, f"{said.path}: {said.at(target)}")
+        found[at] = _column(said.part(target, "column"), at.unit)
     return found
 
 
-def _column(said: Any, wanted: str, path: Path, where: str) -> Column:
-    """Read `NAME` or {column: NAME, unit: …, scale: …, offset: …, noise: …}, all in the unit."""
-    said = {"column": said} if isinstance(said, str) else _mapping(said, path, where)
-    keys = ("column", "unit", "scale", "offset", "noise", "torque_constant")
-    if unknown := [key for key in said if key not in keys]:
-        raise ValueError(f"{path}: {where}: no key is called {unknown[0]!r}; there are {keys}")
-    if "column" not in said:
-        raise ValueError(f"{path}: {where}: name the column of the logs")
-    unit, constant = said.get("unit"), said.get("torque_constant")
-    factor = to_si(unit, wanted, constant, f"{path}: {where}") * float(said.get("scale", 1.0))
-    noise = said.get("noise")
+def _column(said: _Said, wanted: str) -> Column:
+    """Read {column: NAME, unit: …, scale: …, offset: …, noise: …}, all numbers in the unit."""
+    said.allow(*COLUMN_KEYS)
+    if not isinstance(said.get("column"), str | int | float):
+        raise said.wrong("name the column of the logs", said.get("column"))
+    unit, constant = said.get("unit"), said.number("torque_constant")
+    factor = to_si(unit, wanted, constant, f"{said.path}: {said.where}")
+    factor *= 1.0 if (scale := said.number("scale")) is None else scale
+    noise = said.number("noise")
     return Column(
-        str(said["column"]),
+        str(said.get("column")),
         factor,
-        factor * float(said.get("offset", 0.0)),
-        None if noise is None else abs(factor) * float(noise),
+        factor * (said.number("offset") or 0.0),
+        None if noise is None else abs(factor) * noise,
+        "" if unit is None or said.get("scale") is not None else str(unit),
     )
 
 
-def _tunable(model: mujoco.MjModel, name: str, said: Any, path: Path) -> Tunable:
-    at = address(model, name, f"{path}: tune {name}")
-    factor = isinstance(said, dict) and set(said) == {"factor"}
-    bounds = said["factor"] if factor else said
-    if not isinstance(bounds, list) or len(bounds) != 2 or not bounds[0] < bounds[1]:
-        raise ValueError(
-            f"{path}: tune {name}: expected bounds [least, most], or factor: [least, most] of the "
-            f"value in the model, got {said!r}"
-        )
-    return Tunable(at, float(bounds[0]), float(bounds[1]), factor)
+def _tunables(said: _Said, known: Mapping[str, Mapping[str, Any]], model: Any) -> list[Tunable]:
+    """Read `tune`; a word in the place of bounds names a parameter of the ParameterDict."""
+    found, own = [], said.part("tune").values
+    for name, how in (own or {name: name for name in known}).items():
+        at = address(model, name, f"{said.path}: tune {name}")
+        wrong = _Said(said.path, f"tune {name}", {}).wrong
+        if isinstance(how, str) and how in known:
+            found.append(Tunable(at, factor=False, **known[how]))
+            continue
+        factor = isinstance(how, dict) and set(how) == {"factor"}
+        bounds = how["factor"] if isinstance(how, dict) and factor else how
+        numbers = isinstance(bounds, list) and [isinstance(b, int | float) for b in bounds]
+        if numbers != [True, True] or not bounds[0] < bounds[1]:
+            also = f", or one of {', '.join(known)} of {said.get('sysid')}" if known else ""
+            rule = f"expected bounds [least, most], or factor: [least, most] of the model's{also}"
+            raise wrong(rule, how)
+        found.append(Tunable(at, float(bounds[0]), float(bounds[1]), factor))
+    return found
 
 
-def _groups(model: mujoco.MjModel, said: Any, path: Path) -> dict[str, tuple[int, ...]]:
+def _groups(said: _Said, model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
     groups = {}
-    for name, joints in _mapping(said, path, "groups").items():
-        dofs: list[int] = []
-        for joint in [joints] if isinstance(joints, str) else joints:
-            at = address(model, f"joint[{joint}].damping", f"{path}: groups {name}")
-            dofs += [dof for dof in at.rows if dof not in dofs]
-        groups[str(name)] = tuple(dofs)
+    for name in said.values:
+        where = f"{said.path}: {said.at(name)}"
+        found = [j for one in said.names(name) for j in matching(model, "joint", one, where)]
+        groups[str(name)] = tuple(dict.fromkeys(int(model.jnt_dofadr[j]) for j in found))
     return groups
 
 
-def _repeats(said: Any, logs: Sequence[Path], path: Path) -> tuple[tuple[str, ...], ...]:
-    names = {log.name for log in logs}
-    for group in said:
-        for name in group:
-            if Path(name).name not in names:
-                raise ValueError(f"{path}: repeats: {name} is none of the logs")
-    return tuple(tuple(Path(name).name for name in group) for group in said)
+def _payloads(
+    said: _Said, model: mujoco.MjModel, logs: Sequence[Path]
+) -> dict[str, tuple[Payload, ...]]:
+    """Read body → log → mass, or {kg: mass, at: place in the body's frame}."""
+    found: dict[str, tuple[Payload, ...]] = {}
+    for target in said.values:
+        part = said.part(target)
+        part.allow(*(log.name for log in logs))
+        name = str(target).removeprefix("body[").removesuffix("]")
+        (body, *_) = matching(model, "body", name, f"{said.path}: {part.where}")
+        for log in part.values:
+            given = part.part(log, "kg")
+            given.allow("kg", "at")
+            mass_kg, place = given.number("kg"), given.get("at") or model.body_ipos[body].tolist()
+            if mass_kg is None or mass_kg < 0 or len(place) != 3:
+                raise given.wrong("expected a mass [kg], or {kg: …, at: [x, y, z]}", given.values)
+            x, y, z = map(float, place)
+            found[log] = (*found.get(log, ()), Payload(body, mass_kg, (x, y, z)))
+    return found
+
+
+def _repeats(said: _Said, logs: Sequence[Path]) -> tuple[tuple[str, ...], ...]:
+    names, found = {log.name for log in logs}, []
+    for group in said.get("repeats") or ():
+        if not isinstance(group, list):
+            raise _Said(said.path, "repeats", {}).wrong("expected lists of logs", group)
+        if unknown := [name for name in group if Path(name).name not in names]:
+            raise ValueError(f"{said.path}: repeats: {unknown[0]} is none of the logs")
+        found.append(tuple(Path(name).name for name in group))
+    return tuple(found)

@@ -17,7 +17,6 @@ from robotcast.diagnosis.model import Record
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.logs import Log
-from robotcast.robots.names import elements, field_of
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.rollout import Rollout, Start
 from robotcast.robots.windows import Window
@@ -67,10 +66,11 @@ class RobotModel:
         noise: np.ndarray,
         effects: Sequence[RobotEffect],
         threads: int = 0,
+        units: Units | None = None,
     ) -> None:
         self.effects: Mapping[str, RobotEffect] = {effect.name: effect for effect in effects}
         self.parameters = tuned_parameters(robot)
-        self.units = Units.of(logs, windows, noise)
+        self.units = units or Units.of(logs, windows, noise)
         self.scale = self.units.scale
         self.rollout = Rollout(robot, logs, windows, threads)
         self._gains: dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray]] = {}
@@ -191,14 +191,12 @@ def tuned_parameters(robot: RobotFile) -> tuple[Parameter, ...]:
     """Return the parameters of the nominal fit, about what the model says."""
     found = []
     for one in robot.tune:
-        nominal = 1.0
-        if not one.factor:
-            values = elements(field_of(robot.model, one.at.field), one.at)
-            nominal = float(np.mean(values))
+        nominal = 1.0 if one.factor else float(np.mean(one.at.nominal(robot.model)))
+        nominal = nominal if one.start is None else one.start
         if not one.lower <= nominal <= one.upper:
             raise ValueError(
                 f"{robot.path}: tune {one.at.name}: the model's {nominal:g} lies outside of the "
                 f"bounds {one.lower:g} to {one.upper:g}"
             )
-        found.append(Parameter(one.at.name, "1", one.lower, one.upper, nominal))
+        found.append(Parameter(one.at.name, "1", one.lower, one.upper, nominal, frozen=one.frozen))
     return tuple(found)

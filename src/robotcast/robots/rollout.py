@@ -16,6 +16,7 @@ from robotcast.processes import cores
 from robotcast.robots.effect import Acting, Motion, RobotEffect
 from robotcast.robots.logs import Log
 from robotcast.robots.model_fields import BatchFields
+from robotcast.robots.payload import load
 from robotcast.robots.robot_file import RobotFile, Tunable
 from robotcast.robots.transmission import Transmission
 from robotcast.robots.windows import Window
@@ -66,6 +67,7 @@ class Rollout:
         self._channels = list(robot.drive)
         self._signals = list(robot.measured)
         self._drives = [_Drive(log) for log in logs]
+        self._payloads = [robot.payloads.get(logs[w.log].path.name, ()) for w in windows]
         self.qpos_of_dof = self._model.jnt_qposadr[self._model.dof_jntid]
 
     def simulate(
@@ -94,7 +96,7 @@ class Rollout:
                     [times_s[s] for s in of_start],
                     _acting(self.robot.tune, effects, vectors[of_vector]),
                     vectors[of_vector],
-                    by_steps[of_vector[0]],
+                    bool(by_steps[of_vector[0]]),
                 )
                 for v, s, path in zip(of_vector, of_start, paths, strict=True):
                     found[v, s, : len(times_s[s])] = path
@@ -116,6 +118,9 @@ class Rollout:
             write(tunable.at, values[:, k : k + 1])
         for effect, own in _through("write", acting):
             effect.write(fields, **own)
+        if self.robot.payloads:
+            parts = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
+            load([self._payloads[s.window] for s in starts], *map(fields.field, parts))
         fields.finish()
         self._place(batch, starts, acting)
         n_steps = int(np.ceil(max(t[-1] for t in times_s) / self._step_s - 1e-9)) + 1

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from robotcast.robots.names import joint_of_dof
+from robotcast.robots.payload import loaded
 from robotcast.robots.robot_case import RobotCase
 from robotcast.robots.sizes import inverse_states
 
@@ -14,10 +15,15 @@ QUANTILES = (0.5, 0.9, 1.0)  # of the windows, by what the model as it is misses
 MOST_STATES = 400
 
 
-def shown(case: RobotCase, said: Mapping[str, Any]) -> dict[str, Any]:
-    """Return `robot` of diagnosis.json: windows with traces, and torques against speed."""
-    before = _predicted(case, (), [p["value"] for p in said["base"]["parameters"].values()])
-    last, after = said["model"], before
+def shown(case: RobotCase, base: Mapping[str, Any], last: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `robot` of diagnosis.json: windows with traces, and torques against speed.
+
+    Parameters
+    ----------
+    base, last : `base` and `model` of diagnosis.json; the last may be empty.
+    """
+    before = _predicted(case, (), [p["value"] for p in base["parameters"].values()])
+    after = before
     if last:
         values = [p["value"] for p in last["parameters"].values()]
         after = _predicted(case, last["effects"], values)
@@ -30,13 +36,22 @@ def preview(case: RobotCase) -> dict[str, Any]:
     return _traces(case, path, path)
 
 
+def _predicted(case: RobotCase, effects: Sequence[str], values: Sequence[float]) -> np.ndarray:
+    return case.model.predict(case.model.records, effects, np.array([values], float))[0]
+
+
 def _traces(case: RobotCase, before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
-    model = case.model
-    missed = [
-        float(np.nanmean(np.linalg.norm(path[: len(r.times_s)] - r.measured, axis=1)))
-        for path, r in zip(before, model.records, strict=True)
-    ]
-    order = np.argsort(np.nan_to_num(missed, nan=np.inf), kind="stable")
+    """Return signals with what is missed of them, and windows with their traces, in their units."""
+    model, axes = case.model, case.wording.axes
+    scale = np.array([axis.scale for axis in axes])
+
+    def missed(paths: np.ndarray) -> list[np.ndarray]:
+        pairs = zip(paths, model.records, strict=True)
+        return [path[: len(r.times_s)] - r.measured for path, r in pairs]
+
+    off, off_after = missed(before), missed(after)
+    size = [float(np.nanmean(np.linalg.norm(one, axis=1))) for one in off]
+    order = np.argsort(np.nan_to_num(size, nan=np.inf), kind="stable")
     found = []
     for share in QUANTILES:
         record = model.records[order[round(share * (len(order) - 1))]]
@@ -46,19 +61,23 @@ def _traces(case: RobotCase, before: np.ndarray, after: np.ndarray) -> dict[str,
             {
                 "window": record.trial,
                 "log": log.path.name,
-                "start_s": log.times_s[window.first],
+                "start_s": log.times_s[window.first] - log.times_s[0],
                 "times_s": record.times_s,
-                "measured": record.measured * model.units.si,
-                "base": before[record.trial, :k] * model.units.si,
-                "model": after[record.trial, :k] * model.units.si,
+                "measured": record.measured * scale,
+                "base": before[record.trial, :k] * scale,
+                "model": after[record.trial, :k] * scale,
             }
         )
-    signals = [{"name": at.name, "unit": at.unit} for at in case.robot.measured]
+    usual = [
+        scale * np.sqrt(np.nanmedian([np.nanmean(one**2, axis=0) for one in some], axis=0))
+        for some in (off, off_after)
+    ]
+    noise = scale * model.units.noise
+    signals = [
+        {"name": axis.name, "unit": axis.unit, "base": base, "model": last, "noise": least}
+        for axis, base, last, least in zip(axes, *usual, noise, strict=True)
+    ]
     return {"signals": signals, "windows": found}
-
-
-def _predicted(case: RobotCase, effects: Sequence[str], values: Sequence[float]) -> np.ndarray:
-    return case.model.predict(case.model.records, effects, np.array([values], float))[0]
 
 
 def _torques(case: RobotCase) -> list[dict[str, Any]]:
@@ -67,27 +86,36 @@ def _torques(case: RobotCase) -> list[dict[str, Any]]:
     By the model as it is: dry friction shows as a step, viscous friction as a slope.
     """
     robot, rollout = case.robot, case.model.rollout
-    model = robot.model
-    data, rows = mujoco.MjData(model), []
+    of_log = [robot.payloads.get(log.path.name, ()) for log in rollout.logs]
+    models = [loaded(robot.model, own) if own else robot.model for own in of_log]
+    data, rows = [mujoco.MjData(model) for model in models], []
     for log, first, qpos, qvel, qacc in inverse_states(rollout.logs, case.starts, MOST_STATES):
-        data.qpos[:], data.qvel[:], data.qacc[:] = qpos, qvel, qacc
-        mujoco.mj_inverse(model, data)
-        needed = data.qfrc_inverse.copy()
+        model, now = models[log], data[log]
+        now.qpos[:], now.qvel[:], now.qacc[:] = qpos, qvel, qacc
+        mujoco.mj_inverse(model, now)
+        needed = now.qfrc_inverse.copy()
         given = np.zeros(model.nv)
         for value, at in zip(rollout.logs[log].drive[first], robot.drive, strict=True):
             if at.dof is not None:
                 given[at.dof] += value
             else:
-                data.ctrl[at.actuator] = value
-        mujoco.mj_forward(model, data)
-        rows.append((qvel, given + data.qfrc_actuator - needed))
-    speed, missing = (np.array(part) for part in zip(*rows, strict=True))
-    return [
-        {
-            "joint": joint_of_dof(model, dof),
-            "hinge": bool(case.sizes.hinge[dof]),
-            "speed": speed[:, dof],
-            "torque": missing[:, dof],
-        }
-        for dof in range(model.nv)
-    ]
+                now.ctrl[at.actuator] = value
+        mujoco.mj_forward(model, now)
+        rows.append((qpos[rollout.qpos_of_dof], qvel, given + now.qfrc_actuator - needed))
+    position, speed, missing = (np.array(part) for part in zip(*rows, strict=True))
+    degrees = any(column.unit == "deg" for column in robot.measured.values())
+    found = []
+    for dof in range(robot.model.nv):
+        hinge = bool(case.sizes.hinge[dof])
+        length = ("deg" if degrees else "rad") if hinge else "m"
+        scale = np.degrees(1.0) if length == "deg" else 1.0
+        found.append(
+            {
+                "joint": joint_of_dof(robot.model, dof),
+                "units": {"length": length, "torque": "N m" if hinge else "N"},
+                "position": scale * position[:, dof],
+                "speed": scale * speed[:, dof],
+                "torque": missing[:, dof],
+            }
+        )
+    return found

@@ -85,7 +85,7 @@ class StartStates:
                 joint = joint_of_dof(robot.model, dof)
                 raise ValueError(
                     f"{robot.path}: no column measures joint[{joint}].position, so that nobody "
-                    "knows from where a window starts; measure it, or weld the joint in the model"
+                    "knows from where a window starts; measure it, or weld it if it does not move"
                 )
 
     @property

@@ -11,7 +11,7 @@ from omegaconf import DictConfig
 
 from robotcast.build import build_effects, build_simulator
 from robotcast.cast_model import CAST_WORDING, CastModel, cast_records
-from robotcast.diagnosis.compare import Comparison, compare
+from robotcast.diagnosis.compare import compare
 from robotcast.diagnosis.diagnose import Case, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry, fit_base
 from robotcast.effects.effect import parameters_of
@@ -23,10 +23,10 @@ from robotcast.tuning.tuned import read_tuned, vector_of
 ITERATIONS = 8  # of the fit, after its several starts
 
 
-def compare_model(config: DictConfig) -> tuple[dict[str, Any], Comparison]:
+def compare_model(config: DictConfig) -> dict[str, Any]:
     """Compare the simulator in `tuned`, or one that is fitted to the set first, with the set.
 
-    Returns what the page says of where both come from, and the comparison.
+    Returns the comparison as its page takes it, with where both come from.
     """
     measured = measured_set(config.measurements)
     records, tuned = cast_records(measured), config.tuned
@@ -59,7 +59,7 @@ def compare_model(config: DictConfig) -> tuple[dict[str, Any], Comparison]:
         "overrides": typed("simulator"),
         "notes": notes,
     }
-    return facts, found
+    return {**facts, **found.as_dict()}
 
 
 def _fitted(

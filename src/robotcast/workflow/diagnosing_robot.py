@@ -1,4 +1,4 @@
-"""A robot's MJCF beside its logs: which effect does the model lack?"""
+"""A robot's MJCF beside its logs: where does the model fail, and which effect does it lack?"""
 
 import json
 from collections.abc import Mapping
@@ -8,39 +8,32 @@ from typing import Any
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
+from robotcast.diagnosis.compare import compare
+from robotcast.diagnosis.diagnose import Case, floor_and_noise
+from robotcast.diagnosis.inquiry import Inquiry, fit_base, held_out
+from robotcast.diagnosis.report import fitted
 from robotcast.files import plain, write_text
+from robotcast.reporting.comparison_page import comparison_page
 from robotcast.reporting.diagnosis_page import diagnosis_page
+from robotcast.reporting.names import effect_name
 from robotcast.reporting.robot_page import traces_figure
 from robotcast.reporting.style import svg
 from robotcast.robots.by_joint import diagnose_by_joint
 from robotcast.robots.describe import describe
 from robotcast.robots.patch import write_patched
-from robotcast.robots.robot_case import read_case
+from robotcast.robots.robot_case import RobotCase, read_case
 from robotcast.robots.shown import preview, shown
+from robotcast.robots.sysid import write_parameters
+from robotcast.running import write_page
 from robotcast.stage import bar, output_folder
 
-PATCHED, PREVIEW = "model.xml", "robot.svg"
+PATCHED, PARAMETERS, PREVIEW = "model.xml", "parameters.yaml", "robot.svg"
 
 
 def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
     """Diagnose the configured folder; write JSON, page and model; return folder and JSON."""
-    source, folder = Path(config.robot), output_folder(config.output)
-    if folder.resolve() == source.resolve():
-        raise ValueError("output=DIR must be another folder than the robot's")
-    case = read_case(source)
-    question = case.question(
-        config.exclude,
-        config.effects,
-        instantiate(config.diagnosis.rule),
-        instantiate(config.diagnosis.effort),
-    )
-    facts: dict[str, Any] = {
-        "rig": "",
-        "measurements": str(config.robot),
-        "output": str(config.output),
-        "overrides": ["model=mjcf"],
-        "notes": [],
-    }
+    folder, case, question = _asked(config, config.exclude)
+    facts = _facts(config)
 
     def joined(found: Mapping[str, Any]) -> dict[str, Any]:
         return {**facts, **found, "notes": [*case.notes, *found["notes"]]}
@@ -49,17 +42,40 @@ def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         whole = plain(joined(found))
         text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
         write_text(folder / "diagnosis.json", text)
-        write_text(folder / "index.html", diagnosis_page(whole))
+        write_page(folder / "index.html", diagnosis_page(whole))
 
     with bar("diagnose") as progress:
         found = diagnose_by_joint(case, question, write, progress)
-    facts["robot"] = shown(case, found)
+    if found["next_actions"]:
+        found = {**found, "next_actions": case.motions.rows(found["next_actions"], folder)}
+    facts["robot"] = shown(case, found["base"], found["model"])
     if found["model"]:
-        effects = case.model.effects
-        left_out = write_patched(case.robot, effects, found["model"], folder / PATCHED)
-        facts |= {"patched": PATCHED, "robot": {**facts["robot"], "left_out": left_out}}
+        facts |= {"patched": PATCHED, "robot": facts["robot"] | _written(case, found, folder)}
     write(found)
     return folder, joined(found)
+
+
+def compare_robot(config: DictConfig) -> dict[str, Any]:
+    """Fit what robot.yaml lets be tuned, with the effects that act; compare with the logs."""
+    _, case, question = _asked(config)
+    return _compared(config, case, question)[0]
+
+
+def tune_robot(config: DictConfig) -> list[str]:
+    """Fit as `compare_robot`, write model, parameters and page; return sentences on it."""
+    folder, case, question = _asked(config)
+    found, model, held = _compared(config, case, question)
+    found |= {"patched": PATCHED}
+    found["robot"] |= _written(case, {"model": model}, folder)
+    write_text(folder / "tuned.json", json.dumps(plain(model), ensure_ascii=False, indent=1))
+    write_page(folder / "index.html", comparison_page(plain(found)))
+    fell = f"{found['waypoint_error_percent']:.2f} {found['error_unit']}"
+    return [
+        f"{folder}: {fell} on the windows that it was fitted to, {held:.2f} on windows held out, "
+        f"noise floor {case.floor_percent:.2f}; open {folder / 'index.html'}",
+        *(f"- {name} = {p['value']:.5g}" for name, p in model["parameters"].items()),
+        f"the model with them: {folder / PATCHED}, {folder / PARAMETERS}",
+    ]
 
 
 def describe_robot(folder: Path) -> list[str]:
@@ -76,5 +92,72 @@ def describe_robot(folder: Path) -> list[str]:
         *said,
         *(f"- {note}" for note in case.notes),
         f"{folder / PREVIEW} lays a window beside the simulation: does it begin alike?",
-        f"Then: python stages/diagnose.py model=mjcf robot={folder} output=OUT",
+        f"Then: robotcast diagnose {folder}",
     ]
+
+
+def _asked(config: DictConfig, exclude: Any = ()) -> tuple[Path, RobotCase, Case]:
+    """Return where to write, the folder as it was read, and what is asked of it."""
+    source, folder = Path(config.robot), output_folder(config.output)
+    if folder.resolve() == source.resolve():
+        raise ValueError("output=DIR must be another folder than the robot's")
+    case, of = read_case(source), config.diagnosis
+    rule, effort = instantiate(of.rule), instantiate(of.effort)
+    return folder, case, case.question(exclude, config.effects, rule, effort)
+
+
+def _facts(config: DictConfig) -> dict[str, Any]:
+    return {
+        "rig": "",
+        "measurements": str(config.robot),
+        "output": str(config.output),
+        "overrides": ["model=mjcf"],
+        "notes": [],
+    }
+
+
+def _compared(
+    config: DictConfig, case: RobotCase, question: Case
+) -> tuple[dict[str, Any], dict[str, Any], float]:
+    """Return the comparison, the fitted model, and its mean error on windows held out [%]."""
+    model, records, effects = case.model, question.records, tuple(config.effects)
+    with bar("compare") as progress:
+
+        def told(done: int, total: int, note: str = "") -> None:
+            progress(done, total, "simulated windows")
+
+        inquiry = Inquiry(model, records, floor_and_noise(question)[1], told)
+        revision = fit_base(inquiry, effects, question.effort)
+        errors = held_out(inquiry, revision, question.effort)
+        values = inquiry.values(effects, revision.fit.vector)
+        predicted = model.predict(records, effects, values)[0]
+    found = compare(
+        records,
+        predicted,
+        scale=model.scale,
+        error_unit=model.error_unit,
+        wording=case.wording,
+    )
+    said = fitted(inquiry, revision, errors.vectors, question.rule)
+    own = {p.name: p for p in model.parameters}
+    start = {"parameters": {name: {"value": p.nominal} for name, p in own.items()}}
+    names = " and ".join(map(effect_name, effects))
+    return (
+        {
+            **found.as_dict(),
+            **_facts(config),
+            "model": f"the MJCF{f' with {names}' if names else ''}, fitted to these windows",
+            "noise_floor_percent": case.floor_percent,
+            "notes": list(case.notes),
+            "robot": plain(shown(case, start, said)),
+        },
+        said,
+        float(errors.waypoint.mean()),
+    )
+
+
+def _written(case: RobotCase, found: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Write model and parameters; return the effects that MJCF cannot hold."""
+    left_out = write_patched(case.robot, case.model.effects, found["model"], folder / PATCHED)
+    write_parameters(folder / PARAMETERS, found["model"]["parameters"])
+    return {"left_out": left_out}

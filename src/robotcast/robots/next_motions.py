@@ -1,0 +1,215 @@
+"""Motions that a robot could be logged in next, and the commands of those that would tell most.
+
+Each is simulated with the model as it is from where the logs begin, and only offered if it stays
+within the joints' ranges, or a little beyond where the logs have been, and is no faster than twice
+the logs. A mass on one of the last links is varied too: it parts what depends on load, on inertia
+and on speed.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import polars as pl
+
+from robotcast.diagnosis.next_trials import Further
+from robotcast.files import atomic_file
+from robotcast.robots.logs import Log, periods
+from robotcast.robots.names import joint_of_actuator, names_of
+from robotcast.robots.payload import Payload, loaded
+from robotcast.robots.robot_file import RobotFile
+from robotcast.robots.robot_model import RobotModel
+from robotcast.robots.sizes import Sizes
+from robotcast.robots.windows import StartStates, Window
+
+LENGTH_S = 6.0
+RATES = (0.3, 1.0, 3.0)  # times what the joint usually moves at
+AMPLITUDES = (0.3, 0.6, 1.0)  # of half of what was commanded
+SHARES = (0.0, 0.25, 1.0)  # of a link's own mass, that is fixed to it
+REPLAYED = 3  # logs, and as many drives at most, one at a time
+WIDER, FASTER = 0.5, 2.0  # than the logs, of their range and of their speed
+FILES = 3
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One motion, as it is told, with its commands (k, n_channels) and what it moves like."""
+
+    told: dict[str, Any]
+    payloads: tuple[Payload, ...]
+    log: Log
+
+
+@dataclass(frozen=True)
+class Motions:
+    """All that were found feasible; `further` is what the diagnosis chooses from."""
+
+    robot: RobotFile
+    some: tuple[Motion, ...]
+    further: Further
+
+    def rows(self, chosen: Sequence[dict[str, Any]], folder: Path) -> list[dict[str, Any]]:
+        """Return the chosen trials as they are told; write the commands of the first few."""
+        rows = []
+        for number, row in enumerate(chosen, 1):
+            motion = self.some[int(row["motion"])]
+            told = {**motion.told, **{k: v for k, v in row.items() if k != "motion"}}
+            if number <= FILES:
+                told = {"file": f"motion_{number}.csv", **told}
+                self._write(motion.log, folder / told["file"])
+            rows.append(told)
+        return rows
+
+    def _write(self, log: Log, path: Path) -> None:
+        """Write time, commands and predicted signals in the columns and units of the logs."""
+        robot = self.robot
+        columns = {robot.time.name: (log.times_s - robot.time.offset) / robot.time.factor}
+        for some, values in ((robot.drive, log.drive), (robot.measured, log.measured)):
+            for column, own in zip(some.values(), values.T, strict=True):
+                columns[column.name] = (own - column.offset) / column.factor
+        with atomic_file(path) as temporary:
+            pl.DataFrame(columns).write_csv(temporary)
+
+
+def motions(
+    robot: RobotFile, model: RobotModel, sizes: Sizes, length_s: float, noise: np.ndarray
+) -> Motions:
+    """Return the motions from which the next ones are chosen, each a window in its middle."""
+    logs = model.rollout.logs
+    bounds = _Bounds(robot, sizes)
+    some = [one for one in _tried(robot, sizes, logs) if bounds.hold(one.log)]
+    some = [_named(one, number) for number, one in enumerate(some)]
+    if not some:
+        return Motions(robot, (), Further(model, ()))
+    own = replace(robot, payloads={one.log.path.name: one.payloads for one in some})
+    made = [one.log for one in some]
+    starts, n = StartStates(own, made, noise), round(length_s / periods(made))
+    windows = []
+    for index, log in enumerate(made):
+        first = max(starts.margin, (len(log.times_s) - n) // 2)
+        state = starts.at(index, first)
+        assert state is not None  # nothing is missing in what was simulated
+        windows.append(Window(index, first, first + n, index, *state))
+    effects = tuple(model.effects.values())
+    simulated = RobotModel(own, made, windows, noise, effects, model.rollout.threads, model.units)
+    nowhere = [
+        replace(
+            record, measured=np.full_like(record.measured, np.nan), factors={"motion": record.trial}
+        )
+        for record in simulated.records
+    ]
+    return Motions(robot, tuple(some), Further(simulated, tuple(nowhere)))
+
+
+def _named(motion: Motion, number: int) -> Motion:
+    return replace(motion, log=replace(motion.log, path=Path(f"motion {number}")))
+
+
+def _tried(robot: RobotFile, sizes: Sizes, logs: Sequence[Log]) -> Iterator[Motion]:
+    model, channels = robot.model, list(robot.drive)
+    bodies = [int(b) for b in np.unique(model.dof_bodyid)]
+    leaves = [b for b in bodies if b not in model.body_parentid[bodies]][:2]
+    names, period_s = names_of(model, "body"), periods(logs)
+    hung = [(leaf, s * float(model.body_mass[leaf])) for leaf in leaves for s in SHARES[1:]]
+    for body, mass_kg in [(0, 0.0), *hung]:
+        place = model.body_ipos[body]
+        own = (Payload(body, mass_kg, (place[0], place[1], place[2])),) if mass_kg else ()
+        weight = {"payload_kg": mass_kg, "fixed_to": names[body] if mass_kg else "–"}
+        loaded_model = loaded(model, own) if own else model
+        for log, share in product(logs[:REPLAYED], AMPLITUDES[1:]):
+            if share == 1.0 and not own:
+                continue  # that was logged
+            k = min(len(log.times_s), round(LENGTH_S / period_s))
+            middle = np.median(log.drive, axis=0)
+            drive = middle + share * (log.drive[:k] - middle)
+            told = {
+                "motion": f"{log.path.name} again",
+                "size": f"{100 * share:.0f} %",
+                "hertz": None,
+            }
+            yield _moved(robot, loaded_model, own, told | weight, drive, log, period_s)
+        for c, rate, share in product(range(min(len(channels), REPLAYED)), RATES, AMPLITUDES):
+            joint = channels[c].dof
+            if channels[c].actuator is not None:
+                j = joint_of_actuator(model, channels[c].actuator or 0)
+                joint = None if j is None else int(model.jnt_dofadr[j])
+            usual = sizes.speed / sizes.position / (2 * np.pi)
+            hertz = rate * float(np.median(usual) if joint is None else usual[joint])
+            middle, half = _commanded(model, channels[c].actuator, [g.drive[:, c] for g in logs])
+            times_s = period_s * np.arange(round(LENGTH_S / period_s))
+            drive = np.tile(np.median(logs[0].drive, axis=0), (len(times_s), 1))
+            drive[:, c] = middle + share * half * np.sin(2 * np.pi * hertz * times_s)
+            column = list(robot.drive.values())[c]
+            size = f"{share * half / abs(column.factor):.3g} {column.unit or channels[c].unit}"
+            told = {"motion": f"sine on {channels[c].name}", "size": size.strip(), "hertz": hertz}
+            yield _moved(robot, loaded_model, own, told | weight, drive, logs[0], period_s)
+
+
+def _commanded(
+    model: mujoco.MjModel, actuator: int | None, values: Sequence[np.ndarray]
+) -> tuple[float, float]:
+    """Return the middle of what was commanded and half of its range, within what can be."""
+    low, high = float(min(v.min() for v in values)), float(max(v.max() for v in values))
+    if actuator is not None and model.actuator_ctrllimited[actuator]:
+        low, high = np.clip((low, high), *model.actuator_ctrlrange[actuator])
+    return (low + high) / 2, (high - low) / 2
+
+
+def _moved(
+    robot: RobotFile,
+    model: mujoco.MjModel,
+    payloads: tuple[Payload, ...],
+    told: dict[str, Any],
+    drive: np.ndarray,
+    log: Log,
+    period_s: float,
+) -> Motion:
+    """Simulate commands from where a log begins, at rest."""
+    data, signals = mujoco.MjData(model), list(robot.measured)
+    for k, at in enumerate(signals):
+        if at.kind == "position":
+            known = log.measured[np.isfinite(log.measured[:, k]), k]
+            data.qpos[at.index] = known[0]
+    steps = max(1, round(period_s / model.opt.timestep))
+    seen = np.full((len(drive), len(signals)), np.nan)
+    from_data = {"position": data.qpos, "velocity": data.qvel, "sensor": data.sensordata}
+    for row, command in zip(seen, drive, strict=True):
+        for at, value in zip(robot.drive, command, strict=True):
+            if at.actuator is not None:
+                data.ctrl[at.actuator] = value
+            else:
+                data.qfrc_applied[at.dof] = value
+        row[:] = [from_data[at.kind][at.index] for at in signals]
+        mujoco.mj_step(model, data, steps)
+    times_s = steps * model.opt.timestep * np.arange(len(drive))
+    return Motion(told, payloads, Log(Path("motion"), times_s, drive, seen))
+
+
+class _Bounds:
+    """Where joints may be, and how fast."""
+
+    def __init__(self, robot: RobotFile, sizes: Sizes) -> None:
+        model, joints = robot.model, robot.model.dof_jntid
+        wide = WIDER * (sizes.highest - sizes.lowest)
+        limited = model.jnt_limited[joints].astype(bool)
+        self._low = np.where(limited, model.jnt_range[joints, 0], sizes.lowest - wide)
+        self._high = np.where(limited, model.jnt_range[joints, 1], sizes.highest + wide)
+        self._speed = FASTER * 3 * sizes.speed  # three root mean squares are about the largest
+        self._positions = [(k, s.dof) for k, s in enumerate(robot.measured) if s.kind == "position"]
+
+    def hold(self, log: Log) -> bool:
+        """Tell whether a motion stays within."""
+        if not np.isfinite(log.measured).all():
+            return False
+        for k, dof in self._positions:
+            path = log.measured[:, k]
+            speed = np.abs(np.diff(path)) / np.diff(log.times_s)
+            if path.min() < self._low[dof] or path.max() > self._high[dof]:
+                return False
+            if speed.max() > self._speed[dof]:
+                return False
+        return True
