@@ -184,10 +184,16 @@ def test_the_unit_of_errors_changes_no_verdict() -> None:
 
 
 def test_two_effects_that_act_together_are_both_named() -> None:
-    said = diagnosed(pushes(tilt=TILTED, late_clock=(0.06,)))
+    said = diagnosed(pushes(tilt=TILTED, late_clock=(0.1,)))
     assert set(said["verdict"]) == {"tilt", "late_clock"}
     sizes = said["model"]["parameters"]
-    assert sizes["late_clock.tau"]["low"] < 0.06 < sizes["late_clock.tau"]["high"]
+    assert sizes["late_clock.tau"]["low"] < 0.1 < sizes["late_clock.tau"]["high"]
+
+
+def test_a_small_effect_beside_a_large_one_comes_near() -> None:
+    said = diagnosed(pushes(tilt=TILTED, late_clock=(0.06,)))
+    assert said["verdict"] == ["tilt"] and said["nearest"] == ["late_clock"]
+    assert "It may be this too: the clock is late" in said["sentence"]
 
 
 def test_windows_of_one_log_are_held_out_together_and_are_no_repeats() -> None:

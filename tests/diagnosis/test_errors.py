@@ -46,11 +46,13 @@ def test_what_is_saved_late_counts_beside_what_was_missed_at_first() -> None:
     assert first.pays(RULE, 20) and not late.pays(RULE, 20)
 
 
-def test_above_the_floor_what_takes_away_most_of_the_rest_counts_too() -> None:
-    above, near = (scales(4.0, floor=Floor.known(f, 0.1)) for f in (0.5, 0.7))
-    assert above.gain(errors(0.9, 0), errors(0.6, 1)).pays(RULE, 20)
-    assert not above.gain(errors(0.9, 0), errors(0.8, 1)).pays(RULE, 20)
-    assert not near.gain(errors(0.9, 0), errors(0.7, 1)).pays(RULE, 20)  # it is at the floor
+def test_what_takes_away_most_of_the_rest_is_named_far_above_the_floor_only() -> None:
+    far = scales(4.0, floor=Floor.known(0.25, 0.1))
+    assert far.gain(errors(0.9, 0), errors(0.5, 1)).pays(RULE, 20)
+    above, at = (scales(4.0, floor=Floor.known(f, 0.1)) for f in (0.5, 0.7))
+    most, little = (above.gain(errors(0.9, 0), errors(to, 1)) for to in (0.6, 0.8))
+    assert most.promises(RULE) and not most.pays(RULE, 20) and not little.promises(RULE)
+    assert not at.gain(errors(0.9, 0), errors(0.7, 1)).promises(RULE)  # it is at the floor
 
 
 def test_every_further_comparison_asks_for_more() -> None:

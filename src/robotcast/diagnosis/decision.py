@@ -193,7 +193,8 @@ def decide(
         return Verdict(Code.NONE, (), near, Unexplained() if unfinished else None)
     if _imitates(found, floor, left, rule):
         return Verdict(Code.UNKNOWN, (), (top,), left)
-    return Verdict(Code.NAMED, named, (), Unexplained() if unfinished else None)
+    more = tuple(rung for rung in near if set(top.effects) < set(rung.effects))
+    return Verdict(Code.NAMED, named, more, Unexplained() if unfinished else None)
 
 
 def _name_for(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> Found | None:

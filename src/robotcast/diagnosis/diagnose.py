@@ -261,6 +261,7 @@ class _Run:
         verdict, base = self._verdict, self._base
         near = verdict.near if verdict else ()
         left = verdict.left if verdict else None
+        known = (*case.fixed, *(verdict.named if verdict else ()))
         stability = first_in_resamples(found, inquiry.groups, case.effort.seed)
         slices = self._explained.slices(found) if verdict else {}
         return {
@@ -268,7 +269,7 @@ class _Run:
             "code": verdict.code.value if verdict else "",
             "sentence": self._sentence(verdict) if verdict else "",
             "confusion_set": report.confusion_set(found, near, verdict),
-            "nearest": [n for rung in near for n in rung.effects[len(case.fixed) :]],
+            "nearest": [n for rung in near for n in rung.effects if n not in known],
             "unexplained": report.unexplained(inquiry, left, case.draw),
             "notes": self._notes(base),
             "ladder": report.ladder(found, verdict),

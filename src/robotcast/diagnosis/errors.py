@@ -86,20 +86,27 @@ class Gain:
     ----------
     share : by how much the typical error falls, of the base model's.
     rest : of what the worse model misses beyond the floor; 0 where it stands at the floor.
+    far : whether the worse model is farther above the floor than honest models differ by.
     p_value : one-sided, over groups of trials.
     """
 
     share: float
     rest: float
     p_value: float
+    far: bool = False
 
     def matters(self, rule: Rule, part: float = 1.0) -> bool:
-        """Tell whether it is large enough, or a part of large enough, to be worth a name."""
+        """Tell whether it is large enough, or a part of large enough, to be looked at."""
         return self.share > part * rule.material or self.rest > part * rule.mostly
 
     def pays(self, rule: Rule, comparisons: int) -> bool:
-        """Tell whether the gain matters and is beyond luck, one of so many that were looked at."""
-        return self.matters(rule) and self.p_value < rule.level / max(comparisons, 1)
+        """Tell whether the gain is worth a name and beyond luck, one of so many looked at.
+
+        It must matter beside what was there at first; beside what is left only where that is more
+        than honest models differ by.
+        """
+        worth = self.share > rule.material or (self.far and self.rest > rule.mostly)
+        return worth and self.p_value < rule.level / max(comparisons, 1)
 
     def promises(self, rule: Rule) -> bool:
         """Tell whether it matters and is likely there on further trials too."""
@@ -133,7 +140,8 @@ class Scales:
             return Gain(0.0, 0.0, p_value)
         above = self.floor.percent is not None and first > self.rule.at_floor * self.floor.reach
         rest = (first - second) / (first - self.floor.reach) if above else 0.0
-        return Gain((first - second) / max(self.base, 1e-12), rest, p_value)
+        far = above and first > self.rule.beyond * self.floor.reach
+        return Gain((first - second) / max(self.base, 1e-12), rest, p_value, far)
 
     def typical(self, errors: np.ndarray) -> float:
         """Return the typical error of usual trials."""

@@ -40,7 +40,7 @@ def sentence(
     middle = {e: float(np.median(rung.errors.waypoint[usual])) for e, rung in found.judged.items()}
     before, after = middle[found.base.effects], middle[found.chosen]
     unit, trials = inquiry.model.error_unit, wording.trials
-    times = f"{after / floor.percent:.1f} times what {wording.floor}" if floor.percent else ""
+    times = _times(found, floor, after, wording)
     blunders = _blunders(int((~usual).sum()), len(usual), wording)
     near = _nearest(inquiry, found, verdict, wording)
     if verdict.code in (Code.NONE, Code.CANNOT_TELL):
@@ -62,7 +62,22 @@ def sentence(
     more = ""
     if verdict.left is not None:
         more = f" That is still {times}, so more is missing that has no name here{_most(where)}."
-    return f"{said}{more}{blunders}"
+    return f"{said}{more}{near}{blunders}"
+
+
+def _times(found: Found, floor: Floor, middle: float, wording: Wording) -> str:
+    """Say how far above the floor the last model is, in the trial in the middle and over all."""
+    if not floor.percent:
+        return ""
+    assert found.scales is not None
+    whole, own = (
+        found.scales.typical(found.top.errors.waypoint) / floor.reach,
+        middle / floor.percent,
+    )
+    times = f"{own:.1f} times what {wording.floor}"
+    if own > found.scales.rule.at_floor or whole < own:
+        return times
+    return f"{times} in the {wording.trial} in the middle, and {whole:.1f} times over all"
 
 
 def _left(verdict: Verdict, times: str, where: str) -> str:
@@ -105,18 +120,19 @@ def _blunders(n: int, of: int, wording: Wording) -> str:
 def _nearest(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording) -> str:
     if not verdict.near or found.scales is None:
         return ""
-    fixed = len(found.base.effects)
+    known = found.chosen if verdict.named else found.base.effects
     texts = " or ".join(
-        " and ".join(inquiry.model.effects[name].text for name in rung.effects[fixed:])
+        " and ".join(inquiry.model.effects[n].text for n in rung.effects if n not in known)
         for rung in verdict.near
     )
     error = float(np.median(verdict.near[0].errors.waypoint[found.scales.usual]))
     percent = f"{error:.2f} {inquiry.model.error_unit}"
     if verdict.code is Code.UNKNOWN:
         return f" Of the effects with a name this comes nearest: {texts}, with {percent}."
+    too = " too" if verdict.named else ""
     return (
-        f" It may be this: {texts}. With it the error is {percent}, but these {wording.trials} "
-        "do not confirm it."
+        f" It may be this{too}: {texts}. With it the error is {percent}, but these "
+        f"{wording.trials} do not confirm it."
     )
 
 
