@@ -46,7 +46,6 @@ def test_errors_and_noise_floor_are_those_of_measurement_sets() -> None:
     floor = noise_floor(measured)
     assert found.repeats.sample_percent == pytest.approx(floor.waypoint_percent)
     assert found.repeats.final_percent == pytest.approx(floor.final_percent)
-    assert (found.repeats.groups, found.repeats.trials) == (floor.n_actions, floor.n_casts)
 
 
 def as_measurement_set(records: list[Record]) -> MeasurementSet:
