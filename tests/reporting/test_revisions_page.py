@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotcast.reporting.bars import Bar, Row, bars
 from robotcast.reporting.revisions_page import TuningProgress, comparable, revisions_page
-from robotcast.reporting.style import inline
+from robotcast.reporting.style import Bar, Row, bars, inline
 from robotcast.tuning.search import Batch
 from tests.tuning.some_revisions import BASE, TILT
 

@@ -18,7 +18,6 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from robotcast.reporting.bars import Bar, Row, bars
 from robotcast.reporting.names import error, factor_label, rig_name
 from robotcast.reporting.page import block, render
 from robotcast.reporting.style import (
@@ -28,6 +27,9 @@ from robotcast.reporting.style import (
     INK,
     LINE,
     VERMILION,
+    Bar,
+    Row,
+    bars,
     beside,
     board_arrows,
     board_canvas,

@@ -33,8 +33,7 @@ from robotcast.sessions import (
 )
 from robotcast.vision.calibration import LIMITS, Calibration, calibrate
 from robotcast.vision.detector import Detection, EndpointDetector
-from robotcast.vision.facts import TrackerFacts, TrackingLimits
-from robotcast.vision.fiducials import Stillness
+from robotcast.vision.facts import Stillness, TrackerFacts, TrackingLimits
 
 _CALIBRATION_FRAMES = 5
 _WHOLE = (0.92, 1.12)
