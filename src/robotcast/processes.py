@@ -13,7 +13,7 @@ import pickle
 import signal
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
@@ -52,6 +52,23 @@ def process_pool(workers: int, begin: Callable[[], object] | None = None) -> Ite
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def pool_map(
+    work: Callable[[Part], Answer],
+    parts: Sequence[Part],
+    workers: int,
+    begin: Callable[[], object] | None = None,
+) -> Generator[Answer, None, None]:
+    """Yield what `work` returns for every part, in order, from a pool that ends with it.
+
+    To be closed, as `process_pool` says. One worker is this process.
+    """
+    if (workers := min(workers, len(parts))) <= 1:
+        yield from map(work, parts)
+    else:
+        with process_pool(workers, begin) as pool:
+            yield from pool.map(work, parts)
 
 
 def parallel_map(
