@@ -67,7 +67,7 @@ def main() -> None:
         configs = {name: compose("config", overrides=[f"policy={name}"]) for name in ("nn", "gp")}
     config = configs["nn"]
     grid, r0_m, limits, envelope = action_space(config, "candidates")
-    candidates, report = feasible_actions(grid, r0_m, limits, envelope)
+    candidates = feasible_actions(grid, r0_m, limits, envelope)
     feasible = partial(are_feasible, r0_m=r0_m, limits=limits, envelope=envelope)
     drawn = np.random.default_rng(1).permutation(len(candidates))[:TARGETS]
     targets = made_up_endpoints(candidates[drawn])
@@ -79,7 +79,7 @@ def main() -> None:
         choosing_s = median_s(choose, rounds)
         refine = partial(refine_choices, model, choose(), about, feasible)
         print(
-            f"{name}: {len(candidates)} feasible of {report.candidates} candidates, "
+            f"{name}: {len(candidates)} feasible of {grid.size} candidates, "
             f"{TARGETS} targets: {choosing_s:.3f} s "
             f"(asked: < {LONGEST_S}), of it predicting {predicting_s:.3f} s; "
             f"refining {median_s(refine, rounds):.3f} s"

@@ -16,7 +16,7 @@ from robotcast.files import write_text
 from robotcast.rigs.ur5.camera import Webcam, WebcamSettings
 from robotcast.stage import require, stage, tell
 from robotcast.vision.calibration import PrintedBoard, calibrate_lens
-from robotcast.workflow.calibrating import views, write_prints
+from robotcast.workflow.commissioning import views, write_prints
 
 
 def calibrate(config: DictConfig) -> None:

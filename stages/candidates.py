@@ -12,13 +12,14 @@ from robotcast.stage import bar, stage, tell
 
 
 def candidates(config: DictConfig) -> None:
+    grid, *space = action_space(config, "candidates")
     with bar("candidates") as progress:
-        actions, report = feasible_actions(*action_space(config, "candidates"), progress)
+        actions = feasible_actions(grid, *space, progress)
     write_actions(
         [dict(zip(ACTION_COLUMNS, row, strict=True)) for row in actions.tolist()],
         Path(config.paths.candidates),
     )
-    tell(f"{report.feasible} of {report.candidates} actions are feasible")
+    tell(f"{len(actions)} of {grid.size} actions are feasible")
 
 
 if __name__ == "__main__":

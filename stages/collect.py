@@ -13,7 +13,7 @@ from robotcast.rigs.virtual.hiding import set_aside
 from robotcast.sessions import adopt_recorded_set
 from robotcast.stage import bar, named_session, output_folder, stage, tell, warn
 from robotcast.workflow.collecting import chosen_casts
-from robotcast.workflow.dry_run import show_dry_run
+from robotcast.workflow.commissioning import show_dry_run
 
 
 def collect(config: DictConfig) -> None:

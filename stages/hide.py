@@ -25,7 +25,7 @@ def hide(config: DictConfig) -> None:
     answers = {p.stem: {"effects": []} for p in (CONFIGURATION / "cable").glob("*.yaml")}
     if chosen != "none" and "hide" in config.rig:
         rig, space, given = build_rig(config), action_space(config, "collected"), config.rig.hide
-        casts = choose_casts(feasible_actions(*space)[0], given.casts, 0, config.seed)
+        casts = choose_casts(feasible_actions(*space), given.casts, 0, config.seed)
         planned = [plan_action(action, r0_m=space[1], limits=space[2]) for _, action in casts]
         with process_pool(config.rig.workers) as pool:
             answer = draw_hidden(rig, planned, pool, int(chosen["seed"]), **build(given.draw))

@@ -26,7 +26,7 @@ LOOP = (
 PLUMBING = {
     ROOT / "src/robotcast" / f"{name}.py"
     for name in (
-        *("stage", "workflow/dry_run", "files", "processes", "progress", "running"),
+        *("stage", "workflow/commissioning", "files", "processes", "progress", "running"),
         *("reporting/revisions_page", "workflow/diagnosing_robot"),
     )
 }

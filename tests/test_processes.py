@@ -11,6 +11,7 @@ from concurrent.futures import wait
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+import joblib
 import pytest
 
 from robotcast.processes import helper_process, parallel_map, process_pool
@@ -85,6 +86,16 @@ def test_one_worker_is_this_process_and_more_are_others() -> None:
     for n in (2, 3):
         assert len(pids(n)) <= n and os.getpid() not in pids(n)
         assert [x for _, x in parallel_map(square, range(30), n)] == [x * x for x in range(30)]
+
+
+def of_job(number: int) -> list[tuple[int, int]]:
+    return list(parallel_map(square, [number, number + 1], 2))
+
+
+def test_a_job_of_a_joblib_sweep_may_have_processes_of_its_own() -> None:
+    jobs = joblib.Parallel(n_jobs=2, backend="loky")(joblib.delayed(of_job)(n) for n in (3, 5))
+    assert [[square for _, square in job] for job in jobs] == [[9, 16], [25, 36]]
+    assert all(pid != os.getpid() for job in jobs for pid, _ in job)
 
 
 def test_processes_stay_for_the_next_work_and_outlive_the_thread_that_started_them() -> None:

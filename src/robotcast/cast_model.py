@@ -15,7 +15,7 @@ from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.next_trials import Further
 from robotcast.diagnosis.wording import Axis, Wording
 from robotcast.effects.effect import Effect
-from robotcast.effects.fields import AlongMotionField, PlaceField
+from robotcast.effects.library import AlongMotionField, PlaceField
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.simulators.simulator import Cast, SimulatedCast, Simulator

@@ -7,18 +7,20 @@ send, of a module and not of the main script, which the processes do not import.
 
 import fcntl
 import multiprocessing.connection
+import multiprocessing.context
 import os
 import pickle
 import signal
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from multiprocessing import parent_process
+from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.util import Finalize
 from typing import Any, TypeVar
 
 PATIENCE_S = 3600.0  # a batch of casts takes seconds, a network minutes
@@ -50,6 +52,23 @@ def process_pool(workers: int, begin: Callable[[], object] | None = None) -> Ite
         yield pool
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def pool_map(
+    work: Callable[[Part], Answer],
+    parts: Sequence[Part],
+    workers: int,
+    begin: Callable[[], object] | None = None,
+) -> Generator[Answer, None, None]:
+    """Yield what `work` returns for every part, in order, from a pool that ends with it.
+
+    To be closed, as `process_pool` says. One worker is this process.
+    """
+    if (workers := min(workers, len(parts))) <= 1:
+        yield from map(work, parts)
+    else:
+        with process_pool(workers, begin) as pool:
+            yield from pool.map(work, parts)
 
 
 def parallel_map(
@@ -115,14 +134,21 @@ def _help(work: Callable[[Connection], object], orders: Connection) -> None:
 
 
 class _Process(SpawnProcess):
-    """A process that does not import the main script: a stage's imports take seconds."""
+    """A process that does not import the main script: a stage's imports take seconds.
+
+    Nor is it told how the one that starts it was started: in a job of a joblib sweep that is a way,
+    loky, which Python alone does not know.
+    """
 
     def start(self) -> None:
-        main = vars(sys.modules["__main__"])
+        main, context = vars(sys.modules["__main__"]), multiprocessing.context
+        default = vars(context._default_context)  # pyright: ignore[reportAttributeAccessIssue]
         path = main.pop("__file__", None)  # where a spawned process would import it from
+        how, default["_actual_context"] = default["_actual_context"], get_context("spawn")
         try:
             super().start()
         finally:
+            default["_actual_context"] = how
             if path is not None:
                 main["__file__"] = path
 
@@ -151,7 +177,10 @@ def _send(
         return None
     if workers not in _staying:
         context = _Context()
-        _staying[workers] = ProcessPoolExecutor(workers, context, _begin, (None,)), context
+        pool = ProcessPoolExecutor(workers, context, _begin, (None,))
+        _staying[workers] = pool, context
+        # a job of a sweep waits for its children at its end: before their queues close, at 10
+        Finalize(None, pool.shutdown, exitpriority=100)
     with _ended_on_failure(workers, patience_s):
         return _staying[workers][0].submit(_attempt, sent)
 

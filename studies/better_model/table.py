@@ -8,11 +8,10 @@ from matplotlib.figure import Figure
 from omegaconf import DictConfig
 
 from robotcast.files import write_text
-from robotcast.reporting.bars import Bar, Row, bars
 from robotcast.reporting.names import effect_name, math_text, policy_name
 from robotcast.reporting.page import markdown
 from robotcast.reporting.results import read_evaluation
-from robotcast.reporting.style import svg
+from robotcast.reporting.style import Bar, Row, bars, svg
 from robotcast.stage import output_folder, stage, tell
 from robotcast.tuning.tuned import REVISION
 from studies.points import HEAD, Point, change

@@ -22,7 +22,7 @@ def draw(config: DictConfig) -> None:
     cases = [case for case in cases if fnmatch(case.name, settings.cases)]
     space = action_space(config, "collected")
     with bar("feasible actions") as progress:
-        feasible, _ = feasible_actions(*space, progress)
+        feasible = feasible_actions(*space, progress)
     cables = sorted({case.cable for case in cases})
     bench = Bench(
         rigs={cable: build_rig(with_cable(config, cable)) for cable in cables},

@@ -71,7 +71,7 @@ def measure_resets(
 
 def measure(config: DictConfig) -> None:
     rig, space = build_rig(config, scatter=STRAIGHT), action_space(config, "collected")
-    chosen = choose_casts(feasible_actions(*space)[0], config.resets, 0, config.seed)
+    chosen = choose_casts(feasible_actions(*space), config.resets, 0, config.seed)
     casts = [plan_action(action, r0_m=rig.r0_m, limits=space[2]) for _, action in chosen]
     with bar(f"resets of {rig.cable.name}") as progress:
         headings_rad = measure_resets(rig, casts, build(config.casts.reset), progress)

@@ -118,7 +118,7 @@ def _models(
     """
     settings, space = config.sim2sim, action_space(config, "collected")
     with bar("feasible actions") as progress:
-        feasible, _ = feasible_actions(*space, progress)
+        feasible = feasible_actions(*space, progress)
     for number in range(settings.models):
         order = stream(settings.seed, number, "casts").permutation(len(feasible))
         drawn = order[: settings.test_casts + settings.most_casts]

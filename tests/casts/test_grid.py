@@ -20,7 +20,7 @@ def ranges() -> dict:
 def test_candidates_are_the_whole_grid_with_r1_between_r0_and_r2():
     numbers = ranges()
     small = ActionGrid(**numbers, counts=GridCounts(3, 2, 4, 2, 2))
-    actions = small.candidates(0.6, LIMITS)
+    actions = small.curves(0.6, LIMITS).actions
     assert actions.shape == (96, 6)
     assert len(np.unique(actions, axis=0)) == 96
     assert np.unique(actions[:, 0]).tolist() == pytest.approx(np.linspace(*small.theta1_rad, 3))
@@ -48,4 +48,4 @@ def test_a_grid_that_cannot_be_planned_is_refused():
     numbers = ranges()
     fast = ActionGrid(**numbers | {"vmax_m_s": (1.0, 3.0)}, counts=GridCounts(2, 2, 2, 2, 2))
     with pytest.raises(ValueError, match=r"vmax must be in \(0, 2.5\]"):
-        fast.candidates(0.6, LIMITS)
+        fast.curves(0.6, LIMITS)

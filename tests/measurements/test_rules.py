@@ -344,6 +344,7 @@ def test_copies_are_no_repeats_however_they_were_rounded(tmp_path: Path, digits:
     copies = copied(of=0, to=2, digits=digits), copied(of=1, to=3, digits=digits)
     measured = read(tmp_path, only, *copies)
     assert [t.trial for t in measured.trials] == [0, 1, 4]
+    assert noise_floor(measured) == noise_floor(measured.select([0, 4]))
 
 
 def test_repeats_are_no_copies_however_their_tracker_rounds(tmp_path: Path) -> None:

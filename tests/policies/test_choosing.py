@@ -129,7 +129,7 @@ def anything(actions: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def candidates() -> np.ndarray:
-    return GRID.candidates(0.6, LIMITS)
+    return GRID.curves(0.6, LIMITS).actions
 
 
 @pytest.fixture(scope="module")

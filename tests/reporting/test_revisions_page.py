@@ -6,23 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotcast.reporting.bars import Bar, Row, bars
 from robotcast.reporting.revisions_page import TuningProgress, comparable, revisions_page
-from robotcast.reporting.style import inline
+from robotcast.reporting.style import Bar, Row, bars, inline
 from robotcast.tuning.search import Batch
-from robotcast.tuning.tuned import ModelRevision
+from tests.tuning.some_revisions import BASE, TILT
 
-BASE = ModelRevision(
-    cable="cable1", rig="virtual", split="aaaa", tuning_casts=20, heldout_casts=30,
-    simulator="segmented", optimizer="de", effects=(), tuning_waypoint_error_percent=2.46,
-    heldout_waypoint_error_percent=3.12, heldout_final_error_percent=4.05,
-    standard_error_percent=0.24, noise_floor_percent=0.76, simulated_casts=14000,
-)  # fmt: skip
-TILT = replace(
-    BASE, effects=("board_tilt",), heldout_waypoint_error_percent=1.04,
-    tuning_waypoint_error_percent=0.97, predicted_waypoint_error_percent=1.31,
-    sizes={"board_tilt.sy": {"value": -0.0249, "unit": "1"}},
-)  # fmt: skip
 TRACE = tuple(Batch(800, float(b), float(2 * b), 0) for b in 1 + 8 * np.exp(-np.arange(12) / 3))
 
 

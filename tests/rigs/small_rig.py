@@ -6,8 +6,7 @@ from robotcast.rigs.virtual.cable import ArmDynamics, CableTruth, CastNoise, pac
 from robotcast.rigs.virtual.picture import PictureSettings
 from robotcast.rigs.virtual.rig import VirtualRig
 from robotcast.vision.camera import Camera
-from robotcast.vision.facts import TrackerFacts
-from robotcast.vision.fiducials import FiducialBoard
+from robotcast.vision.facts import FiducialBoard, TrackerFacts
 
 R0_M = 0.6
 CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)

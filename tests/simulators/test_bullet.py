@@ -39,7 +39,7 @@ def tilted(kind: str) -> np.ndarray:
     same["bending_stiffness_n_m2"] = BENDING
     vectors = [
         nominal(simulator, **same, **{"board_tilt.sx": x, "board_tilt.sy": y})
-        for x, y in ((0.0, 0.0), (0.05, 0.0), (-0.05, 0.0), (0.0, 0.05), (0.0, -0.05))
+        for x, y in ((0.0, 0.0), (0.05, 0.0), (0.0, 0.05))
     ]
     level, *waypoints_m = simulator.simulate([sweep(0.5)], np.vstack(vectors)).waypoints_m[:, 0]
     return np.array(waypoints_m) - level

@@ -31,12 +31,6 @@ NOT_OFFERED = {kind: {*tunes} for kind, tunes in TUNED.items()}
 NOT_OFFERED[BulletSimulator.name] |= {
     name for name in NAMES if any(map(load_effect(name).acts_through, BulletSimulator.lacks))
 }
-OFFERED = [
-    pytest.param(kind, name, marks=SLOW.get(kind, ()))
-    for kind in TUNED
-    for name in NAMES
-    if name not in NOT_OFFERED[kind]
-]
 
 
 def test_the_library_is_complete() -> None:
@@ -49,23 +43,22 @@ def without_effects(kind: str) -> np.ndarray:
     return simulator.simulate([CAST], nominal(simulator)).waypoints_m[0]
 
 
-@pytest.mark.parametrize(("kind", "name"), OFFERED)
-def test_null_changes_no_bit_and_a_probe_moves_the_end(kind: str, name: str) -> None:
-    """Also beside other values in one batch: the first vector is null, the second is not."""
-    simulator = configured(kind, name)
-    own = [p for p in simulator.parameters if p.name.startswith(name)]
-    null = nominal(simulator)
-    probe = nominal(simulator, **{p.name: p.probes[-1] for p in own if p.null is not None})
-    got = simulator.simulate([CAST], np.vstack([null, probe])).waypoints_m
-    np.testing.assert_array_equal(got[0], without_effects(kind))
-    assert np.nanmax(np.abs(got[1] - got[0])) > 1e-4
-
-
-@pytest.mark.parametrize("kind", TUNED)
-def test_all_effects_at_null_change_no_bit(kind: str) -> None:
-    loaded = configured(kind, *[name for name in NAMES if name not in NOT_OFFERED[kind]])
-    got = loaded.simulate([CAST], nominal(loaded)).waypoints_m[0]
-    np.testing.assert_array_equal(got, without_effects(kind))
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=SLOW.get(kind, ())) for kind in TUNED])
+def test_null_changes_no_bit_and_every_probe_moves_the_end(kind: str) -> None:
+    """All effects beside each other in one batch: of the first vector all are null."""
+    offered = [name for name in NAMES if name not in NOT_OFFERED[kind]]
+    loaded = configured(kind, *offered)
+    strengths = [p for p in loaded.parameters if "." in p.name and p.null is not None]
+    probes = [
+        nominal(
+            loaded, **{p.name: p.probes[-1] for p in strengths if p.name.startswith(f"{name}.")}
+        )
+        for name in offered
+    ]
+    null, *probed = loaded.simulate([CAST], np.vstack([nominal(loaded), *probes])).waypoints_m
+    np.testing.assert_array_equal(null, without_effects(kind))
+    moved_m = {n: np.nanmax(np.abs(p - null)) for n, p in zip(offered, probed, strict=True)}
+    assert min(moved_m.values()) > 1e-4, moved_m
 
 
 @pytest.mark.parametrize(("kind", "name"), [(k, n) for k, names in TUNED.items() for n in names])

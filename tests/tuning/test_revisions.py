@@ -18,18 +18,8 @@ from robotcast.tuning.tuned import (
     record_revision,
 )
 from robotcast.workflow.tuning import promised_error
+from tests.tuning.some_revisions import BASE, TILT
 
-BASE = ModelRevision(
-    cable="cable1", rig="virtual", split="aaaa", tuning_casts=20, heldout_casts=30,
-    simulator="segmented", optimizer="de", effects=(), tuning_waypoint_error_percent=2.46,
-    heldout_waypoint_error_percent=3.12, heldout_final_error_percent=4.05,
-    standard_error_percent=0.24, noise_floor_percent=0.76, simulated_casts=14000,
-)  # fmt: skip
-TILT = replace(
-    BASE, effects=("board_tilt",), heldout_waypoint_error_percent=1.04,
-    sizes={"board_tilt.sy": {"value": -0.0249, "unit": "1"}},
-    predicted_waypoint_error_percent=1.31,
-)  # fmt: skip
 DRAG = replace(BASE, effects=("air_drag",), heldout_waypoint_error_percent=2.9)
 BOTH = replace(BASE, effects=("air_drag", "board_tilt"), heldout_waypoint_error_percent=0.81)
 

@@ -1,6 +1,7 @@
 """Every optimizer finds known parameters within one budget, and one that is killed resumes."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -53,10 +54,17 @@ def run(name: str, evaluate, budget: int | None = None) -> SearchResult:
     return search(optimizer, PROBLEM, evaluate, budget or most)
 
 
+@cache
+def unbroken(name: str) -> tuple[SearchResult, int]:
+    """Return what an optimizer comes to, and how many queries that takes."""
+    bowl = Bowl()
+    return run(name, bowl), bowl.asked
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_a_known_minimum_is_found_within_the_budget(name: str) -> None:
     _, budget, tolerance = OPTIMIZERS[name]
-    found = run(name, Bowl())
+    found, _ = unbroken(name)
     np.testing.assert_allclose(found.vector, TRUE, atol=tolerance)
     assert found.casts <= budget
     best = [batch.best_percent for batch in found.trace]
@@ -67,10 +75,10 @@ def test_a_known_minimum_is_found_within_the_budget(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["de", "bo"])
 def test_a_smaller_budget_ends_the_same_search_earlier(name: str) -> None:
-    whole = run(name, Bowl())
-    paid = sum(batch.casts for batch in whole.trace[:4])
-    assert run(name, Bowl(), paid).trace == whole.trace[:4]
-    assert run(name, Bowl(), paid - 1).trace == whole.trace[:3]
+    whole, _ = unbroken(name)
+    paid = sum(batch.casts for batch in whole.trace[:3])
+    assert run(name, Bowl(), paid).trace == whole.trace[:3]
+    assert run(name, Bowl(), paid - 1).trace == whole.trace[:2]
 
 
 @pytest.mark.parametrize("noise_percent", [0.3, 1e-9])  # 1e-9: every beginning looks hopeless
@@ -85,13 +93,13 @@ def test_gauss_newton_finishes_within_a_small_budget(budget: int, noise_percent:
     np.testing.assert_allclose(found.vector, TRUE, atol=0.02)
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("dies_at", [0, 1, 4])
+@pytest.mark.parametrize(
+    ("name", "dies_at"), [("de", 0), ("de", 1), ("de", 4), ("gn", 1), ("gn", 4), ("bo", 4)]
+)
 def test_a_killed_search_resumes_to_the_same_result(
     tmp_path: Path, name: str, dies_at: int
 ) -> None:
-    unbroken = Bowl()
-    whole = run(name, unbroken)
+    whole, asked = unbroken(name)
     path = tmp_path / "journal.jsonl"
     with pytest.raises(KeyboardInterrupt):
         run(name, Journal(path, "bowl", Bowl(dies_at)))
@@ -99,7 +107,7 @@ def test_a_killed_search_resumes_to_the_same_result(
         file.write('{"vectors": [[0.1')  # killed while writing
     again = Bowl()
     resumed = run(name, Journal(path, "bowl", again))
-    assert again.asked == unbroken.asked - dies_at
+    assert again.asked == asked - dies_at
     np.testing.assert_array_equal(resumed.vector, whole.vector)
     assert resumed.trace == whole.trace
 
@@ -202,7 +210,7 @@ def test_bayesian_optimization_asks_the_same_whatever_the_threads() -> None:
     for threads in (1, 2):
         torch.set_num_threads(threads)
         try:
-            asked.append(run("bo", Bowl(), 16 * CASTS).vector)
+            asked.append(run("bo", Bowl(), 14 * CASTS).vector)
             assert torch.get_num_threads() == threads
         finally:
             torch.set_num_threads(before)

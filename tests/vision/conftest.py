@@ -22,8 +22,7 @@ from robotcast.sessions import (
     write_tool,
 )
 from robotcast.vision.camera import Camera
-from robotcast.vision.facts import BLOCK, TrackerFacts
-from robotcast.vision.fiducials import FiducialBoard
+from robotcast.vision.facts import BLOCK, FiducialBoard, TrackerFacts
 
 RADIUS_M = 0.015
 FPS, EXPOSURE_S = 60.0, 0.004

@@ -198,12 +198,13 @@ class ActionGrid:
             for (first, last), field in zip(ends, fields(self.counts), strict=True)
         ]
 
-    def candidates(self, r0_m: float, limits: PlanLimits) -> np.ndarray:
-        """Return every action of the grid with its r₁, (n, 6), the last coordinate fastest."""
-        return self.curves(r0_m, limits).actions
+    @property
+    def size(self) -> int:
+        """How many actions it holds."""
+        return math.prod(count for _, _, count in self.axes())
 
     def curves(self, r0_m: float, limits: PlanLimits) -> CastCurves:
-        """Return the curves of every action of the grid."""
+        """Return the curves of every action of the grid, the last coordinate fastest."""
         axes = [np.linspace(*axis) for axis in self.axes()]
         axes.insert(1, np.array([np.nan]))
         actions = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 6)

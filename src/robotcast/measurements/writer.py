@@ -12,8 +12,7 @@ from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.table import TABLE_COLUMNS
 from robotcast.files import atomic_folder
 from robotcast.measurements.measurement_set import MeasurementSet
-from robotcast.measurements.reader import read_measurement_set
-from robotcast.measurements.rig_file import RigFacts, rig_file_text
+from robotcast.measurements.reader import RigFacts, read_measurement_set, rig_file_text
 
 
 @contextmanager

@@ -19,7 +19,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from robotcast.diagnosis.rule import RULE
-from robotcast.reporting.bars import Bar, Row, bars
 from robotcast.reporting.names import error, factor_label, rig_name
 from robotcast.reporting.page import block, render
 from robotcast.reporting.robot_page import robot_block
@@ -30,6 +29,9 @@ from robotcast.reporting.style import (
     INK,
     LINE,
     VERMILION,
+    Bar,
+    Row,
+    bars,
     beside,
     board_arrows,
     board_canvas,

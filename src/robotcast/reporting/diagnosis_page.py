@@ -14,7 +14,6 @@ from typing import Any, Literal
 from markupsafe import Markup
 
 from robotcast.diagnosis.wording import PLAIN, parameter_name
-from robotcast.reporting.bars import Bar, Row, bars, fall, spread
 from robotcast.reporting.comparison_page import casts_block, where_blocks
 from robotcast.reporting.missing_force import drafts, field_figure, focus, strongest
 from robotcast.reporting.names import (
@@ -28,7 +27,7 @@ from robotcast.reporting.names import (
 )
 from robotcast.reporting.page import render
 from robotcast.reporting.robot_page import robot_block
-from robotcast.reporting.style import inline
+from robotcast.reporting.style import Bar, Row, bars, fall, inline, spread
 
 State = Literal["running", "too-few", "unknown", "none", "near", "open", "confused", "found"]
 

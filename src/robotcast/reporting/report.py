@@ -15,7 +15,6 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from robotcast.files import write_text
-from robotcast.reporting.bars import Bar, Row, bars, fall
 from robotcast.reporting.figures import (
     board_errors_figure,
     errors_figure,
@@ -43,7 +42,20 @@ from robotcast.reporting.results import (
     read_tuning,
 )
 from robotcast.reporting.revisions_page import comparable
-from robotcast.reporting.style import BLACK, BLUE, GREY, VERMILION, board_axes, inline, style, svg
+from robotcast.reporting.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    VERMILION,
+    Bar,
+    Row,
+    bars,
+    board_axes,
+    fall,
+    inline,
+    style,
+    svg,
+)
 from robotcast.reporting.tables import (
     MISSING,
     Table,

@@ -7,7 +7,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from robotcast.reporting.bars import Bar, Row, bars, fall, spread
 from robotcast.reporting.names import (
     cable_name,
     effect_name,
@@ -17,7 +16,21 @@ from robotcast.reporting.names import (
     thousands,
 )
 from robotcast.reporting.page import render
-from robotcast.reporting.style import BLUE, GREEN, GREY, beside, canvas, inline, log_errors, style
+from robotcast.reporting.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    Bar,
+    Row,
+    bars,
+    beside,
+    canvas,
+    fall,
+    inline,
+    log_errors,
+    spread,
+    style,
+)
 from robotcast.tuning.search import Batch
 from robotcast.tuning.tuned import ModelRevision
 

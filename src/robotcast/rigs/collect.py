@@ -1,8 +1,7 @@
 """Collecting casts into a session: only what is missing, side by side, whatever fails."""
 
 import itertools
-from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import as_completed
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -15,7 +14,7 @@ from robotcast import sessions
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
 from robotcast.files import atomic_folder, write_text
-from robotcast.processes import process_pool
+from robotcast.processes import pool_map
 from robotcast.progress import Progress, silent
 from robotcast.rigs import CastNotUsed, Rig, RigStopped
 
@@ -94,8 +93,8 @@ def collect_casts(
         stood = len(requests) - len(missing)
         failed: dict[int, str] = {}
         progress(stood, len(requests))
-        with closing(_outcomes(execute, missing, rig.workers)) as outcomes:
-            for done, (request, reason) in enumerate(outcomes, 1):
+        with closing(pool_map(execute, missing, rig.workers)) as outcomes:
+            for done, (request, reason) in enumerate(zip(missing, outcomes, strict=True), 1):
                 if reason:
                     failed[request.number] = reason
                 _note_failure(folder, request, reason)
@@ -104,21 +103,6 @@ def collect_casts(
                 parts = (f"cast {request.number}", note, failures)
                 progress(stood + done, len(requests), ", ".join(filter(None, parts)))
     return Collected(stood, len(missing) - len(failed), dict(sorted(failed.items())))
-
-
-def _outcomes(
-    execute: Callable[[sessions.CastRequest], str],
-    requests: list[sessions.CastRequest],
-    workers: int,
-) -> Generator[tuple[sessions.CastRequest, str], None, None]:
-    """Execute the requests; yield each with "" or with why it failed, as they finish."""
-    workers = min(workers, len(requests))
-    if workers <= 1:
-        yield from ((request, execute(request)) for request in requests)
-        return
-    with process_pool(workers) as pool:
-        running = {pool.submit(execute, request): request for request in requests}
-        yield from ((running[future], future.result()) for future in as_completed(running))
 
 
 def _execute(request: sessions.CastRequest, *, rig: Rig, folder: Path, planner: Plan) -> str:

@@ -212,51 +212,35 @@ def _measure_clearances(
 _MEASURES = {"joints": _measure_joints, "tool": _measure_tool, "clearances": _measure_clearances}
 
 
-@dataclass(frozen=True)
-class FilterReport:
-    """What became of the actions of a grid."""
-
-    candidates: int
-    feasible: int
-    broken: dict[str, int]  # how many candidates break each rule; one may break several
-
-
 def feasible_actions(
     grid: ActionGrid,
     r0_m: float,
     limits: PlanLimits,
     envelope: Envelope,
     progress: Progress = silent,
-) -> tuple[np.ndarray, FilterReport]:
-    """Return the actions of the grid that the arm can do, (m, 6), and why others fell.
+) -> np.ndarray:
+    """Return the actions of the grid that the arm can do, (m, 6).
 
     It must do the mirror image too: the arm is not symmetric, and a policy uses both.
     """
     curves = grid.curves(r0_m, limits)
-    broken = _rules_broken_by_casts(curves, envelope, progress)
-    kept = ~np.any(list(broken.values()), axis=0)
-    counts = {rule: int(bad.sum()) for rule, bad in broken.items()}
-    return curves.actions[kept], FilterReport(len(kept), int(kept.sum()), counts)
+    return curves.actions[_are_feasible(curves, envelope, progress)]
 
 
 def are_feasible(
     actions: np.ndarray, r0_m: float, limits: PlanLimits, envelope: Envelope
 ) -> np.ndarray:
     """Tell which of `actions` (n, 6) the arm can do, mirrored or not, (n,) of bool."""
-    broken = _rules_broken_by_casts(plan_curves(actions, r0_m, limits), envelope, silent)
-    return ~np.any(list(broken.values()), axis=0)
+    return _are_feasible(plan_curves(actions, r0_m, limits), envelope, silent)
 
 
-def _rules_broken_by_casts(
-    curves: CastCurves, envelope: Envelope, progress: Progress
-) -> dict[str, np.ndarray]:
-    """Return which casts break which rule, mirrored or not, each (n,) of bool."""
+def _are_feasible(curves: CastCurves, envelope: Envelope, progress: Progress) -> np.ndarray:
     first, member = distinct_arcs(curves.actions)  # α turns the wrist alone
     arcs, both = curves.rows(first), (AS_IT_IS, MIRRORED)
-    places = _broken_in("tool", arcs, PLACE_SAMPLE_S, envelope, both)
-    places |= _broken_in("clearances", arcs, PLACE_SAMPLE_S, envelope, (AS_IT_IS,))
+    broken = _broken_in("tool", arcs, PLACE_SAMPLE_S, envelope, both)
+    broken |= _broken_in("clearances", arcs, PLACE_SAMPLE_S, envelope, (AS_IT_IS,))
     joints = _broken_in("joints", curves, JOINT_SAMPLE_S, envelope, both, progress)
-    return {rule: bad[member] for rule, bad in places.items()} | joints
+    return ~(broken[member] | joints)
 
 
 def _broken_in(
@@ -266,10 +250,10 @@ def _broken_in(
     envelope: Envelope,
     images: tuple[np.ndarray, ...],
     progress: Progress = silent,
-) -> dict[str, np.ndarray]:
-    """Return which casts break which rule of a group in any of their images, each (n,) of bool."""
-    n, broken = len(curves.actions), {}
-    order = np.argsort(curves.end_s, kind="stable")
+) -> np.ndarray:
+    """Tell which casts break a rule of a group in any of their images, (n,) of bool."""
+    n = len(curves.actions)
+    broken, order = np.zeros(n, dtype=bool), np.argsort(curves.end_s, kind="stable")
     for start in range(0, n, ROWS_AT_ONCE):
         rows = order[start : start + ROWS_AT_ONCE]
         some = curves.rows(rows)
@@ -277,7 +261,7 @@ def _broken_in(
         pose = some.poses_at(t_s)
         for image in images:
             joints = joints_pointing_down(pose * image, envelope.gripper)
-            for rule, outside in rules_broken_by_many(group, t_s, joints, envelope).items():
-                broken.setdefault(rule, np.zeros(n, dtype=bool))[rows] |= outside
+            for outside in rules_broken_by_many(group, t_s, joints, envelope).values():
+                broken[rows] |= outside
         progress(start + len(rows), n, "filtering")
     return broken

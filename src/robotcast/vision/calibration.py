@@ -12,8 +12,7 @@ import cv2
 import numpy as np
 
 from robotcast.vision.camera import Camera
-from robotcast.vision.facts import TrackerFacts, TrackingLimits
-from robotcast.vision.fiducials import FiducialBoard, find_markers
+from robotcast.vision.facts import FiducialBoard, TrackerFacts, TrackingLimits, find_markers
 
 FEWEST_MARKERS = 4
 LIMITS = TrackingLimits()

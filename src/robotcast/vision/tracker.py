@@ -5,7 +5,7 @@ Last, all casts of a session, tracked side by side into a measurement set.
 
 import itertools
 import os
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -18,7 +18,7 @@ import numpy as np
 from robotcast.casts.action import ToolMotion
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.measurements.reader import judged
-from robotcast.processes import process_pool
+from robotcast.processes import pool_map
 from robotcast.progress import Progress, silent
 from robotcast.sessions import (
     FRAMES_FILE,
@@ -33,8 +33,7 @@ from robotcast.sessions import (
 )
 from robotcast.vision.calibration import LIMITS, Calibration, calibrate
 from robotcast.vision.detector import Detection, EndpointDetector
-from robotcast.vision.facts import TrackerFacts, TrackingLimits
-from robotcast.vision.fiducials import Stillness
+from robotcast.vision.facts import Stillness, TrackerFacts, TrackingLimits
 
 _CALIBRATION_FRAMES = 5
 _WHOLE = (0.92, 1.12)
@@ -348,7 +347,8 @@ def track_session(
     total = len(session.casts)
     progress(0, total)
     attempt = partial(_attempt, session, limits)
-    with closing(_outcomes(attempt, session.casts, min(workers, total))) as outcomes:
+    alone = partial(cv2.setNumThreads, 1)
+    with closing(pool_map(attempt, session.casts, workers, alone)) as outcomes:
         for done, (cast, outcome) in enumerate(zip(session.casts, outcomes, strict=True), 1):
             if isinstance(outcome, str):
                 lost[cast.number] = outcome
@@ -356,17 +356,6 @@ def track_session(
                 tracked[cast.number], tools[cast.number] = outcome
             progress(done, total, f"{len(lost)} lost" if lost else "")
     return TrackedSession(session, tracked, tools, lost)
-
-
-def _outcomes(
-    attempt: Callable[[CastRequest], Outcome], casts: Sequence[CastRequest], workers: int
-) -> Generator[Outcome, None, None]:
-    """Yield, in the order of the casts, what was tracked or why it was not."""
-    if workers <= 1:
-        yield from map(attempt, casts)
-        return
-    with process_pool(workers, partial(cv2.setNumThreads, 1)) as pool:
-        yield from pool.map(attempt, casts)
 
 
 def _attempt(session: Session, limits: TrackingLimits, cast: CastRequest) -> Outcome:

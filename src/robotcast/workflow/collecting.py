@@ -22,8 +22,8 @@ def chosen_casts(config: DictConfig, folder: Path) -> list[tuple[int, Action]]:
     grid, r0_m, limits, envelope = action_space(config, "collected")
     if config.collect.actions is None:
         with bar("feasible actions") as progress:
-            feasible, report = feasible_actions(grid, r0_m, limits, envelope, progress)
-        tell(f"{report.feasible} of {report.candidates} actions are feasible")
+            feasible = feasible_actions(grid, r0_m, limits, envelope, progress)
+        tell(f"{len(feasible)} of {grid.size} actions are feasible")
         size = config.scale.collect
         return choose_casts(feasible, size.casts, size.repeats, config.seed)
     can = partial(are_feasible, r0_m=r0_m, limits=limits, envelope=envelope)

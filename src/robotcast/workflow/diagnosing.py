@@ -94,7 +94,7 @@ def case_of(config: DictConfig, measured: MeasurementSet) -> Case:
     def further() -> Further:
         """Draw from what the arm can do from the radius where the set's casts start."""
         grid, _, limits, envelope = action_space(config, "collected")
-        feasible, _ = feasible_actions(grid, measured.r0_m, limits, envelope)
+        feasible = feasible_actions(grid, measured.r0_m, limits, envelope)
         return candidate_casts(model, measured, feasible, limits, FURTHER, config.seed)
 
     return Case(

@@ -35,7 +35,7 @@ def generate_d_sim(config: DictConfig) -> tuple[Path, dict[str, Any]]:
     vector = vector_of(simulator.parameters, values)
     grid, r0_m, limits, envelope = action_space(config, "generated")
     with bar("grid of actions") as progress:
-        actions, _ = feasible_actions(grid, r0_m, limits, envelope, progress)
+        actions = feasible_actions(grid, r0_m, limits, envelope, progress)
     measured = measured_set(config.paths.measurements)
     tuning, _ = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
     following, reach_m = _following(tuning.trials, r0_m, limits), mean_reach(tuning.trials)

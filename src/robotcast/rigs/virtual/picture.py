@@ -12,7 +12,7 @@ from robotcast.files import atomic_file
 from robotcast.rigs.kinematics import Gripper, link_points
 from robotcast.sessions import video_writer
 from robotcast.vision.camera import Camera
-from robotcast.vision.fiducials import BORDER_MODULES, MODULES, FiducialBoard, dictionary
+from robotcast.vision.facts import BORDER_MODULES, MODULES, FiducialBoard, dictionary
 
 Colour = tuple[float, float, float]
 
