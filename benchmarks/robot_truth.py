@@ -102,7 +102,7 @@ def dry(torque: float, rate: float, peak: float = 0.0, speed: float = 1.0) -> La
 BELT = {"axis": (3e5, 30.0)}  # of the slider's truth, about 100 Hz
 GONE = ("none",)
 ELBOW_GAP = Hidden(
-    "two_link", ("backlash_elbow",), {"backlash_elbow.gap": 0.06}, gaps={"elbow": 0.06}
+    "two_link", ("backlash_elbow",), {"backlash_elbow.gap": 0.15}, gaps={"elbow": 0.15}
 )
 CASES = {
     "cart_pole_control": Hidden("cart_pole", GONE),
@@ -293,6 +293,7 @@ def _truth(spec: mujoco.MjSpec, hidden: Hidden) -> mujoco.MjModel:
     springs = {**(BELT if hidden.mechanism == "slider" else {}), **hidden.springs}
     for name in {*springs, *hidden.gaps}:
         joint = spec.joint(name)
+        joint.parent.simple = 0  # MuJoCo takes two slides along one axis for orthogonal ones
         twist = joint.parent.add_joint(name=f"{name} twist", type=joint.type)
         twist.axis, twist.pos = joint.axis, joint.pos
         if name in springs:

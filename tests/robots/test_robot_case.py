@@ -4,6 +4,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import polars as pl
 import pytest
 
 from robotcast.diagnosis.diagnose import diagnose
@@ -11,7 +12,7 @@ from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.robots import rollout
 from robotcast.robots.robot_case import RobotCase, read_case
 from robotcast.robots.rollout import Start
-from tests.robots.made_up_robot import ARM, PERIOD_S, QUANTUM, dry, write_folder
+from tests.robots.made_up_robot import ARM, PERIOD_S, QUANTUM, SLIDER, dry, write_folder
 
 
 @pytest.fixture(scope="module")
@@ -143,11 +144,38 @@ def test_repeats_tell_the_floor(tmp_path: Path) -> None:
     assert parts[0] == parts[1]
 
 
-def test_hidden_dry_friction_is_named(slider: RobotCase) -> None:
-    kept = ("dry_friction_axis", "viscous_friction_axis", "drive_gain_axis", "mass_table")
-    others = [n for n, e in slider.model.effects.items() if e.depends_on is None and n not in kept]
+FEW = ("dry_friction_axis", "viscous_friction_axis", "drive_gain_axis", "mass_table")
+
+
+def named(case: RobotCase, *more: str) -> tuple[list[str], dict[str, float]]:
+    """Return what a diagnosis with a few candidates names, and the sizes of it."""
+    effects = case.model.effects
+    others = [n for n, e in effects.items() if e.depends_on is None and n not in (*FEW, *more)]
     effort = Effort(some=12, tried=3, finalists=1)
-    said = diagnose(slider.question(others, (), Rule(), effort), lambda known: None)
-    assert said["verdict"] == ["dry_friction_axis"]
-    torque = said["ranking"][0]["parameters"]["torque"]
-    assert torque["value"] == pytest.approx(0.8, rel=0.05)
+    said = diagnose(case.question(others, (), Rule(), effort), lambda known: None)
+    return said["verdict"], {n: p["value"] for n, p in said["model"]["parameters"].items()}
+
+
+def test_hidden_dry_friction_is_named(slider: RobotCase) -> None:
+    verdict, sizes = named(slider)
+    assert verdict == ["dry_friction_axis"]
+    assert sizes["dry_friction_axis.torque"] == pytest.approx(0.8, rel=0.05)
+
+
+def test_a_joint_that_resonates_is_named_elastic(tmp_path: Path) -> None:
+    xml = SLIDER.replace('damping="2"', 'damping="2" armature="0.6"')
+    case = read_case(write_folder(tmp_path, xml, spring=600.0))
+    verdict, sizes = named(case, "elastic_joint_axis", "dead_time_axis", "lag_axis")
+    assert verdict == ["elastic_joint_axis"]
+    assert sizes["elastic_joint_axis.c"] == pytest.approx(1 / 600, rel=0.1)
+
+
+def test_commands_that_come_late_are_named_dead_time(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path)
+    for path in folder.glob("log*.csv"):  # commands are logged three rows before they act
+        table = pl.read_csv(path)
+        earlier = pl.col("u_motor").shift(-3).fill_null(strategy="forward")
+        table.with_columns(earlier).write_csv(path)
+    verdict, sizes = named(read_case(folder), "elastic_joint_axis", "dead_time_axis", "lag_axis")
+    assert verdict == ["dead_time_axis"]
+    assert sizes["dead_time_axis.tau"] == pytest.approx(3 * PERIOD_S, rel=0.1)  # the step is 5 ms
