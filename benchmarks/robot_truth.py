@@ -5,9 +5,10 @@ here a second time; encoders are quantised, noisy and late; servos close their l
 """
 
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -19,9 +20,8 @@ from robotcast.files import seal
 from robotcast.robots.model_fields import OneModel
 from robotcast.robots.names import address
 
-XML = Path(__file__).parent / "mechanisms"
+HERE = Path(__file__).parent
 PERIOD_S, FINER = 0.005, 10
-Law = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # q, v, drive → force on a joint
 
 
 @dataclass(frozen=True)
@@ -69,181 +69,45 @@ class Hidden:
     sizes : true parameters by "effect.parameter".
     fields : of the model, as robot.yaml names them.
     springs : stiffness and damping behind a joint; gaps likewise.
-    law : a force on a joint.
+    limits : of the torque of servos.
+    law : a force on a joint, see `pushed`.
     renamed : whether joints have other names, and columns another order.
     """
 
     mechanism: str
-    answer: tuple[str, ...]
+    answer: Sequence[str]
     sizes: Mapping[str, float] = field(default_factory=dict)
     fields: Mapping[str, float] = field(default_factory=dict)
-    springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    springs: Mapping[str, Sequence[float]] = field(default_factory=dict)
     gaps: Mapping[str, float] = field(default_factory=dict)
-    law: tuple[str, Law] | None = None
+    law: Mapping[str, Any] = field(default_factory=dict)
     delay_s: float = 0.0
     lag_s: float = 0.0
-    most: float = np.inf  # torque of servos
+    limits: Mapping[str, float] = field(default_factory=dict)
     late_s: Mapping[str, float] = field(default_factory=dict)
     offset: Mapping[str, float] = field(default_factory=dict)
-    rest: tuple[tuple[float, ...], ...] = ()
+    rest: Sequence[Sequence[float]] = ()
     either: bool = False
     renamed: bool = False
 
 
-def dry(torque: float, rate: float, peak: float = 0.0, speed: float = 1.0) -> Law:
-    """Return dry friction as a steep smooth law, stepped finely: not MuJoCo's constraint."""
+def pushed(law: Mapping[str, Any], q: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Return a hidden force by position, speed and drive.
 
-    def law(q: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
-        return -(torque + peak * np.exp(-((v / speed) ** 2))) * np.tanh(v / rate)
-
-    return law
+    Dry friction is a steep smooth law, stepped finely: not MuJoCo's constraint.
+    """
+    known = {"dry": 0.0, "peak": 0.0, "speed": 1.0, "rate": 1.0, "load": 0.0, "drag": 0.0}
+    known |= {"ripple": 0.0, "waves": 1.0, **law}
+    dry = known["dry"] + known["peak"] * np.exp(-((v / known["speed"]) ** 2))
+    dry = dry + known["load"] * np.abs(u)
+    smooth = known["ripple"] * np.sin(known["waves"] * q) - known["drag"] * v * np.abs(v)
+    return smooth - dry * np.tanh(v / known["rate"])
 
 
 BELT = {"axis": (3e5, 30.0)}  # of the slider's truth, about 100 Hz
-GONE = ("none",)
-ELBOW_GAP = Hidden(
-    "two_link", ("backlash_elbow",), {"backlash_elbow.gap": 0.06}, gaps={"elbow": 0.06}
-)
 CASES = {
-    "cart_pole_control": Hidden("cart_pole", GONE),
-    "cart_pole_dry": Hidden(
-        "cart_pole",
-        ("dry_friction_slider",),
-        {"dry_friction_slider.torque": 0.8},
-        law=("slider", dry(0.8, 0.004)),
-    ),
-    "cart_pole_mass": Hidden(
-        "cart_pole", ("mass_pole",), {"mass_pole.k": 0.5}, {"body[pole].mass": 0.45}
-    ),
-    "cart_pole_dead_time": Hidden(
-        "cart_pole", ("dead_time_slider",), {"dead_time_slider.tau": 0.04}, delay_s=0.04
-    ),
-    "cart_pole_latency": Hidden(
-        "cart_pole",
-        ("encoder_latency_hinge",),
-        {"encoder_latency_hinge.tau": 0.02},
-        late_s={"hinge": 0.02},
-    ),
-    "cart_pole_ripple": Hidden(
-        "cart_pole", ("unknown",), law=("slider", lambda q, v, u: 1.5 * np.sin(10 * q))
-    ),
-    "two_link_control": Hidden("two_link", GONE),
-    "two_link_dry": Hidden(
-        "two_link",
-        ("dry_friction_elbow",),
-        {"dry_friction_elbow.torque": 0.25},
-        law=("elbow", dry(0.25, 0.02)),
-    ),
-    "two_link_viscous": Hidden(
-        "two_link",
-        ("viscous_friction_elbow",),
-        {"viscous_friction_elbow.damping": 0.27},
-        {"joint[elbow].damping": 0.3},
-    ),
-    "two_link_payload": Hidden(
-        "two_link", ("mass_fore",), {"mass_fore.k": 0.6}, {"body[fore].mass": 0.8}
-    ),
-    "two_link_dead_time": Hidden(
-        "two_link", ("dead_time_shoulder", "dead_time_elbow"), delay_s=0.05
-    ),
-    "two_link_offset": Hidden(
-        "two_link",
-        ("encoder_offset_shoulder",),
-        {"encoder_offset_shoulder.q0": 0.08},
-        offset={"shoulder": 0.08},
-    ),
-    "two_link_elastic": Hidden(
-        "two_link",
-        ("elastic_joint_elbow",),
-        {"elastic_joint_elbow.c": 1 / 15},
-        springs={"elbow": (15.0, 0.03)},
-    ),
-    "two_link_backlash": ELBOW_GAP,
-    "two_link_backlash_renamed": replace(ELBOW_GAP, renamed=True),
-    "two_link_saturation": Hidden(
-        "two_link", ("torque_limit_shoulder", "torque_limit_elbow"), most=1.5
-    ),
-    "slider_control": Hidden("slider", GONE),
-    "slider_dry": Hidden(
-        "slider",
-        ("dry_friction_axis",),
-        {"dry_friction_axis.torque": 6.0},
-        law=("axis", dry(6.0, 0.002)),
-    ),
-    "slider_stribeck": Hidden(
-        "slider",
-        ("stribeck_friction_axis",),
-        {"stribeck_friction_axis.torque": 4.0, "stribeck_friction_axis.peak": 8.0},
-        law=("axis", dry(4.0, 0.002, 8.0, 0.3)),
-    ),
-    "slider_drag": Hidden(
-        "slider",
-        ("drag_axis",),
-        {"drag_axis.c": 30.0},
-        law=("axis", lambda q, v, u: -30 * v * abs(v)),
-    ),
-    "slider_gain": Hidden(
-        "slider", ("drive_gain_axis",), {"drive_gain_axis.k": -0.2}, {"actuator[motor].gear": 8.0}
-    ),
-    "slider_lag": Hidden("slider", ("lag_axis",), {"lag_axis.tau": 0.05}, lag_s=0.05),
-    "slider_belt": Hidden(
-        "slider",
-        ("elastic_joint_axis",),
-        {"elastic_joint_axis.c": 1 / 4000},
-        springs={"axis": (4000.0, 8.0)},
-    ),
-    "six_axis_control": Hidden("six_axis", GONE),
-    "six_axis_payload": Hidden(
-        "six_axis", ("mass_tool",), {"mass_tool.k": 1.0}, {"body[tool].mass": 1.0}
-    ),
-    "six_axis_dead_time": Hidden("six_axis", ("dead_time_arm", "dead_time_wrist"), delay_s=0.03),
-    "six_axis_wrist": Hidden(
-        "six_axis",
-        ("viscous_friction_wrist",),
-        {"viscous_friction_wrist.damping": 0.5},
-        {"joint[joint_4].damping": 0.55, "joint[joint_5].damping": 0.55}
-        | {"joint[joint_6].damping": 0.53},
-    ),
-    "leg_control": Hidden("leg", GONE),
-    "leg_dry": Hidden(
-        "leg",
-        ("dry_friction_knee",),
-        {"dry_friction_knee.torque": 1.0},
-        law=("knee", dry(1.0, 0.02)),
-    ),
-    "leg_ice": Hidden(
-        "leg",
-        ("contact_friction",),
-        {"contact_friction.k": -0.6},
-        {"geom[foot].friction": 0.32, "geom[floor].friction": 0.32},
-    ),
-    "leg_payload": Hidden("leg", ("mass_trunk",), {"mass_trunk.k": 0.5}, {"body[trunk].mass": 4.5}),
-    "lifter_one_load": Hidden(
-        "lifter",
-        ("load_friction_lift", "dry_friction_lift"),
-        law=("lift", lambda q, v, u: -0.15 * abs(u) * np.tanh(v / 0.01)),
-        either=True,
-    ),
-    "lifter_two_loads": Hidden(
-        "lifter",
-        ("load_friction_lift",),
-        {"load_friction_lift.mu": 0.15},
-        law=("lift", lambda q, v, u: -0.15 * abs(u) * np.tanh(v / 0.01)),
-        rest=((0.0,), (-1.3,)),
-    ),
-    "quadruped_control": Hidden("quadruped", GONE),
-    "quadruped_knees": Hidden(
-        "quadruped",
-        ("viscous_friction_calf_joint",),
-        {"viscous_friction_calf_joint.damping": 0.5},
-        {f"joint[{leg}_calf_joint].damping": 0.6 for leg in ("FL", "FR", "RL", "RR")},
-    ),
-    "quadruped_one_knee": Hidden(
-        "quadruped",
-        ("viscous_friction_RL_calf_joint",),
-        {"viscous_friction_RL_calf_joint.damping": 1.0},
-        {"joint[RL_calf_joint].damping": 1.1},
-    ),
+    case: Hidden(**said)
+    for case, said in yaml.safe_load((HERE / "robot_cases.yaml").read_text()).items()
 }
 
 
@@ -251,7 +115,7 @@ def make(case: str, folder: Path, sealed: Path, seed: int = 0) -> None:
     """Write a folder with a model, logs and robot.yaml; the answer stands sealed elsewhere."""
     hidden = CASES[case]
     mechanism = MECHANISMS[hidden.mechanism]
-    text = (XML / f"{hidden.mechanism}.xml").read_text(encoding="utf-8")
+    text = (HERE / "mechanisms" / f"{hidden.mechanism}.xml").read_text(encoding="utf-8")
     spec = mujoco.MjSpec.from_string(text)
     joints, drives = ([one.name for one in some] for some in (spec.joints, spec.actuators))
     to = {j: f"axis_{9 - k}" if hidden.renamed else j for k, j in enumerate(joints)}
@@ -293,6 +157,7 @@ def _truth(spec: mujoco.MjSpec, hidden: Hidden) -> mujoco.MjModel:
     springs = {**(BELT if hidden.mechanism == "slider" else {}), **hidden.springs}
     for name in {*springs, *hidden.gaps}:
         joint = spec.joint(name)
+        joint.parent.simple = 0  # MuJoCo takes two slides along one axis for orthogonal ones
         twist = joint.parent.add_joint(name=f"{name} twist", type=joint.type)
         twist.axis, twist.pos = joint.axis, joint.pos
         if name in springs:
@@ -301,9 +166,10 @@ def _truth(spec: mujoco.MjSpec, hidden: Hidden) -> mujoco.MjModel:
             twist.limited, reach = int(mujoco.mjtLimited.mjLIMITED_TRUE), hidden.gaps[name] / 2
             twist.range = np.degrees([-reach, reach]) if spec.compiler.degree else [-reach, reach]
             twist.solref_limit = [0.004, 1.0]
-    for actuator in spec.actuators if np.isfinite(hidden.most) else ():
+    for name, most in hidden.limits.items():
+        actuator = spec.actuator(name)
         actuator.forcelimited = int(mujoco.mjtLimited.mjLIMITED_TRUE)
-        actuator.forcerange = [-hidden.most, hidden.most]
+        actuator.forcerange = [-most, most]
     model = spec.compile()
     fields = OneModel(model)
     for name, value in hidden.fields.items():
@@ -348,10 +214,10 @@ def _logs(
         wanted = command[:, max(step - late, 0) // per_sample]
         reached = wanted + keep * (reached - wanted)
         ctrl[:] = reached
-        if hidden.law is not None:
-            joint, law = hidden.law
-            k = joints.index(joint)
-            applied[:, dofs[k]] = law(qpos[:, at[k]], qvel[:, dofs[k]], actuated[:, dofs[k]])
+        if hidden.law:
+            k = joints.index(hidden.law["joint"])
+            moved = qpos[:, at[k]], qvel[:, dofs[k]], actuated[:, dofs[k]]
+            applied[:, dofs[k]] = pushed(hidden.law, *moved)
         batch.step()
     seen = np.empty((logs, n, len(joints)))
     for k, joint in enumerate(joints):

@@ -50,14 +50,23 @@ def write_folder(
     length_s: float = 1.5,
     change: Callable[[mujoco.MjModel], None] = lambda model: None,
     noise: float = QUANTUM,
+    spring: float = 0.0,
     **more: object,
 ) -> Path:
-    """Write model, logs and robot.yaml of a robot in which `change` is hidden."""
+    """Write model, logs and robot.yaml of a robot in which `change` is hidden, or a spring."""
     model = mujoco.MjModel.from_xml_string(xml)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "robot.xml").write_text(xml, encoding="utf-8")
     said = said_of(model, **more)
     (folder / "robot.yaml").write_text(yaml.safe_dump(said, sort_keys=False), encoding="utf-8")
+    names = [model.joint(j).name for j in range(model.njnt)]
+    if spring:
+        spec = mujoco.MjSpec.from_string(xml)
+        joint = spec.joints[0]
+        joint.parent.simple = 0  # MuJoCo takes two slides along one axis for orthogonal ones
+        twist = joint.parent.add_joint(name="twist", type=joint.type)
+        twist.axis, twist.stiffness[0], twist.damping[0] = joint.axis, spring, 0.005 * spring
+        model = spec.compile()
     change(model)
     model.opt.timestep /= 10
     per_sample = round(PERIOD_S / model.opt.timestep)
@@ -70,12 +79,13 @@ def write_folder(
             command = AMPLITUDE[: model.nu] * np.sin(2 * np.pi * (hertz * t_s + phase))
             command *= 4.0 if model.nu == 1 else 1.0
             data.ctrl[:] = command
-            seen = data.qpos + noise * rng.normal(size=model.nq)
+            own = [data.joint(j).qpos[0] for j in names]
+            seen = own + noise * rng.normal(size=len(names))
             rows.append([t_s, *command, *(np.round(seen / QUANTUM) * QUANTUM)])
             mujoco.mj_step(model, data, per_sample)
-        names = ["t", *(f"u_{model.actuator(a).name}" for a in range(model.nu))]
-        names += [f"q_{model.joint(j).name}" for j in range(model.njnt)]
-        table = pl.DataFrame(dict(zip(names, np.array(rows).T, strict=True)))
+        columns = ["t", *(f"u_{model.actuator(a).name}" for a in range(model.nu))]
+        columns += [f"q_{name}" for name in names]
+        table = pl.DataFrame(dict(zip(columns, np.array(rows).T, strict=True)))
         table.write_csv(folder / f"log{number}.csv")
     return folder
 

@@ -7,7 +7,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.parameter import Parameter
+from robotcast.robots.by_joint import diagnose_by_joint
 from robotcast.robots.effect import Motion, Where
 from robotcast.robots.effects import CommandRate, SpeedLimit, Stribeck
 from robotcast.robots.library import parts_of, within
@@ -90,6 +92,22 @@ def test_joints_that_are_alike_share_effects_until_one_is_named(tmp_path: Path) 
     ]
     assert within(case.robot, case.sizes, alone[0]) == ()
     assert "elastic_joint_knee_joint" not in case.model.effects  # one has no drive
+
+
+def test_a_joint_is_told_apart_within_its_group(tmp_path: Path) -> None:
+    def hide(model: mujoco.MjModel) -> None:
+        model.dof_frictionloss[3] = 0.1  # right_knee_joint
+
+    windows = {"length_s": 0.5}
+    case = read_case(write_folder(tmp_path, WALKER, logs=8, windows=windows, change=hide))
+    kept = ("viscous_friction_knee_joint", "dry_friction_knee_joint")
+    others = [n for n, e in case.model.effects.items() if e.depends_on is None and n not in kept]
+    effort = Effort(some=12, tried=3, finalists=1)
+    found = diagnose_by_joint(case, case.question(others, (), Rule(), effort), lambda known: None)
+    assert found["verdict"] == ["dry_friction_right_knee_joint"]
+    torque = found["model"]["parameters"]["dry_friction_right_knee_joint.torque"]
+    assert torque["value"] == pytest.approx(0.1, rel=0.1)
+    assert "told apart" in found["notes"][0]
 
 
 @pytest.fixture(scope="module")

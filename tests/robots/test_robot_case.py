@@ -20,7 +20,7 @@ from robotcast.robots.robot_case import RobotCase, read_case
 from robotcast.robots.rollout import Start
 from robotcast.robots.shown import shown
 from robotcast.robots.sysid import write_parameters
-from tests.robots.made_up_robot import ARM, PERIOD_S, QUANTUM, dry, write_folder
+from tests.robots.made_up_robot import ARM, PERIOD_S, QUANTUM, SLIDER, dry, write_folder
 
 
 @pytest.fixture(scope="module")
@@ -152,12 +152,20 @@ def test_repeats_tell_the_floor(tmp_path: Path) -> None:
     assert parts[0] == parts[1]
 
 
+FEW = ("dry_friction_axis", "viscous_friction_axis", "drive_gain_axis", "mass_table")
+
+
+def diagnosed(case: RobotCase, *more: str) -> dict[str, Any]:
+    """Return what a diagnosis with a few candidates says."""
+    effects = case.model.effects
+    others = [n for n, e in effects.items() if e.depends_on is None and n not in (*FEW, *more)]
+    effort = Effort(some=12, tried=3, finalists=1)
+    return diagnose(case.question(others, (), Rule(), effort), lambda known: None)
+
+
 @pytest.fixture(scope="module")
 def named(slider: RobotCase) -> dict[str, Any]:
-    kept = ("dry_friction_axis", "viscous_friction_axis", "drive_gain_axis", "mass_table")
-    others = [n for n, e in slider.model.effects.items() if e.depends_on is None and n not in kept]
-    effort = Effort(some=12, tried=3, finalists=1)
-    return diagnose(slider.question(others, (), Rule(), effort), lambda known: None)
+    return diagnosed(slider)
 
 
 def test_hidden_dry_friction_is_named(named: dict[str, Any]) -> None:
@@ -263,3 +271,25 @@ def test_a_parameter_dict_of_sysid_is_the_nominal_fit_and_comes_back(tmp_path: P
     write_parameters(tmp_path / "parameters.yaml", {damping.name: size, "rest": {"value": 1.0}})
     again = sysid.ParameterDict.load_from_disk(tmp_path / "parameters.yaml")
     assert again["joint[axis].damping"].value == [2.4] and again["rest"].frozen
+
+
+def test_a_joint_that_resonates_is_named_elastic(tmp_path: Path) -> None:
+    xml = SLIDER.replace('damping="2"', 'damping="2" armature="0.6"')
+    case = read_case(write_folder(tmp_path, xml, spring=600.0))
+    said = diagnosed(case, "elastic_joint_axis", "dead_time_axis", "lag_axis")
+    assert said["verdict"] == ["elastic_joint_axis"]
+    assert said["model"]["parameters"]["elastic_joint_axis.c"]["value"] == pytest.approx(
+        1 / 600, rel=0.1
+    )
+
+
+def test_commands_that_come_late_are_named_dead_time(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path)
+    for path in folder.glob("log*.csv"):  # commands are logged three rows before they act
+        table = pl.read_csv(path)
+        earlier = pl.col("u_motor").shift(-3).fill_null(strategy="forward")
+        table.with_columns(earlier).write_csv(path)
+    said = diagnosed(read_case(folder), "elastic_joint_axis", "dead_time_axis", "lag_axis")
+    assert said["verdict"] == ["dead_time_axis"]
+    tau_s = said["model"]["parameters"]["dead_time_axis.tau"]["value"]
+    assert tau_s == pytest.approx(3 * PERIOD_S, rel=0.1)  # the step is 5 ms

@@ -56,7 +56,7 @@ def moved(
         ctrl[:] = command(k * step_s)
         applied[:] = 0.0
         if k == 0:
-            between.place()
+            between.place(np.zeros((batch.nsim, 2, 1)))
         seen = qpos.copy()
         between.show(seen, qvel.copy())
         shown.append(seen[:, 0])
@@ -137,8 +137,9 @@ def test_a_second_joint_in_the_patched_model_moves_alike(effect: str, drive: str
     null = dict.fromkeys(values, 0.0)
     both = {name: [values[name], null[name]] for name in values}
     shown, _ = moved(made, both, command, drive=drive, step_s=STEP_S / 4)
-    spec = mujoco.MjSpec.from_string(JOINT.replace("DRIVE", drive).replace("FRICTION", ""))
-    assert made.patch(spec, spec.compile(), **values)
+    xml = JOINT.replace("DRIVE", drive).replace("FRICTION", "")
+    spec = mujoco.MjSpec.from_string(xml)
+    assert made.patch(spec, mujoco.MjModel.from_xml_string(xml), **values)
     model = spec.compile()
     model.opt.timestep, model.opt.integrator = STEP_S / 8, int(mujoco.mjtIntegrator.mjINT_RK4)
     data, path = mujoco.MjData(model), []

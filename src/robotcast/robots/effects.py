@@ -12,6 +12,7 @@ from robotcast.robots.names import Address, address, names_of
 from robotcast.robots.transmission import LEAST_ROTOR, drives_of, is_plain, link_inertia
 
 AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
+SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def springref(spec: mujoco.MjSpec, joint: Any, value: float) -> float:
@@ -287,7 +288,10 @@ class Transmitted(RobotEffect):
         compliance, retardation_s, half_gap, _ = (
             part.item() for part in self.transmission(**given)
         )
-        if spec.keys:  # whose positions would be one too few
+        slides = (model.jnt_type[model.dof_jntid[dof]] == SLIDE for dof in self.where.dofs)
+        if any(slides) or spec.keys:
+            # MuJoCo takes two slides along one axis of a body for orthogonal ones, and the
+            # positions of a keyframe would be one too few
             return False
         for dof in self.where.dofs:
             old = spec.joints[int(model.dof_jntid[dof])]

@@ -143,7 +143,7 @@ class Rollout:
         qvel = np.array([w.qvel for w in windows]) + moved[:, 1]
         for effect, own in _through("latency_s", acting):
             dofs, late_s = list(effect.where.dofs), effect.latency_s(**own)
-            qacc = np.array([w.qacc for w in windows])[:, dofs]
+            qacc = np.array([w.bends[0] for w in windows])[:, dofs]
             qpos[:, self.qpos_of_dof[dofs]] += late_s * (qvel[:, dofs] + late_s / 2 * qacc)
             qvel[:, dofs] += late_s * qacc
         batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos, qvel
@@ -218,7 +218,7 @@ class Rollout:
             for channel, dof in torques:
                 applied[:, dof] = drive[:, k, channel]
             if between and k == 0:
-                between.place()
+                between.place(np.array([self.windows[s.window].bends for s in starts]))
             shown_qpos, shown_qvel = path[k, :, : model.nq], path[k, :, model.nq : nq_nv]
             shown_qpos[:], shown_qvel[:] = qpos, qvel
             if between:
@@ -286,7 +286,7 @@ class Rollout:
         away = np.zeros_like(since_s)
         for k, s in enumerate(self._signals):
             if s.dof is not None:
-                before_s, bent = np.minimum(since_s[:, k], 0.0), window.qacc[s.dof]
+                before_s, bent = np.minimum(since_s[:, k], 0.0), window.bends[0, s.dof]
                 rate = window.qvel[s.dof] + late_s[k] * bent
                 of_position = rate + before_s / 2 * bent
                 away[:, k] = before_s * (of_position if s.kind == "position" else bent)

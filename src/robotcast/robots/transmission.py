@@ -105,6 +105,7 @@ class Transmission:
         # teeth are as stiff as a step resolves; less where they would yield by more than the gap
         compliance = compliance + np.minimum(teeth, dt**2 / both)
         self._stiffness = np.where(self.soft, 1 / np.where(self.soft, compliance, 1.0), 0.0)
+        self._relaxed_s = retardation_s
         unresolved = np.maximum(0.0, 1 - both * compliance / dt**2)
         damped_s = np.maximum(retardation_s, IMPLICIT * dt * unresolved)
         self._damping = self._stiffness * np.where(teeth > 0, np.maximum(damped_s, dt), damped_s)
@@ -130,22 +131,31 @@ class Transmission:
                 gain[self.soft[:, k], a] = 0.0
                 bias[self.soft[:, k], a] = 0.0
 
-    def place(self) -> None:
-        """Start where encoders show the rotors, twisted as far as a rigid joint's torque does."""
-        batch, warm = self._batch, self._batch.bind("qacc_warmstart")
-        before, given = warm.copy(), self._applied.copy()
-        self._rate[:] = self._qvel[:, self.dofs]
+    def place(self, bends: np.ndarray) -> None:
+        """Start where encoders show the rotors, the links behind them by the equation of these.
+
+        Parameters
+        ----------
+        bends : the rotors' acceleration and its rate there, (n_sim, 2, nv).
+        """
+        dt, stiffness = self._step_s, np.where(self.soft, self._stiffness, 1.0)
+        acceleration, its_rate = bends[:, 0, self.dofs], bends[:, 1, self.dofs]
+        self._rate = self._qvel[:, self.dofs].copy()
         drive, _ = self._drive()
-        self._applied[:, self.dofs] = np.where(self.soft, drive, given[:, self.dofs])
-        batch.forward()
-        warm[:], self._applied[:] = before, given
-        carried = drive - self._rotor * batch.bind("qacc")[:, self.dofs]
-        stiffness = np.where(self.soft, self._stiffness, 1.0)
+        self._rate, self._twist = self._rate + dt * acceleration, dt * self._rate
+        drive_rate = (self._drive()[0] - drive) / dt
+        self._rate = self._rate - dt * acceleration
+        twisting = (drive_rate - self._rotor * its_rate) / stiffness
+        carried = drive - self._rotor * acceleration
+        spring = carried - stiffness * self._relaxed_s * twisting
         sure = SURE_SIDE * self._half_gap * stiffness
         side = np.clip(carried / np.where(sure > 0, sure, 1.0), -1, 1) * self._half_gap
-        self._twist = np.where(self.soft, side + carried / stiffness, 0.0)
-        at = self._qpos[:, self.qpos_at]
-        self._qpos[:, self.qpos_at] = np.where(self.soft, at - self._twist, at)
+        self._twist = np.where(self.soft, side + spring / stiffness, 0.0)
+        for state, at, away in (
+            (self._qpos, self.qpos_at, self._twist),
+            (self._qvel, self.dofs, twisting),
+        ):
+            state[:, at] = np.where(self.soft, state[:, at] - away, state[:, at])
 
     def show(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
         """Write what encoders show over positions (n_sim, nq) and velocities (n_sim, nv)."""

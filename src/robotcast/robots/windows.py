@@ -33,7 +33,7 @@ class Window:
     part : windows of one part are held out together.
     qpos, qvel : the state at its start, (nq,) and (nv,).
     start_sd : standard deviations of the positions and of the velocities there, (2, nv).
-    qacc : the acceleration there, (nv,).
+    bends : acceleration and its rate there, (2, nv), drawn in to 0 as far as noise makes them up.
     """
 
     log: int
@@ -43,7 +43,7 @@ class Window:
     qpos: np.ndarray
     qvel: np.ndarray
     start_sd: np.ndarray
-    qacc: np.ndarray
+    bends: np.ndarray
 
 
 def noise_of(robot: RobotFile, logs: Sequence[Log]) -> np.ndarray:
@@ -94,29 +94,31 @@ class StartStates:
         return self._margin
 
     def at(self, log: int, first: int) -> tuple[np.ndarray, ...] | None:
-        """Return qpos (nq,), qvel (nv,), their deviations (2, nv) and qacc (nv,).
+        """Return qpos (nq,), qvel (nv,) and their deviations (2, nv); None where samples lack.
 
-        None where samples lack.
+        Then acceleration and its rate, and their deviations, (2, nv) each.
         """
         model, some = self._robot.model, self._logs[log]
         rows = slice(first - self._margin, first + self._margin + 1)
         if rows.start < 0 or rows.stop > len(some.times_s):
             return None
         since_s = some.times_s[rows] - some.times_s[first]
-        qpos, sd = model.qpos0.copy(), np.zeros((2, model.nv))
-        qvel, qacc = np.zeros((2, model.nv))
+        qpos, known, sd = model.qpos0.copy(), *np.zeros((2, CUBIC, model.nv))
         for dof, signals in self._of_dof.items():
             fitted = self._fitted(some, rows, since_s, signals)
             if fitted is None:
                 return None
-            value, qvel[dof], qacc[dof], sd[0, dof], sd[1, dof] = fitted
-            qpos[next(at.index for _, at in signals if at.kind == "position")] = value
-        return qpos, qvel, sd, qacc
+            known[:, dof], sd[:, dof] = fitted
+            qpos[next(at.index for _, at in signals if at.kind == "position")] = known[0, dof]
+        return qpos, known[1], sd[:2], known[2:], sd[2:]
 
     def _fitted(
         self, log: Log, rows: slice, since_s: np.ndarray, signals: Sequence[tuple[int, Signal]]
-    ) -> tuple[float, ...] | None:
-        """Fit one cubic to the positions and its slope to the velocities of a joint."""
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Fit one cubic to the positions and its slope to the velocities of a joint.
+
+        Return the value and its three derivatives, and their deviations.
+        """
         span = since_s[-1]
         tau, powers = since_s / span, np.arange(CUBIC)
         parts, targets = [], []
@@ -135,7 +137,8 @@ class StartStates:
         found = np.linalg.lstsq(design, target, rcond=None)[0]
         left = float(((target - design @ found) ** 2).sum() / (len(target) - CUBIC))
         sd = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * max(1.0, left))
-        return found[0], found[1] / span, 2 * found[2] / span**2, sd[0], sd[1] / span
+        derivative = np.array([1.0, 1.0, 2.0, 6.0]) / span**powers
+        return found * derivative, sd * derivative
 
 
 def cut(
@@ -162,14 +165,17 @@ def cut(
         keep = np.linspace(0, len(places) - 1, robot.most_windows).round().astype(int)
         places = [places[i] for i in np.unique(keep)]
     parts = _parts(robot, logs, places)
-    found = []
-    for (index, first), part in zip(places, parts, strict=True):
-        state = starts.at(index, first)
-        if state is not None:
-            found.append(Window(index, first, first + n, part, *state))
-    if not found:
+    states = [starts.at(index, first) for index, first in places]
+    known = [(*place, part, s) for place, part, s in zip(places, parts, states, strict=True) if s]
+    if not known:
         raise ValueError(f"{robot.path}: too many samples are missing where windows would start")
-    return tuple(found)
+    bends, noise = (np.array([state[k] for *_, state in known]) for k in (3, 4))
+    true = 1 - (noise**2).mean(axis=0) / np.maximum((bends**2).mean(axis=0), 1e-30)
+    shrunk = bends * np.maximum(true, 0.0)
+    return tuple(
+        Window(index, first, first + n, part, *state[:3], bend)
+        for (index, first, part, state), bend in zip(known, shrunk, strict=True)
+    )
 
 
 def _unbroken(times_s: np.ndarray) -> bool:
