@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 import yaml
 
-from robotcast.robots.logs import columns_of
+from robotcast.robots.logs import tables_of
 from robotcast.robots.robot_case import read_case
 from tests.robots.made_up_robot import SLIDER, write_folder
 
@@ -65,7 +65,7 @@ AXIS = "joint[axis].position"
         ),
         (key("windows", "length", value=1), "no key is called 'length'; there are length_s, most"),
         (key("weld", value=["root"]), "weld: the model has no joint 'root'; it has axis"),
-        (key("payloads", "body[table]", value={"log9.csv": 1}), "no key is called 'log9.csv'"),
+        (key("payloads", "body[table]", value={"log9.csv": 1}), "log9.csv is none of the logs"),
         (key("payloads", "body[table]", value={"log1.csv": "kg"}), "expected a number, got 'kg'"),
         (key("sysid", value="none.yaml"), "none.yaml: there is no such file; ParameterDict"),
     ],
@@ -162,14 +162,14 @@ def test_tables_as_loggers_write_them_are_read_alike(
 ) -> None:
     path = tmp_path / "log.csv"
     path.write_text("\ufeff" + write((good / "log0.csv").read_text()), encoding="utf-8")
-    assert columns_of(path).equals(columns_of(good / "log0.csv"))
+    assert tables_of(path)[0][1].equals(tables_of(good / "log0.csv")[0][1])
 
 
 def test_a_table_without_a_header_is_refused(good: Path, tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text((good / "log0.csv").read_text().partition("\n")[2])
     with pytest.raises(ValueError, match="line 1: numbers where the names"):
-        columns_of(path)
+        tables_of(path)
 
 
 def test_units_are_converted_once(good: Path, tmp_path: Path) -> None:

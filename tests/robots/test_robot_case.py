@@ -208,7 +208,7 @@ def test_the_page_opens_in_a_browser(
     if chromium is None:
         pytest.skip("there is no Chromium on this machine")
     base, last = named["base"], named["model"]
-    rows = slider.motions.rows([{"motion": 0, "separates": ["drive_gain_axis"]}], tmp_path)
+    rows = slider.motions.rows(4 * [{"motion": 0, "separates": ["drive_gain_axis"]}], tmp_path)
     rows = [{**row, "difference_percent": 3.0, "why": "so far apart"} for row in rows]
     said = {**named, "next_actions": rows, "measurements": "a/robot", "overrides": ["model=mjcf"]}
     left_out = write_patched(slider.robot, slider.model.effects, last, tmp_path / "model.xml")
@@ -230,7 +230,7 @@ def test_the_page_opens_in_a_browser(
         browser.close()
     assert errors == []
     assert not {"cast", "casts", "board", "cable"} & set(re.findall(r"\w+", text.lower()))
-    assert len(links) == 3 and all(Path(link.removeprefix("file://")).is_file() for link in links)
+    assert len(links) == 5 and all(Path(link.removeprefix("file://")).is_file() for link in links)
 
 
 def test_a_payload_moves_as_a_mass_that_is_fixed_to_the_link(tmp_path: Path) -> None:

@@ -86,7 +86,7 @@ def _state(comparison: Comparison) -> str:
     And "open" when the repeats are too few to tell.
     """
     fit, floor = comparison["lack_of_fit"], comparison["noise_floor_percent"]
-    if fit is None and floor is not None:
+    if fit is None and "floor" in comparison["words"]:  # known from elsewhere than from repeats
         within = comparison["waypoint_error_percent"] <= RULE.at_floor * floor
         return "within" if within else "missing"
     if fit is None or fit["smallest_p_value"] > _DOUBT:

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from robotcast.files import write_text
-from robotcast.robots.logs import columns_of
+from robotcast.robots.logs import tables_of
 from robotcast.robots.names import is_hinge, joint_of_actuator, names_of
 from robotcast.robots.robot_file import FILE, compiled, load_spec
 from robotcast.robots.units import UNITS
@@ -48,11 +48,11 @@ def describe(folder: Path) -> tuple[Path, list[str]]:
     if path.exists():
         raise ValueError(f"{path} exists already: rename it, or edit it")
     model_path = _model_in(folder)
-    logs = sorted(p for e in ("csv", "parquet") for p in folder.rglob(f"*.{e}"))
+    logs = sorted(p for e in ("csv", "parquet", "mcap") for p in folder.rglob(f"*.{e}"))
     if not logs:
-        raise ValueError(f"{folder}: no log (.csv or .parquet) lies in it")
+        raise ValueError(f"{folder}: no log (.csv, .parquet or .mcap) lies in it")
     spec = load_spec(model_path)
-    table = columns_of(logs[0])
+    _, table = tables_of(logs[0])[0]
     guess = _guessed(compiled(spec, model_path), table)
     load_spec(model_path, guess.weld)  # what cannot be welded is said before anything is written
     write_text(path, _text(folder, model_path, logs, guess))

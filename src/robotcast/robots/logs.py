@@ -10,6 +10,7 @@ import numpy as np
 import polars as pl
 
 from robotcast.robots.names import Channel, Signal, joint_of_actuator
+from robotcast.robots.recordings import episodes, read_bag
 from robotcast.robots.robot_file import Column, RobotFile
 
 FASTEST = {"rad": 500.0, "m": 50.0}  # per second, between two samples: no joint moves like that
@@ -54,7 +55,11 @@ def read_logs(robot: RobotFile) -> tuple[Log, ...]:
     ValueError
         In one sentence: file, column and row, rule, and what to do.
     """
-    logs = tuple(_read(path, robot) for path in robot.logs)
+    tables = ((path, name, one) for path in robot.logs for name, one in tables_of(path))
+    logs = tuple(_read(path.with_name(name), one, robot) for path, name, one in tables)
+    named = {*robot.payloads, *(name for group in robot.repeats for name in group)}
+    if unknown := sorted(named - {log.path.name for log in logs}):
+        raise ValueError(f"{robot.path}: repeats, payloads: {unknown[0]} is none of the logs")
     for log in logs[1:]:
         ratio = log.period_s / logs[0].period_s
         if not 1 / OTHER_RATE < ratio < OTHER_RATE:
@@ -66,18 +71,20 @@ def read_logs(robot: RobotFile) -> tuple[Log, ...]:
     return logs
 
 
-def columns_of(path: Path) -> pl.DataFrame:
-    """Return a log's table, whatever its columns hold."""
+def tables_of(path: Path) -> list[tuple[str, pl.DataFrame]]:
+    """Return the tables in a file by name, whatever their columns hold: one, or its episodes."""
     kind = path.suffix.lower()
     try:
         if kind in (".csv", ".txt"):
-            return _read_text(path)
+            return [(path.name, _read_text(path))]
+        if kind == ".mcap":
+            return [(path.name, read_bag(path))]
         if kind == ".parquet":
-            return pl.read_parquet(path)
+            return episodes(path, pl.read_parquet(path))
     except (pl.exceptions.PolarsError, OSError, UnicodeDecodeError) as error:
         why = (str(error).splitlines() or [type(error).__name__])[0]
         raise ValueError(f"{path}: cannot be read as a table: {why}") from None
-    raise ValueError(f"{path}: expected a .csv or a .parquet file")
+    raise ValueError(f"{path}: expected a .csv, a .parquet or an .mcap file")
 
 
 def _read_text(path: Path) -> pl.DataFrame:
@@ -107,8 +114,8 @@ def _read_text(path: Path) -> pl.DataFrame:
     return table
 
 
-def _read(path: Path, robot: RobotFile) -> Log:
-    table, row = columns_of(path), _Rows(path)
+def _read(path: Path, table: pl.DataFrame, robot: RobotFile) -> Log:
+    row = _Rows(path)
     times_s = _numbers(path, table, robot.time, "time")
     drive = _stacked(path, table, robot.drive)
     measured = _stacked(path, table, robot.measured)
@@ -156,7 +163,8 @@ class _Rows:
     def refuse(self, bad: np.ndarray, say: Callable[[int], str]) -> None:
         if bad.any():
             i = int(np.argmax(bad))
-            row = f"line {i + 2}" if self.path.suffix.lower() != ".parquet" else f"row {i + 1}"
+            text = self.path.suffix.lower() in (".csv", ".txt")
+            row = f"line {i + 2}" if text else f"row {i + 1}"
             raise ValueError(f"{self.path}, {row}: {say(i)}")
 
 

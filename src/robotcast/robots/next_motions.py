@@ -58,10 +58,10 @@ class Motions:
         for number, row in enumerate(chosen, 1):
             motion = self.some[int(row["motion"])]
             told = {**motion.told, **{k: v for k, v in row.items() if k != "motion"}}
-            if number <= FILES:
-                told = {"file": f"motion_{number}.csv", **told}
-                self._write(motion.log, folder / told["file"])
-            rows.append(told)
+            file = f"motion_{number}.csv" if number <= FILES else ""
+            if file:
+                self._write(motion.log, folder / file)
+            rows.append({"file": file, **told})
         return rows
 
     def _write(self, log: Log, path: Path) -> None:

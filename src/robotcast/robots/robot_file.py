@@ -205,8 +205,8 @@ def read_robot(folder: Path) -> RobotFile:
         weld=weld,
         tune=tuple(_tunables(said, known, model)),
         groups=_groups(said.part("groups"), model),
-        payloads=_payloads(said.part("payloads"), model, logs),
-        repeats=_repeats(said, logs),
+        payloads=_payloads(said.part("payloads"), model),
+        repeats=_repeats(said),
         length_s=windows.number("length_s"),
         most_windows=int(windows.number("most") or RobotFile.most_windows),
         exclude=tuple(said.names("exclude")),
@@ -330,14 +330,11 @@ def _groups(said: _Said, model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
     return groups
 
 
-def _payloads(
-    said: _Said, model: mujoco.MjModel, logs: Sequence[Path]
-) -> dict[str, tuple[Payload, ...]]:
+def _payloads(said: _Said, model: mujoco.MjModel) -> dict[str, tuple[Payload, ...]]:
     """Read body → log → mass, or {kg: mass, at: place in the body's frame}."""
     found: dict[str, tuple[Payload, ...]] = {}
     for target in said.values:
         part = said.part(target)
-        part.allow(*(log.name for log in logs))
         name = str(target).removeprefix("body[").removesuffix("]")
         (body, *_) = matching(model, "body", name, f"{said.path}: {part.where}")
         for log in part.values:
@@ -351,12 +348,8 @@ def _payloads(
     return found
 
 
-def _repeats(said: _Said, logs: Sequence[Path]) -> tuple[tuple[str, ...], ...]:
-    names, found = {log.name for log in logs}, []
-    for group in said.get("repeats") or ():
-        if not isinstance(group, list):
-            raise _Said(said.path, "repeats", {}).wrong("expected lists of logs", group)
-        if unknown := [name for name in group if Path(name).name not in names]:
-            raise ValueError(f"{said.path}: repeats: {unknown[0]} is none of the logs")
-        found.append(tuple(Path(name).name for name in group))
-    return tuple(found)
+def _repeats(said: _Said) -> tuple[tuple[str, ...], ...]:
+    groups = said.get("repeats") or ()
+    if wrong := [group for group in groups if not isinstance(group, list)]:
+        raise _Said(said.path, "repeats", {}).wrong("expected lists of logs", wrong[0])
+    return tuple(tuple(Path(name).name for name in group) for group in groups)
