@@ -3,11 +3,12 @@ PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+READY := $(INSTALLED) $(if $(wildcard .git),,without-git)
 LAST := table
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
 .DEFAULT_GOAL := help
-.PHONY: help install repro watch hidden-effects hidden-effects-few sim2sim \
+.PHONY: help install without-git repro watch hidden-effects hidden-effects-few sim2sim \
 	tune-size tune-size-few real-casts real-casts-few better-model better-model-few test quick format
 
 help:
@@ -25,7 +26,7 @@ help:
 	@echo "make format   format the code"
 	@echo "make install  set up only"
 
-install: $(INSTALLED)
+install: $(READY)
 
 $(INSTALLED): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' 2>&- || { \
@@ -34,8 +35,10 @@ $(INSTALLED): requirements.lock pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet -r requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
-	[ -e .git ] || $(BIN)/dvc config --local core.no_scm true # as from an archive: DVC needs no git
 	touch $@
+
+without-git: $(INSTALLED) # as from an archive: DVC needs none, but must be told
+	@grep -qs no_scm .dvc/config.local || dvc config --local core.no_scm true
 
 # Two runs side by side keep two cores busy: cable 1, and beside it the others with the loop. Each
 # takes its own stages alone (-s), as a stage that is only looked at locks what it reads. Then what
@@ -47,7 +50,7 @@ LOOP := collect@cable2 track@cable2 'tune@cable2*' compare diagnose revise gener
 	generate_revised 'train@cable2*' train_revised 'evaluate@cable2*' evaluate_revised \
 	collect@cable3 track@cable3 'tune@cable3*' generate@cable3 'train@cable3*' 'evaluate@cable3*'
 
-repro: $(INSTALLED)
+repro: $(READY)
 	@mkdir -p data
 	dvc repro hide candidates
 	@echo "beside this run, the loop and the other cables: tail -f $(BESIDE)"
@@ -67,19 +70,19 @@ tune-size tune-size-few: STUDY = tune_size
 real-casts real-casts-few: STUDY = real_casts
 better-model better-model-few: STUDY = better_model
 
-hidden-effects better-model: $(INSTALLED)
+hidden-effects better-model: $(READY)
 	dvc repro studies/$(STUDY)/dvc.yaml:$(LAST)@full
 
-tune-size real-casts: $(INSTALLED)
+tune-size real-casts: $(READY)
 	@grep -q '^scale: paper' params.yaml || { \
 		echo '$@ goes on from a paper-scale run: set "scale: paper" in params.yaml,' \
 			'then make repro' >&2; exit 1; }
 	dvc repro studies/$(STUDY)/dvc.yaml:$(LAST)@full
 
-hidden-effects-few tune-size-few real-casts-few better-model-few: $(INSTALLED)
+hidden-effects-few tune-size-few real-casts-few better-model-few: $(READY)
 	dvc repro studies/$(STUDY)/dvc.yaml:$(LAST)@few
 
-sim2sim: $(INSTALLED)
+sim2sim: $(READY)
 	dvc repro studies/sim2sim/dvc.yaml
 
 test: $(INSTALLED)

@@ -2,6 +2,7 @@
 
 import ast
 import re
+import subprocess
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -150,3 +151,15 @@ def test_a_simulator_parameter_reruns_tuning_and_generating_but_no_cast() -> Non
     }
     loop = {"compare", "diagnose", "revise", "generate_revised"}
     assert readers == {"tune", "generate", *loop}
+
+
+@pytest.mark.parametrize("git", [True, False])
+def test_without_git_dvc_is_told_so_whenever_the_pipeline_runs(tmp_path: Path, git: bool) -> None:
+    """An archive unpacked beside an environment that is there already needs no other step."""
+    (tmp_path / "Makefile").write_bytes((ROOT / "Makefile").read_bytes())
+    if git:
+        (tmp_path / ".git").mkdir()
+    command = ["make", "-n", "-o", ".venv/.installed", "repro"]
+    said = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    assert ("core.no_scm true" in said) is not git
+    assert "dvc repro hide candidates" in said

@@ -39,7 +39,7 @@ TRIES = 3  # regions whose beginnings stay far above the noise before the best o
 LEAST_LENGTH = 1e-3  # of one where the error of whole casts is below the noise
 CLEAR = 2e-3  # of the noise: an error with which nothing is left to find
 PROGRESS = 0.01  # of the error that a batch must shed, or the region shrinks
-SHRINKS, GROWS = 2.0, 2.0  # times its length
+FACTOR = 2.0  # by which a region's length changes
 SPANS = (1.0, 0.25, 4.0)  # lengths that least squares of the mean are sought in, side by side
 SAME = 0.1  # of the way from the best vector, by which two of a batch must differ
 OUTLIER = 3.0  # times the median error of a cast, or the noise, that one counts for at most
@@ -69,10 +69,10 @@ class BayesianOptimization:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if min(self.initial, self.components) < 2 or self.batch < 1:
+        if min(self.initial, self.batch, self.components) < 2:
             raise ValueError(
-                "Bayesian optimization needs 2 initial vectors, 2 components and 1 vector a batch, "
-                f"got {self.initial}, {self.components} and {self.batch}"
+                "Bayesian optimization needs 2 initial vectors, vectors a batch and components, "
+                f"got {self.initial}, {self.batch} and {self.components}"
             )
 
     def minimise(self, problem: Problem, objective: Objective, budget_casts: int) -> None:
@@ -120,23 +120,23 @@ class _TrustRegions:
             before = self._first + int(np.argmin(errors[self._first : newer]))
             moved = np.abs(self._vectors[now] - self._vectors[before]).max()
             if error > (1 - PROGRESS) * errors[before]:
-                self._length /= SHRINKS
+                self._length /= FACTOR
             else:  # four times the way is as far as a step of this length should lead
-                grown = np.clip(4 * moved, self._length / GROWS, self._length * GROWS)
+                grown = np.clip(4 * moved, self._length / FACTOR, self._length * FACTOR)
                 self._length = min(float(grown), LENGTH)
             error = min(error, errors[before])
         whole = self._stage == len(SHARES) - 1
         noises = error / self._problem.noise_percent
         near = noises < (1.0 if whole else NEAR)
-        least = LEAST_LENGTH if whole and near else LEAST_LENGTHS[self._stage]
-        exhausted = self._length < least
+        exhausted = self._length < (LEAST_LENGTH if whole and near else LEAST_LENGTHS[self._stage])
         self._done = whole and noises < CLEAR
-        if whole and exhausted:
-            self._tries = 0
-            self._begin()
+        if whole:
+            if exhausted:
+                self._tries = 0
+                self._begin()
         elif not self._stage and exhausted and not near and self._tries < TRIES:
             self._begin()
-        elif not whole and (near or exhausted):
+        elif near or exhausted:
             self._first = self._first if near or self._stage else 0
             self._stage += 1
             self._length = min(4 * self._length, LENGTH)
@@ -176,7 +176,7 @@ class _TrustRegions:
 
 
 class _Surrogate:
-    """Gaussian processes of residuals near a vector, the first, and the error they lead to."""
+    """Gaussian processes of residuals near a vector, the first, and where they lead to."""
 
     def __init__(
         self,
@@ -189,10 +189,8 @@ class _Surrogate:
     ) -> None:
         self._settings = settings
         median = float(np.median(errors[np.isfinite(errors)]))
-        self._bound = OUTLIER * max(median, noise_percent / errors.shape[1])
-        rows = _bounded(vectors, residuals, errors, self._bound)
-        self._shape = rows.shape[1:]
-        rows = rows.reshape(len(rows), -1)
+        bound = OUTLIER * max(median, noise_percent / errors.shape[1])
+        rows = _bounded(vectors, residuals, errors, bound).reshape(len(vectors), -1)
         sizes = np.linalg.norm(rows, axis=1) + 1e-12
         weights = (sizes.min() / sizes)[:, None]
         away = rows - rows[0]
@@ -236,7 +234,8 @@ class _Surrogate:
             sampled = _least(partial(self._scores, paths), starts, low[n_spans:], high[n_spans:])
         chosen: list[np.ndarray] = []
         for vector in np.vstack([found, sampled]) * self._width + self._low:
-            if all(_apart(vector, o) > SAME * _apart(o, self._best) for o in chosen):
+            ways = (np.abs([vector - one, one - self._best]).max(axis=1) for one in chosen)
+            if all(apart > SAME * way for apart, way in ways):
                 chosen.append(vector)
         return np.clip(chosen[: self._settings.batch], 0.0, 1.0)
 
@@ -244,10 +243,6 @@ class _Surrogate:
         """Return scores (m, k, q) at points (m, k, n), the rest about the trend as given."""
         values = rest(torch.from_numpy(points).unsqueeze(-3)).transpose(-1, -2).numpy()
         return self._origin + points @ self._slopes + values * self._spread
-
-
-def _apart(vector: np.ndarray, other: np.ndarray) -> float:
-    return float(np.abs(vector - other).max())
 
 
 def _bounded(
@@ -293,8 +288,9 @@ def _mean(
     model: SingleTaskGP, points: Tensor, scores: Tensor, variances: Tensor
 ) -> Callable[[Tensor], Tensor]:
     """Return the mean (..., q, k) of processes at points (..., 1, k, n), in few operations."""
-    kernel: Any = model.covar_module
-    mean: Any = model.mean_module
+    kernel: Any
+    mean: Any
+    kernel, mean = model.covar_module, model.mean_module
     constant = mean.constant.unsqueeze(-1)
     covariance = kernel.forward(points, points) + torch.diag_embed(variances.T)
     pulls = torch.linalg.solve(covariance, (scores.T - constant).unsqueeze(-1))
