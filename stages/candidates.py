@@ -12,9 +12,9 @@ from robotcast.stage import bar, stage, tell
 
 
 def candidates(config: DictConfig) -> None:
-    grid, *space = action_space(config, "candidates")
+    grid, r0_m, limits, envelope = action_space(config, "candidates")
     with bar("candidates") as progress:
-        actions = feasible_actions(grid, *space, progress)
+        actions = feasible_actions(grid, r0_m, limits, envelope, progress)
     write_actions(
         [dict(zip(ACTION_COLUMNS, row, strict=True)) for row in actions.tolist()],
         Path(config.paths.candidates),
