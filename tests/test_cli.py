@@ -30,6 +30,14 @@ def test_a_folder_as_the_first_word_is_the_set_and_what_is_given_wins() -> None:
     assert cli.overrides("collect", ["casts"]) == ["casts"]
 
 
+def test_a_robot_s_folder_as_the_first_word_is_known_by_its_robot_yaml(tmp_path: Path) -> None:
+    assert cli.overrides("describe", [str(tmp_path)]) == [f"robot='{tmp_path}'"]
+    (tmp_path / "robot.yaml").touch()
+    assert cli.overrides("tune", [str(tmp_path), "seed=1"]) == [
+        *("model='mjcf'", f"robot='{tmp_path}'", f"output='outputs/{tmp_path.name}/tune'", "seed=1")
+    ]
+
+
 def test_a_quote_in_a_name_reaches_the_stage(tmp_path: Path) -> None:
     (tmp_path / "it's").mkdir()
     assert f"{tmp_path}/it's: rig.yaml is missing" in " ".join(

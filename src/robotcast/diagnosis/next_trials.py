@@ -179,7 +179,8 @@ class _Evidence:
             there, slopes = bench.slopes(rival, rows)
             prior.append(_known(inquiry, rival))
             parts.append(-slopes[..., inquiry.free(rival.effects)])
-        noise = np.maximum(1.0, amplified / np.nanmedian(amplified))[:, None]
+        usual = np.nanmedian(amplified) or 1.0  # a model without parameters amplifies nothing
+        noise = np.maximum(1.0, amplified / usual)[:, None]
         difference = (here - there) / noise
         gain = np.concatenate(parts, axis=-1) / noise[..., None]
         self.known = np.isfinite(difference).all(axis=-1) & np.isfinite(gain).all(axis=(1, 2))

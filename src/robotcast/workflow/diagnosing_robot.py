@@ -141,12 +141,13 @@ def _compared(
     said = fitted(inquiry, revision, errors.vectors, question.rule)
     own = {p.name: p for p in model.parameters}
     start = {"parameters": {name: {"value": p.nominal} for name, p in own.items()}}
-    names = " and ".join(map(effect_name, effects))
+    how = "fitted to these windows" if inquiry.free(effects).any() else "as it is"
+    with_effects = f" with {' and '.join(map(effect_name, effects))}" if effects else ""
     return (
         {
             **found.as_dict(),
             **_facts(config),
-            "model": f"the MJCF{f' with {names}' if names else ''}, fitted to these windows",
+            "model": f"the MJCF{with_effects}, {how}",
             "noise_floor_percent": case.floor_percent,
             "notes": list(case.notes),
             "robot": plain(shown(case, start, said)),
