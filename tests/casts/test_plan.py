@@ -138,7 +138,7 @@ def test_a_move_from_rest_to_rest_covers_its_distance():
         ({"r1_m": 750.0}, r"r1 must be in \[0.5, 0.9\] m, got 750"),
         ({"r0_m": 60.0}, r"r0 must be in \[0.5, 0.9\] m, got 60"),
         ({"alpha_rad": 30.0}, r"\|alpha\| must not exceed 3.14159 rad, got 30"),
-        ({"r1_m": float("nan")}, "r1 must be finite, got nan"),
+        ({"r1_m": float("nan")}, "r1 must be a finite number, got nan"),
         ({"theta2_rad": float("inf")}, "theta2 must be finite, got inf"),
     ],
 )
