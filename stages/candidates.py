@@ -12,14 +12,14 @@ from robotcast.stage import bar, stage, tell
 
 
 def candidates(config: DictConfig) -> None:
-    grid, r0_m, limits, envelope = action_space(config, "candidates")
+    space = action_space(config, "candidates")
     with bar("candidates") as progress:
-        actions = feasible_actions(grid, r0_m, limits, envelope, progress)
+        actions = feasible_actions(*space, progress)
     write_actions(
         [dict(zip(ACTION_COLUMNS, row, strict=True)) for row in actions.tolist()],
         Path(config.paths.candidates),
     )
-    tell(f"{len(actions)} of {grid.size} actions are feasible")
+    tell(f"{len(actions)} of {space[0].size} actions are feasible")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import time
 from concurrent.futures import wait
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import Any
 
 import joblib
 import pytest
@@ -93,7 +94,8 @@ def of_job(number: int) -> list[tuple[int, int]]:
 
 
 def test_a_job_of_a_joblib_sweep_may_have_processes_of_its_own() -> None:
-    jobs = joblib.Parallel(n_jobs=2, backend="loky")(joblib.delayed(of_job)(n) for n in (3, 5))
+    sweep = joblib.Parallel(n_jobs=2, backend="loky")
+    jobs: list[Any] = list(sweep(joblib.delayed(of_job)(n) for n in (3, 5)) or ())
     assert [[square for _, square in job] for job in jobs] == [[9, 16], [25, 36]]
     assert all(pid != os.getpid() for job in jobs for pid, _ in job)
 

@@ -5,8 +5,7 @@ import pytest
 from scipy.signal import lti
 
 from robotcast.casts.action import ToolMotion
-from robotcast.casts.following import exact_following, fit_following
-from robotcast.casts.plan import PlanLimits
+from robotcast.casts.plan import PlanLimits, exact_following, fit_following
 from tests.good_casts import plan_cast
 
 R0_M, PERIOD_S = 0.6, 0.008

@@ -112,7 +112,7 @@ def test_a_cable_without_casts_on_a_rig_has_no_best_policy(data_folder) -> None:
     assert row["Best policy median"] == row["Its repeats scatter"] == "–"
 
 
-def test_a_simulator_with_an_effect_stands_beside_the_one_without(optimizers: Results) -> None:
+def test_the_run_says_what_to_doubt_and_with_which_effects(optimizers: Results) -> None:
     base = next(t for t in optimizers.tunings if (t.cable, t.optimizer) == ("cable1", "de"))
     better = {"test": {**base.facts["errors"]["test"], "waypoint_percent": 0.1}}
     facts = {**base.facts, "effects": ["board_tilt"], "errors": {**base.facts["errors"], **better}}
@@ -123,11 +123,8 @@ def test_a_simulator_with_an_effect_stands_beside_the_one_without(optimizers: Re
     report = make_report(both, RunFacts("demo", 0, ()))
     figures = {figure.name for of in report.figures.values() for figure in of}
     assert "overlay_cable1_segmented-de-board_tilt" in figures
-    assert "<dd>Segmented, DE + board tilt: " in report.html()
-
-
-def test_the_run_says_what_to_doubt(optimizers: Results) -> None:
-    page = make_report(optimizers, RunFacts("demo", 0, ())).html()
+    page = report.html()
+    assert "<dd>Segmented, DE + board tilt: " in page
     (newton,) = re.findall("<dd>Segmented, Gauss–Newton: (.*)</dd>", page)
     assert "12 diverged" in newton
     assert "at a bound: planar_friction" in newton

@@ -1,7 +1,7 @@
 import polars as pl
 import pytest
 
-from robotcast.reporting.figures import board_errors_figure, targets_figure
+from robotcast.reporting.figures import targets_figure
 from robotcast.reporting.results import read_results
 
 
@@ -47,8 +47,6 @@ def test_a_target_whose_casts_are_all_lost_is_still_known(tmp_path, data_folder)
     evaluation = read_results(tmp_path).evaluations[0]
     assert evaluation.unseen_m == (tuple(table.select("target_x", "target_y").row(0)),)
     assert evaluation.targets == 16
-    names = {text.get_text() for text in board_errors_figure([evaluation]).axes[0].texts}
-    assert "lost" in names
     legend = targets_figure([evaluation], [None]).legends[0]
     assert "all casts lost in tracking" in {text.get_text() for text in legend.get_texts()}
 

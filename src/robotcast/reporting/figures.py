@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import polars as pl
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse, Polygon, Wedge
@@ -180,35 +179,6 @@ def errors_figure(evaluations: Sequence[Evaluation], floors: dict[str, float | N
     if any(floors.get(c) for c in cables):
         handles.append(Line2D([], [], color=GREY, lw=1.2, ls=(0, (2, 2)), label="noise floor"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
-    return figure
-
-
-def board_errors_figure(evaluations: Sequence[Evaluation]) -> Figure:
-    """Draw one panel an evaluation: a disc a target, coloured by its casts' median error."""
-    figure, panels = _boards(len(evaluations), 2.6)
-    drawn = None
-    for panel, evaluation in zip(panels, evaluations, strict=True):
-        by_target = evaluation.errors_by_target
-        places = np.array(list(by_target))
-        errors = np.array([np.median(e) for e in by_target.values()])
-        looks: Any = {"cmap": "cividis_r", "norm": LogNorm(_LEAST, _MOST), "s": 130, "lw": 0.5}
-        shades = np.clip(errors, _LEAST, _MOST)
-        drawn = panel.scatter(places[:, 1], places[:, 0], c=shades, edgecolors=GREY, **looks)
-        inside: Any = {"ha": "center", "va": "center"}
-        for (x, y), error in zip(places, errors, strict=True):
-            color = "white" if error > 15 else "black"
-            panel.text(y, x, f"{error:.0f}", fontsize=6.5, color=color, **inside)
-        for x, y in evaluation.unseen_m:
-            panel.plot(y, x, "o", mfc="none", mec=GREY, mew=0.5, ms=np.sqrt(130))
-            panel.text(y, x, "lost", fontsize=5, **inside)
-        name, policy, data = evaluation.named
-        _finish(panel, f"{name} · {policy}\n{data}")
-        panel.margins(0.12)
-    if drawn is not None:
-        bar = figure.colorbar(drawn, ax=panels, shrink=0.7, ticks=[1, 3, 10, 30, 100])
-        bar.ax.set_yticklabels(["≤ 1", "3", "10", "30", "≥ 100"])
-        bar.set_label("median error at the target [% of cable length]")
-    fit_height(figure, around_in=1.2)
     return figure
 
 

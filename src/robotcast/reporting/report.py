@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 
 from robotcast.files import write_text
 from robotcast.reporting.figures import (
-    board_errors_figure,
     errors_figure,
     overlay_figure,
     targets_figure,
@@ -382,10 +381,6 @@ def _policy_figures(results: Results) -> dict[str, list[PageFigure]]:
             figures["policies"].append(targets(f"targets_{cable}", cable_name(cable), several))
     if mixed:
         figures["cables"].append(targets("targets", "π_R2S2R on every cable", mixed))
-    if cast:
-        told, drawn = caption("board_errors", results.rigs), svg(board_errors_figure(cast))
-        title = "Where on the board policies miss"
-        figures["parts"].append(PageFigure("board_errors", title, told, drawn))
     return figures
 
 

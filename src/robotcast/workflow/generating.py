@@ -9,8 +9,14 @@ from typing import Any
 from omegaconf import DictConfig
 
 from robotcast.build import action_space, build_effects, build_simulator, fingerprint
-from robotcast.casts.following import Following, exact_following, fit_following
-from robotcast.casts.plan import PlanLimits, plan_action, plan_actions
+from robotcast.casts.plan import (
+    Following,
+    PlanLimits,
+    exact_following,
+    fit_following,
+    plan_action,
+    plan_actions,
+)
 from robotcast.measurements.measurement_set import Trial, split_by_action
 from robotcast.rigs.envelope import feasible_actions
 from robotcast.simulators.d_sim import Shard, generate_casts, mean_reach, merge_shards, write_d_sim
