@@ -94,7 +94,7 @@ class Rollout:
                     [times_s[s] for s in of_start],
                     _acting(self.robot.tune, effects, vectors[of_vector]),
                     vectors[of_vector],
-                    by_steps[of_vector[0]],
+                    bool(by_steps[of_vector[0]]),
                 )
                 for v, s, path in zip(of_vector, of_start, paths, strict=True):
                     found[v, s, : len(times_s[s])] = path
