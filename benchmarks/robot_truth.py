@@ -48,7 +48,7 @@ MECHANISMS = {
     "cart_pole": Mechanism((4.0,), (1e-4, 5e-4)),
     "two_link": Mechanism((0.8, 1.0), (3e-4, 3e-4)),
     "slider": Mechanism((4.0,), (2e-5,)),
-    "lifter": Mechanism((0.25,), (1e-4,), ((0.0,),), hertz=(0.1, 0.5)),  # its load is its weight
+    "lifter": Mechanism((0.1,), (5e-4,), ((0.0,),), hertz=(0.1, 0.5)),  # its load is its weight
     "six_axis": Mechanism(
         (0.8, 0.6, 0.8, 0.8, 0.8, 1.0),
         (2e-4,) * 6,
