@@ -40,6 +40,7 @@ class Mechanism:
     groups: Mapping[str, list[str]] = field(default_factory=dict)
     logs: int = 12
     log_s: float = 4.0
+    hertz: tuple[float, float] = (0.2, 2.0)  # of the sines
 
 
 CROUCH = (0.372, *(0.0, 0.6, -1.2) * 4)
@@ -47,7 +48,7 @@ MECHANISMS = {
     "cart_pole": Mechanism((4.0,), (1e-4, 5e-4)),
     "two_link": Mechanism((0.8, 1.0), (3e-4, 3e-4)),
     "slider": Mechanism((4.0,), (2e-5,)),
-    "lifter": Mechanism((0.25,), (1e-4,), ((0.0,),)),
+    "lifter": Mechanism((0.1,), (5e-4,), ((0.0,),), hertz=(0.1, 0.5)),  # its load is its weight
     "six_axis": Mechanism(
         (0.8, 0.6, 0.8, 0.8, 0.8, 1.0),
         (2e-4,) * 6,
@@ -204,7 +205,7 @@ def _logs(
     servo = model.actuator_biasprm[:, 1] != 0
     command = np.repeat((rest[:, driven] * servo)[:, None], n, axis=1)
     for log, channel, _ in np.ndindex(logs, model.nu, 4):
-        wave = np.sin(2 * np.pi * (rng.uniform(0.2, 2.0) * t_s + rng.uniform()))
+        wave = np.sin(2 * np.pi * (rng.uniform(*mechanism.hertz) * t_s + rng.uniform()))
         command[log, :, channel] += mechanism.drive[channel] / 2 * wave
     late, per_sample = round(hidden.delay_s / step_s), round(PERIOD_S / step_s)
     keep = np.exp(-step_s / hidden.lag_s) if hidden.lag_s else 0.0

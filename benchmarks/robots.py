@@ -82,8 +82,9 @@ def cost(asked: RobotCase) -> dict[str, float]:
     state = np.zeros((len(windows), mujoco.mj_stateSize(bare, mujoco.mjtState.mjSTATE_FULLPHYSICS)))
     state[:, 1 : 1 + bare.nq + bare.nv] = [np.r_[w.qpos, w.qvel] for w in windows]
     control = np.zeros((len(windows), steps, bare.nu))
+    driven = [at.actuator for at in asked.robot.drive if at.actuator is not None]
     for row, w in zip(control, windows, strict=True):
-        row[:, [at.actuator for at in asked.robot.drive]] = model.rollout.logs[w.log].drive[w.first]
+        row[:, driven] = model.rollout.logs[w.log].drive[w.first]
     began = time.process_time()
     for _ in range(VECTORS):
         mujoco.rollout.rollout(bare, mujoco.MjData(bare), state, control)

@@ -98,7 +98,7 @@ def test_a_joint_is_told_apart_within_its_group(tmp_path: Path) -> None:
     def hide(model: mujoco.MjModel) -> None:
         model.dof_frictionloss[3] = 0.1  # right_knee_joint
 
-    windows = {"length_s": 0.5}
+    windows = {"length_s": 0.5, "most": 12}
     case = read_case(write_folder(tmp_path, WALKER, logs=8, windows=windows, change=hide))
     kept = ("viscous_friction_knee_joint", "dry_friction_knee_joint")
     others = [n for n, e in case.model.effects.items() if e.depends_on is None and n not in kept]

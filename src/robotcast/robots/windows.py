@@ -173,8 +173,10 @@ def cut(
     true = 1 - (noise**2).mean(axis=0) / np.maximum((bends**2).mean(axis=0), 1e-30)
     shrunk = bends * np.maximum(true, 0.0)
     return tuple(
-        Window(index, first, first + n, part, *state[:3], bend)
-        for (index, first, part, state), bend in zip(known, shrunk, strict=True)
+        Window(index, first, first + n, part, qpos, qvel, start_sd, bend)
+        for (index, first, part, (qpos, qvel, start_sd, *_)), bend in zip(
+            known, shrunk, strict=True
+        )
     )
 
 
