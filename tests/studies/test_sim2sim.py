@@ -119,6 +119,19 @@ def test_gauss_newton_needs_a_twentieth_of_what_differential_evolution_needs(
     assert newton["simulated_casts"].to_numpy().max() <= least / 20
 
 
+def test_bayesian_optimization_comes_as_near_with_a_twentieth_of_the_casts() -> None:
+    kept = read_outcomes(ROOT / "reports/sim2sim/runs").filter(TOLD, simulator="segmented", casts=5)
+    ours = kept.filter(parameters="ours").unique(["optimizer", "model", "start"])
+    evolved, bayesian = (ours.filter(optimizer=name) for name in ("de", "bo"))
+    error, reached = (one["test_percent"].to_numpy() for one in (bayesian, evolved))
+    assert len(error) == len(reached) == 6
+    assert np.median(error) <= 1.5 * np.median(reached)
+    least = evolved["simulated_casts"].to_numpy().min()
+    assert bayesian["simulated_casts"].to_numpy().max() <= least / 20
+    of_paper = kept.filter(parameters="paper", optimizer="bo")["error_percent"].to_numpy()
+    assert of_paper.max() < 1.09  # where the paper's range begins
+
+
 def test_the_study_gives_every_optimizer_a_budget() -> None:
     study = yaml.safe_load((ROOT / "studies/sim2sim/full.yaml").read_text(encoding="utf-8"))
     matrix = stages("studies/sim2sim")["tune"]["matrix"]
