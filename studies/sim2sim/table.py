@@ -31,7 +31,7 @@ that is done ends below its budget (`studies/sim2sim/full.yaml`). The paper's va
 implementations in another engine; its range of Bayesian optimization is over three acquisitions.
 What Bayesian optimization was before: of the error alone, it missed our seven, by five casts, by a
 median of 71 to 499 % over three acquisitions, with waypoint errors of 1.05 to 2.62 % and 1 500
-simulated casts (172291b); of the residuals, with regions that ended early, by 0.642 %, worst 47.6 %,
+simulated casts (172291b); of the residuals, in regions that ended early, by 0.642 %, worst 47.6 %,
 with 0.0242 % and 3 000 casts (67996a2), and the paper's four by 0.00424 % (bb76b3f).
 
 A row is of the code at its commit and comes again by, for one,
