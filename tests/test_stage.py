@@ -33,12 +33,11 @@ def test_names_are_a_list_without_brackets_too(given: str) -> None:
     assert as_typed("effects=[board_tilt]") == "effects=[board_tilt]"
 
 
-def test_what_is_no_path_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_no_path_is_left_alone() -> None:
     for argument in ("-m", "measurements=null", "simulator=hybrid", "optimizer.seed=1,2"):
         assert as_typed(argument) == argument
-    monkeypatch.setattr(sys, "argv", ["tune.py", "-m"])
     for argument in ("paths.measurements=a,b", "effects=board_tilt,air_drag"):
-        assert as_typed(argument) == argument
+        assert as_typed(argument, sweep=True) == argument
 
 
 def test_errors_are_one_line() -> None:

@@ -78,7 +78,8 @@ def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
 
     @wraps(body)
     def main() -> None:
-        sys.argv[1:] = [as_typed(argument) for argument in sys.argv[1:]]
+        sweep = any(argument in ("-m", "--multirun") for argument in sys.argv)
+        sys.argv[1:] = [as_typed(argument, sweep) for argument in sys.argv[1:]]
         command()
 
     return main
@@ -88,13 +89,12 @@ NAMES = ("effects", "exclude")
 PATHS = ("measurements", "robot", "output", "tuned", "session", "rig.path", "collect.actions")
 
 
-def as_typed(argument: str) -> str:
+def as_typed(argument: str, sweep: bool = False) -> str:
     """Return a setting as Hydra must read it, so that a path may hold whatever a path may hold.
 
     `effects=board_tilt+air_drag` is a list of two, with commas too where nothing is swept.
     """
     key, equals, value = argument.partition("=")
-    sweep = any(a in ("-m", "--multirun") for a in sys.argv)
     if key in NAMES and value and value[0] not in "['\"$" and not (sweep and "," in value):
         return f"{key}=[{value}]"
     path = key in PATHS or key.startswith("paths.") or key == "evaluate.targets"
