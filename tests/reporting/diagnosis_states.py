@@ -23,7 +23,7 @@ from tests.diagnosis.sliding_puck import (
     pushes,
 )
 
-TILTED, LATE_S = (0.06, -0.04), (0.06,)
+TILTED, LATE_S = (0.06, -0.04), (0.1,)
 LIVE = (TILT, LATE, SHIFT, TURN)
 TOLD = {"pipeline": True, "rig": "virtual", "measurements": "b"}  # by the stage that diagnoses
 
