@@ -10,9 +10,7 @@ import time
 from concurrent.futures import wait
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
-import joblib
 import pytest
 
 from robotcast.processes import helper_process, parallel_map, process_pool
@@ -94,10 +92,16 @@ def of_job(number: int) -> list[tuple[int, int]]:
 
 
 def test_a_job_of_a_joblib_sweep_may_have_processes_of_its_own() -> None:
-    sweep = joblib.Parallel(n_jobs=2, backend="loky")
-    jobs: list[Any] = list(sweep(joblib.delayed(of_job)(n) for n in (3, 5)) or ())
-    assert [[square for _, square in job] for job in jobs] == [[9, 16], [25, 36]]
-    assert all(pid != os.getpid() for job in jobs for pid, _ in job)
+    sweep = """
+import joblib
+from tests.test_processes import of_job
+jobs = joblib.Parallel(n_jobs=2, backend="loky")(joblib.delayed(of_job)(n) for n in (3, 5))
+print([[square for _, square in job] for job in jobs or ()])
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", sweep], cwd=ROOT, capture_output=True, text=True, timeout=120
+    )
+    assert done.stdout.strip() == "[[9, 16], [25, 36]]", done.stderr
 
 
 def test_processes_stay_for_the_next_work_and_outlive_the_thread_that_started_them() -> None:
