@@ -93,7 +93,7 @@ def motions(
         first = max(starts.margin, (len(log.times_s) - n) // 2)
         state = starts.at(index, first)
         assert state is not None  # nothing is missing in what was simulated
-        windows.append(Window(index, first, first + n, index, *state))
+        windows.append(Window(index, first, first + n, index, *state[:4]))
     effects = tuple(model.effects.values())
     simulated = RobotModel(own, made, windows, noise, effects, model.rollout.threads, model.units)
     nowhere = [
