@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import socket
 import subprocess
@@ -161,11 +162,11 @@ def test_in_a_browser_the_ladder_falls_while_a_diagnosis_runs(
         process = diagnosis()
         page.get_by_text("diagnose runs").wait_for()
         ladder = page.frame_locator("iframe")
-        ladder.get_by_label("Error ladder of 1 models").wait_for()
+        ladder.get_by_label(re.compile("Error ladder of [12] models")).wait_for()
         ladder.get_by_label("Error ladder of 2 models").wait_for()
         ladder.get_by_text("−").first.wait_for()  # by so many per cent the error fell
         process.kill()
-        process.wait()
-        page.get_by_text("diagnose was killed").wait_for()
+        if process.wait():  # else it was done before
+            page.get_by_text("diagnose was killed").wait_for()
         browser.close()
     assert words == []
