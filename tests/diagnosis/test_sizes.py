@@ -1,28 +1,10 @@
 """When a fitted size says that an effect is there."""
 
 import numpy as np
-import pytest
 
 from robotcast.diagnosis.inquiry import Inquiry, Revision
-from robotcast.diagnosis.sizes import Size, sizes, sizes_of_effect
-from robotcast.fitting.parameter import Parameter
+from robotcast.diagnosis.sizes import sizes, sizes_of_effect
 from tests.diagnosis.sliding_puck import LATE, NOISE_M, TILT, Puck, pushes
-
-STRENGTH = Parameter("k", "1", -1.0, 1.0, nominal=0.0, null=0.0, probes=(0.1,))
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "apart"), [(-0.2, 0.5, False), (0.1, 0.5, True), (0.0, 0.5, False)]
-)
-def test_a_strength_whose_interval_holds_its_null_is_not_told_apart(
-    low: float, high: float, apart: bool
-) -> None:
-    assert Size(STRENGTH, (low + high) / 2, low, high).apart_from_null is apart
-
-
-def test_a_place_is_never_evidence_of_an_effect() -> None:
-    place = Parameter("x", "m", 0.0, 1.0, nominal=0.5)
-    assert not Size(place, 0.5, 0.45, 0.55).apart_from_null
 
 
 def test_sizes_of_one_effect_among_several() -> None:

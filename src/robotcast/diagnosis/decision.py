@@ -193,7 +193,9 @@ def decide(
         return Verdict(Code.NONE, (), near, Unexplained() if unfinished else None)
     if _imitates(found, floor, left, rule):
         return Verdict(Code.UNKNOWN, (), (top,), left)
-    more = tuple(rung for rung in near if set(top.effects) < set(rung.effects))
+    larger = [rung for rung in near if set(top.effects) < set(rung.effects)]
+    fewest = min((len(rung.effects) for rung in larger), default=0)
+    more = tuple(rung for rung in larger if len(rung.effects) == fewest)
     return Verdict(Code.NAMED, named, more, Unexplained() if unfinished else None)
 
 

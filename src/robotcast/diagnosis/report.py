@@ -107,7 +107,8 @@ def _unknown(
 def _most(where: str) -> str:
     if not where:
         return ""
-    return f", most of it {where}" if where.startswith("in ") else f", most of it at {where}"
+    placed = where.startswith(("in ", "on "))
+    return f", most of it {where}" if placed else f", most of it at {where}"
 
 
 def _blunders(n: int, of: int, wording: Wording) -> str:
@@ -129,10 +130,13 @@ def _nearest(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording)
     percent = f"{error:.2f} {inquiry.model.error_unit}"
     if verdict.code is Code.UNKNOWN:
         return f" Of the effects with a name this comes nearest: {texts}, with {percent}."
-    too = " too" if verdict.named else ""
+    if verdict.named:
+        return (
+            f" It may be this too: {texts}. With it the error is {percent}: too little to name it."
+        )
     return (
-        f" It may be this{too}: {texts}. With it the error is {percent}, but these "
-        f"{wording.trials} do not confirm it."
+        f" It may be this: {texts}. With it the error is {percent}, but these {wording.trials} "
+        "do not confirm it."
     )
 
 

@@ -65,12 +65,6 @@ class Size:
     low: float
     high: float
 
-    @property
-    def apart_from_null(self) -> bool:
-        """Tell whether the interval leaves out the value at which the parameter does nothing."""
-        null = self.parameter.null
-        return null is not None and not self.low <= null <= self.high
-
     def as_dict(self) -> dict[str, float | str | None]:
         """Return the size as `diagnosis.json` has it."""
         return {

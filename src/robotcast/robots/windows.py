@@ -19,7 +19,6 @@ ABOUT_S, ABOUT_SAMPLES = 0.02, 4  # on either side of a start: what tells its st
 LEAST_SAMPLES = 12  # of a window
 CUBIC = 4
 GROUPS = 12  # parts that can be held out, at least: where logs are fewer, each is cut
-TOLD_APART = 0.25  # of quantisation steps that are truly apart
 
 
 @dataclass(frozen=True)
