@@ -131,9 +131,7 @@ def _nearest(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording)
     if verdict.code is Code.UNKNOWN:
         return f" Of the effects with a name this comes nearest: {texts}, with {percent}."
     if verdict.named:
-        return (
-            f" It may be this too: {texts}. With it the error is {percent}: too little to name it."
-        )
+        return f" It may be this too: {texts}; the error would fall by little more, to {percent}."
     return (
         f" It may be this: {texts}. With it the error is {percent}, but these {wording.trials} "
         "do not confirm it."
