@@ -48,6 +48,7 @@ class Selection:
             self.fit_library()
             size = self.shortlist()
             self.judge(size)
+            self.simplify()
         return self.choose(self.found.chosen)
 
     def choose(self, effects: Effects) -> Found:
@@ -191,6 +192,45 @@ class Selection:
                 self._choose()
             if len(self.found.named) >= smaller and not self._needless(smaller):
                 break  # else one of them was needless, or none helps
+
+    def simplify(self) -> None:
+        """Judge special cases in the place of chosen effects: those with some of their parameters.
+
+        Of several the one is judged that the slopes promise most of.
+        """
+        library, tried = self.found.library, {self.found.chosen}
+        assert library is not None
+        own = {n: {p.name for p in e.parameters} for n, e in self._inquiry.model.effects.items()}
+        while True:
+            chosen = self.found.chosen
+            for name in self.found.named:
+                swaps = {
+                    tuple(other if e == name else e for e in chosen): other
+                    for other in self._candidates
+                    if other not in chosen
+                    and own[other] < own[name]
+                    and self._strengths((other,)) < self._strengths((name,))
+                }
+                best = min(swaps, key=library.loss, default=chosen)
+                if best not in tried:
+                    tried.add(best)
+                    self._refit_in_place(best, name, swaps[best])
+            self._choose()
+            if self.found.chosen in (chosen, self._fixed):
+                return
+
+    def _refit_in_place(self, effects: Effects, name: str, other: str) -> None:
+        """Refit with one effect in another's place, from what they have in common."""
+        model, chosen = self._inquiry.model, self.found.chosen
+        fitted, own = self.found.judged[chosen].revision.fit.vector, len(model.parameters)
+        held, new = (model.effects[e].parameters for e in (name, other))
+        at = dict(zip((p.name for p in held), fitted[self._entries(chosen, name)], strict=True))
+        swapped = np.array([at.get(p.name, float(p.to_unit(np.asarray(p.nominal)))) for p in new])
+        parts = [swapped if e == other else fitted[self._entries(chosen, e)] for e in effects]
+        self.fit_beginnings(
+            effects, np.concatenate([fitted[:own], *parts]), None, self._effort.refit
+        )
+        self._refit(effects)
 
     def refit_singles(self, own: np.ndarray) -> Found:
         """Judge single effects, and choose none: a field has shown that something is missing.
@@ -343,10 +383,10 @@ class Selection:
         cost = {rung.effects: self._cost(rung) for rung in rungs}
         best = min(rungs, key=lambda rung: cost[rung.effects])
         level = [r for r in rungs if r is best or self._undecided(best, r)]
-        return min(level, key=lambda r: (self._strengths(r), cost[r.effects])).effects
+        return min(level, key=lambda r: (self._strengths(r.effects), cost[r.effects])).effects
 
-    def _strengths(self, rung: Rung) -> int:
-        return sum(p.null is not None for p in self._inquiry.parameters(rung.effects))
+    def _strengths(self, effects: Effects) -> int:
+        return sum(p.null is not None for p in self._inquiry.parameters(effects))
 
     def _rivals(self) -> dict[str, tuple[str, ...]]:
         """Return what could stand in the place of every chosen effect.
