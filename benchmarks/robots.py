@@ -46,11 +46,11 @@ def score(case: str, folder: Path, alone: bool) -> dict[str, Any]:
     truth = unseal(sealed)
     answer, sizes = set(truth["answer"]), truth["sizes"]
     known = said["model"]["parameters"] if said["model"] else {}
-    hits = [
-        known[name]["low"] <= size <= known[name]["high"]
+    fitted = {
+        name: [known[name]["low"], known[name]["value"], known[name]["high"], size]
         for name, size in sizes.items()
         if name in known
-    ]
+    }
     confused = {e for some in said["confusion_set"] for e in some}
     told = set(said["verdict"])
     row = {
@@ -60,7 +60,7 @@ def score(case: str, folder: Path, alone: bool) -> dict[str, Any]:
         "confused": sorted(confused - told),
         "right": told == answer if not truth["either"] else told < answer <= told | confused,
         "among": answer <= told | confused,
-        "covered": hits,
+        "sizes": fitted,
         "errors": [round(e, 3) for e in errors],
         "floor": round(asked.floor_percent, 2),
         "candidates": sum(e.depends_on is None for e in asked.model.effects.values()),
@@ -142,7 +142,8 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         own = [row for row, of in zip(rows, names, strict=True) if name in (of, "all")]
         clean = [row for row in own if row["answer"] == ["none"]]
         hidden = [row for row in own if row not in clean]
-        hits = [hit for row in own for hit in row["covered"]]
+        fitted = [some for row in own for some in row["sizes"].values()]
+        hits = [low <= true <= high for low, _, high, true in fitted]
         beside = [row for row in hidden if "oracle" in row]
         drops = [
             (r["errors"][0] - r["errors"][-1], r["oracle"][0] - r["oracle"][-1]) for r in beside

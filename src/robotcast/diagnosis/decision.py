@@ -11,7 +11,7 @@ from robotcast.diagnosis.found import Effects, Found, Rung
 from robotcast.diagnosis.inquiry import Inquiry, Revision, held_out
 from robotcast.diagnosis.library import Library
 from robotcast.diagnosis.rule import Effort, Rule
-from robotcast.fitting.least_squares import Fit, trial_losses
+from robotcast.fitting.least_squares import Fit
 
 
 @dataclass(frozen=True)
@@ -79,9 +79,7 @@ class _Contest:
         for effects in sets:
             self.tell(self.early.model.effects[effects[-1]].text)
             vector, kept = together.start(effects)
-            residual = self.early.residuals(effects)(vector[None], self.early.everything)[0]
-            loss = float(trial_losses(residual).mean())
-            known = Fit(vector, loss, residual, together.fit.jacobian[:, :, kept])
+            known = together.look(effects, vector, kept)
             fit = self.early.fit(effects, vector, self.effort.refit, known=known)
             cost = self.early.expected_loss(effects, fit)
             judged.append((cost, effects[-1], fit))

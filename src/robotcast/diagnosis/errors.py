@@ -136,7 +136,8 @@ class Scales:
         first, second = (typical(one, self.floor.unit) for one in missed)
         groups = np.unique(self.groups[self.usual], return_inverse=True)[1]
         p_value = worse(missed[0] - missed[1], groups, self.rule.far)
-        if first - second < self.floor.numerical:
+        step = self.floor.numerical  # below what it errs by, an effect makes up for it
+        if first - max(second, step) < step:
             return Gain(0.0, 0.0, p_value)
         above = self.floor.percent is not None and first > self.rule.at_floor * self.floor.reach
         rest = (first - second) / (first - self.floor.reach) if above else 0.0

@@ -52,6 +52,7 @@ class Inquiry:
         self.records = tuple(records)
         self.noise = noise
         self._runs = _Runs(progress)
+        self._step_errors: dict[tuple[tuple[str, ...], bytes], np.ndarray] = {}
 
     @property
     def simulated(self) -> int:
@@ -85,6 +86,11 @@ class Inquiry:
         """Return the parameters of the model with these effects, in a vector's order."""
         own = [p for name in active for p in self.model.effects[name].parameters]
         return (*self.model.parameters, *own)
+
+    def entries(self, active: Sequence[str], name: str) -> slice:
+        """Return where in a vector the parameters of one of the effects stand."""
+        first = len(self.parameters(active[: active.index(name)]))
+        return slice(first, first + len(self.model.effects[name].parameters))
 
     def steps(self, active: Sequence[str]) -> np.ndarray:
         """Return the finite-difference steps of all parameters."""
@@ -127,6 +133,23 @@ class Inquiry:
             return weighed.reshape(len(vectors), len(trials), -1) / self.noise
 
         return evaluate
+
+    def step_shift(self, active: Sequence[str], fit: Fit, inverse: np.ndarray) -> np.ndarray:
+        """Return by how much the model's own step moves a fit, (n,); 0 where it is not known.
+
+        Parameters
+        ----------
+        inverse : ndarray (n, n), of the fit's curvature.
+        """
+        finer, key = getattr(self.model, "finer", None), (tuple(active), fit.vector.tobytes())
+        if finer is None:
+            return np.zeros(len(fit.vector))
+        if key not in self._step_errors:
+            other = Inquiry(finer, self.records, self.noise)
+            exact = other.residuals(active)(fit.vector[None], self.everything)[0]
+            self._step_errors[key] = fit.residual - exact
+        off = self._step_errors[key]
+        return inverse @ np.einsum("idn,id,i->n", fit.jacobian, off, fit.weights)
 
     def fit(
         self,

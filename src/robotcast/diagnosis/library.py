@@ -17,7 +17,7 @@ from itertools import combinations, product
 import numpy as np
 
 from robotcast.diagnosis.inquiry import STEPPING, Inquiry
-from robotcast.fitting.least_squares import Fit
+from robotcast.fitting.least_squares import Fit, trial_losses
 
 EDGE = 0.01  # of a range, from which a start keeps clear
 
@@ -128,6 +128,15 @@ class Library:
         vector[columns] += step
         kept = [*range(self._own), *(k for name in effects for k in self.columns[name])]
         return np.clip(vector, EDGE, 1 - EDGE)[kept], np.array(kept)
+
+    def look(self, effects: Sequence[str], start: np.ndarray, kept: np.ndarray) -> Fit:
+        """Return the beginnings as the model with these effects predicts them from a start.
+
+        Its slopes are those columns of the library's that it has `kept`.
+        """
+        residual = self.early.residuals(effects)(start[None], self.early.everything)[0]
+        loss = float(trial_losses(residual).mean())
+        return Fit(start, loss, residual, self.fit.jacobian[:, :, kept])
 
     def step(self, effects: Sequence[str]) -> np.ndarray:
         """Return the step from all at null to the model with these effects, free ones' first."""

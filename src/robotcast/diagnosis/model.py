@@ -62,6 +62,9 @@ class Model(Protocol):
     effects : name → candidate, fields included.
     scale : errors are given in % of this length (a cable's length; 1 for metres).
     error_unit : what an error of `scale` / 100 is called, "% of cable length".
+
+    A model that is simulated in steps may have `finer` too, the same model with a shorter step:
+    what the two differ by widens the intervals of sizes.
     """
 
     @property

@@ -71,7 +71,7 @@ class Rule:
 
     level: float = 0.05
     equal: float = 0.05
-    material: float = 0.2
+    material: float = 0.15
     at_floor: float = 1.5
     beyond: float = 3.0
     most_effects: int = 3
@@ -101,6 +101,7 @@ class Effort:
     ----------
     base, library, refit, fold : iterations of the fits of the base model, of the whole library,
         of a few effects, and without a fold.
+    rounds, pays : a refit to beginnings goes on so often while that lowers its loss by that share.
     folds : parts of the trials that are held out in turn.
     early, some : share of every trial, and how many trials, that the search for a start sees:
         chaos comes late.
@@ -112,6 +113,8 @@ class Effort:
     library: int = 5
     refit: int = 2
     fold: int = 1
+    rounds: int = 3
+    pays: float = 0.05
     folds: int = 4
     early: float = 0.65
     some: int = 26

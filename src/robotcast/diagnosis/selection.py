@@ -64,7 +64,7 @@ class Selection:
         base = fit_base(self._inquiry, self._fixed, effort)
         self._keep(base)
         self._choose()
-        self.fit_beginnings(self._fixed, base.fit.vector, None, 1)
+        self.fit_beginnings(self._fixed, base.fit.vector)
 
     def fit_library(self) -> None:
         """Fit the model with all effects to beginnings."""
@@ -91,8 +91,7 @@ class Selection:
 
         Above the floor what matters is a part of what is left: it is worth a further look.
         """
-        library, fit = self.found.library, self.found.early[effects]
-        assert library is not None
+        library, fit = self._library, self.found.early[effects]
         base = self.expected_error(self._fixed, self.found.early[self._fixed])
         own = self.expected_error(effects, fit)
         whole = self.expected_error(library.effects, library.fit)
@@ -102,17 +101,18 @@ class Selection:
 
     def expected_error(self, effects: Effects, fit: Fit) -> float:
         """Return the typical error that a fit to beginnings will have on others like them."""
-        usual = self._scales(self._early, [self._percent(fit)]).usual
+        early = self._early
+        low = early.low_percent(early.difference_of(fit.residual, early.everything))
+        usual = self._scales(early, [low]).usual
         rest = np.flatnonzero(usual)
         kept = replace(fit, residual=fit.residual[rest], jacobian=fit.jacobian[rest])
-        too_small = self._early.optimism(effects, kept, rest) / max(len(rest), 1)
+        too_small = early.optimism(effects, kept, rest) / max(len(rest), 1)
         missed = trial_losses(kept.residual) + too_small
         return typical(missed, self._floor.unit)
 
     def _refit_size(self, size: int) -> None:
         """Fit the likeliest sets of one size: one step each, then the best of them to the end."""
-        library = self.found.library
-        assert library is not None
+        library = self._library
         self._refit_from((library, *(library.starts if size == 1 else ())), size)
 
     def _refit_from(self, libraries: Sequence[Library], size: int) -> None:
@@ -125,13 +125,13 @@ class Selection:
             for effects in some.best(size, n, self._fixed):
                 vector, kept = some.start(effects)
                 for start in self._starts(effects, vector):
-                    fit = self._look(some, effects, start, kept)
+                    fit = some.look(effects, start, kept)
                     if effects not in looked or fit.loss < looked[effects].loss:
                         looked[effects] = fit
         begun = {e: self._early.fit(e, fit.vector, 1, known=fit) for e, fit in looked.items()}
         for effects in sorted(begun, key=lambda e: begun[e].loss)[: most - 1]:
             fit = begun[effects]
-            self.fit_beginnings(effects, fit.vector, fit, self._effort.refit)
+            self.fit_beginnings(effects, fit.vector, fit)
 
     def _starts(self, effects: Effects, vector: np.ndarray) -> list[np.ndarray]:
         """Return where a refit may start: the library's promise, and what smaller sets reached.
@@ -146,25 +146,19 @@ class Selection:
         start, fitted = vector.copy(), self.found.early[part].vector
         start[:own] = fitted[:own]
         for name in part:
-            start[self._entries(effects, name)] = fitted[self._entries(part, name)]
+            start[self._inquiry.entries(effects, name)] = fitted[self._inquiry.entries(part, name)]
         return [*starts, start]
 
-    def _entries(self, effects: Effects, name: str) -> slice:
-        first = len(self._inquiry.parameters(effects[: effects.index(name)]))
-        return slice(first, first + len(self._inquiry.model.effects[name].parameters))
-
-    def _look(self, library: Library, effects: Effects, start: np.ndarray, kept: np.ndarray) -> Fit:
-        """Return the beginnings as a start predicts them, with the library's slopes."""
-        residual = self._early.residuals(effects)(start[None], self._early.everything)[0]
-        slopes = library.fit.jacobian[:, :, kept]
-        return Fit(start, float(trial_losses(residual).mean()), residual, slopes)
-
-    def fit_beginnings(
-        self, effects: Effects, start: np.ndarray, known: Fit | None, iterations: int
-    ) -> None:
-        """Fit a model to the beginnings of trials."""
-        fit = self._early.fit(effects, start, iterations, known=known)
+    def fit_beginnings(self, effects: Effects, start: np.ndarray, known: Fit | None = None) -> None:
+        """Fit a model to the beginnings of trials, and go on as long as that pays."""
+        effort, fit = self._effort, known
+        for _ in range(1 + effort.rounds):
+            last, fit = fit, self._early.fit(effects, start, effort.refit, known=fit)
+            start = fit.vector
+            if last is not None and fit.loss > (1 - effort.pays) * last.loss:
+                break
         before = self.found.early.get(effects)
+        assert fit is not None
         if before is None or fit.loss < before.loss:
             self.found.early[effects] = fit
 
@@ -176,8 +170,7 @@ class Selection:
     def judge(self, size: int) -> None:
         """Fit the finalists to whole trials, judge them on trials held out, and choose."""
         if self._above(self.found.base):
-            assert self.found.library is not None
-            self._rematch(self.found.library.fit)
+            self._rematch(self._library.fit)
             self._choose()
         rematched = False
         for smaller in range(size, 0, -1):
@@ -186,7 +179,9 @@ class Selection:
             self._choose()
             if self._promises(smaller):
                 if not rematched:
-                    self._rematch(self._best_refit(smaller))
+                    n = len(self._fixed) + smaller
+                    fits = [r.revision.fit for e, r in self.found.judged.items() if len(e) == n]
+                    self._rematch(min(fits, key=lambda fit: fit.loss))
                 rematched = True
                 self._polish(smaller)
                 self._choose()
@@ -198,8 +193,7 @@ class Selection:
 
         Of several the one is judged that the slopes promise most of.
         """
-        library, tried = self.found.library, {self.found.chosen}
-        assert library is not None
+        library, tried = self._library, {self.found.chosen}
         own = {n: {p.name for p in e.parameters} for n, e in self._inquiry.model.effects.items()}
         while True:
             chosen = self.found.chosen
@@ -224,12 +218,14 @@ class Selection:
         model, chosen = self._inquiry.model, self.found.chosen
         fitted, own = self.found.judged[chosen].revision.fit.vector, len(model.parameters)
         held, new = (model.effects[e].parameters for e in (name, other))
-        at = dict(zip((p.name for p in held), fitted[self._entries(chosen, name)], strict=True))
-        swapped = np.array([at.get(p.name, float(p.to_unit(np.asarray(p.nominal)))) for p in new])
-        parts = [swapped if e == other else fitted[self._entries(chosen, e)] for e in effects]
-        self.fit_beginnings(
-            effects, np.concatenate([fitted[:own], *parts]), None, self._effort.refit
+        at = dict(
+            zip((p.name for p in held), fitted[self._inquiry.entries(chosen, name)], strict=True)
         )
+        swapped = np.array([at.get(p.name, float(p.to_unit(np.asarray(p.nominal)))) for p in new])
+        parts = [
+            swapped if e == other else fitted[self._inquiry.entries(chosen, e)] for e in effects
+        ]
+        self.fit_beginnings(effects, np.concatenate([fitted[:own], *parts]))
         self._refit(effects)
 
     def refit_singles(self, own: np.ndarray) -> Found:
@@ -247,7 +243,7 @@ class Selection:
         begun = self._early.fit(self._fixed, own, 0)
         beside = library_at(self._early, self._fixed, self._candidates, begun)
         before = dict(self.found.early)
-        self._refit_from((beside, self.found.library), 1)
+        self._refit_from((beside, self._library), 1)
         kept = {e: r for e, r in self.found.judged.items() if before[e] is self.found.early[e]}
         self.found = replace(self.found, judged=kept)
         for effects in self._finalists(1):
@@ -259,7 +255,7 @@ class Selection:
         """Return the best set of effects of one size on the beginnings, and those level with it."""
         fits, fixed = self.found.early, len(self._fixed)
         sets = sorted((e for e in fits if len(e) == fixed + size), key=lambda e: fits[e].loss)
-        level = [e for e in sets[1:] if self._alike(fits[sets[0]], fits[e])]
+        level = [e for e in sets[1:] if self._level(self._early, fits[sets[0]], fits[e])]
         return [sets[0], *level[: self._effort.finalists - 1]]
 
     def _needless(self, size: int) -> bool:
@@ -268,7 +264,7 @@ class Selection:
         parts = [(*self._fixed, *part) for part in combinations(self.found.named, size - 1)]
         for effects in parts:
             if effects not in self.found.early:
-                self.fit_beginnings(effects, self._of_larger(effects), None, 1)
+                self.fit_beginnings(effects, self._of_larger(effects))
         best = min(parts, key=lambda e: self.found.early[e].loss)
         if self._nearly(chosen, best):
             self._refit(best)
@@ -321,10 +317,6 @@ class Selection:
         ]
         return any(g.p_value < rule.equal and g.matters(rule, rule.mostly) for g in gains)
 
-    def _undecided(self, best: Rung, other: Rung) -> bool:
-        extra = trial_losses(other.revision.fit.residual) - trial_losses(best.revision.fit.residual)
-        return worse(extra, self._inquiry.groups, self._rule.far) > self._rule.equal
-
     def _of_larger(self, effects: Effects) -> np.ndarray:
         """Return where a set starts that was only fitted as part of a larger one."""
         whole = min(
@@ -332,7 +324,7 @@ class Selection:
             key=lambda e: self.found.early[e].loss,
         )
         fitted, own = self.found.early[whole].vector, len(self._inquiry.model.parameters)
-        parts = [fitted[:own], *(fitted[self._entries(whole, name)] for name in effects)]
+        parts = [fitted[:own], *(fitted[self._inquiry.entries(whole, name)] for name in effects)]
         return np.concatenate(parts)
 
     def _above(self, rung: Rung) -> bool:
@@ -340,11 +332,6 @@ class Selection:
         assert self.found.scales is not None
         errors = rung.errors.waypoint[self.found.scales.usual]
         return self._floor.above(errors, 1 + self._rule.material)
-
-    def _best_refit(self, size: int) -> Fit:
-        n = len(self._fixed) + size
-        fits = [r.revision.fit for e, r in self.found.judged.items() if len(e) == n]
-        return min(fits, key=lambda fit: fit.loss)
 
     def _rematch(self, other: Fit) -> None:
         """Give the model as it is the old parameters of a fit with more effects to start from.
@@ -362,7 +349,7 @@ class Selection:
             self._keep(Revision(self._fixed, again))
 
     def _choose(self) -> None:
-        """Choose the smallest model over which no larger one pays."""
+        """Choose the smallest model that pays over which no larger one does."""
         found = self.found
         scales = self._scales(self._inquiry, [r.errors.low for r in found.judged.values()])
         scales = replace(scales, base=scales.typical(found.base.errors.waypoint))
@@ -372,7 +359,10 @@ class Selection:
         }
         chosen = self._fixed
         for size in sorted({len(effects) for effects in judged}):
-            chosen = self._simplest([judged[e] for e in judged if len(e) == size])
+            simplest = self._simplest([judged[e] for e in judged if len(e) == size])
+            if size > len(self._fixed) and not self._pays(scales, found.base, judged[simplest]):
+                continue
+            chosen = simplest
             larger = [rung for effects, rung in judged.items() if len(effects) > size]
             if not any(self._pays(scales, judged[chosen], rung) for rung in larger):
                 break
@@ -393,7 +383,7 @@ class Selection:
 
         The fits to beginnings see the same trials, so that their losses compare them, trial by
         trial: slopes that point the same way are not enough to confuse two effects when a refit
-        tells them apart.
+        tells them apart. What they differ by must be more than the model's step errs by.
         """
         fits, chosen = self.found.early, self.found.chosen
         rivals: dict[str, tuple[str, ...]] = {}
@@ -405,14 +395,23 @@ class Selection:
         return rivals
 
     def _cannot_tell(self, chosen: Effects, other: Effects) -> bool:
-        judged, fits = self.found.judged, self.found.early
+        judged, fits, sets = self.found.judged, self.found.early, (chosen, other)
+        assert self.found.scales is not None
         if other in judged:
-            return self._undecided(judged[chosen], judged[other])
-        return self._alike(fits[chosen], fits[other])
+            errors = [self.found.scales.typical(judged[e].errors.waypoint) for e in sets]
+            alike = self._undecided(judged[chosen], judged[other])
+        else:
+            errors = [self.expected_error(e, fits[e]) for e in sets]
+            alike = self._level(self._early, fits[chosen], fits[other])
+        return alike or errors[1] - errors[0] < self._floor.numerical
 
-    def _alike(self, best: Fit, other: Fit) -> bool:
+    def _undecided(self, best: Rung, other: Rung) -> bool:
+        return self._level(self._inquiry, best.revision.fit, other.revision.fit)
+
+    def _level(self, inquiry: Inquiry, best: Fit, other: Fit) -> bool:
+        """Tell whether another fit to the same trials is no worse than by luck."""
         extra = trial_losses(other.residual) - trial_losses(best.residual)
-        return worse(extra, self._early.groups, self._rule.far) > self._rule.equal
+        return worse(extra, inquiry.groups, self._rule.far) > self._rule.equal
 
     def _cost(self, rung: Rung) -> float:
         """Return the loss expected on further trials.
@@ -431,9 +430,10 @@ class Selection:
         judged = {**self.found.judged, revision.effects: Rung(revision, errors)}
         self.found = replace(self.found, judged=judged)
 
-    def _percent(self, fit: Fit) -> np.ndarray:
-        early = self._early
-        return early.low_percent(early.difference_of(fit.residual, early.everything))
+    @property
+    def _library(self) -> Library:
+        assert self.found.library is not None
+        return self.found.library
 
     def _scales(self, inquiry: Inquiry, low: Sequence[np.ndarray]) -> Scales:
         """Return how errors are compared; `low` is what models miss of each trial's best quarter.

@@ -89,7 +89,8 @@ def sizes(
     Both shrink as trials are added, but what a model misses everywhere in the same way does not
     (Kennedy and O'Hagan 2001): the most by which a misfit in every trial of this share,
     `discrepancy`, of what the model misses in a usual one can shift the value is added in
-    squares. It misses the noise at least.
+    squares. It misses the noise at least. On either side comes what the model's own step shifts
+    the value by.
     """
     inverse = bread(revision.fit, inquiry.expected(revision.effects))
     error = sandwich(revision.fit, inverse, inquiry.groups)
@@ -97,10 +98,11 @@ def sizes(
         k = len(vectors)
         error = np.maximum(error, np.sqrt((k - 1) / k * ((vectors - vectors.mean(0)) ** 2).sum(0)))
     error = np.hypot(error, _shift(revision.fit, inverse, discrepancy) / SPREAD)
+    reach = SPREAD * error + np.abs(inquiry.step_shift(revision.effects, revision.fit, inverse))
     centre = revision.fit.vector
     found = []
     for k, parameter in enumerate(inquiry.parameters(revision.effects)):
-        ends = np.clip(centre[k] + SPREAD * error[k] * np.array([0.0, -1.0, 1.0]), 0.0, 1.0)
+        ends = np.clip(centre[k] + reach[k] * np.array([0.0, -1.0, 1.0]), 0.0, 1.0)
         value, low, high = parameter.from_unit(ends).tolist()
         found.append(Size(parameter, value, low, high))
     return tuple(found)
@@ -114,9 +116,8 @@ def sizes_of_effect(
     discrepancy: float,
 ) -> tuple[Size, ...]:
     """Return the size of every parameter of one of the revision's effects (see `sizes`)."""
-    before = revision.effects[: revision.effects.index(effect)]
-    first, end = (len(inquiry.parameters(e)) for e in (before, (*before, effect)))
-    return sizes(inquiry, revision, vectors, discrepancy)[first:end]
+    own = inquiry.entries(revision.effects, effect)
+    return sizes(inquiry, revision, vectors, discrepancy)[own]
 
 
 def _shift(fit: Fit, inverse: np.ndarray, discrepancy: float) -> np.ndarray:

@@ -8,6 +8,7 @@ model can hide what it misses in it.
 """
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -127,15 +128,23 @@ class RobotModel:
             missed.append(np.linalg.norm(left, axis=-1).mean())
         return 100 * float(np.median(missed)) / self.scale
 
+    @property
+    def finer(self) -> "RobotModel":
+        """The same model with a shorter step."""
+        assert len(self._slopes)  # of the start states, which both have in common
+        other, known = copy(self), self.rollout
+        other.rollout = Rollout(known.robot, known.logs, known.windows, known.threads, FINER)
+        return other
+
     def step_miss(self) -> float:
         """Return by how much the model errs because its step is no shorter, % of the scale."""
-        rollout = self.rollout
-        fine = Rollout(rollout.robot, rollout.logs, rollout.windows, rollout.threads, FINER)
-        still = np.zeros((2, rollout.robot.model.nv))
+        still = np.zeros((2, self.rollout.robot.model.nv))
         starts = [Start(record.trial, still) for record in self.records]
         nominal = np.array([[p.nominal for p in self.parameters]])
         times_s = [record.times_s for record in self.records]
-        coarse, exact = (one.simulate(starts, times_s, (), nominal)[0] for one in (rollout, fine))
+        coarse, exact = (
+            one.rollout.simulate(starts, times_s, (), nominal)[0] for one in (self, self.finer)
+        )
         missed = []
         for record, off in zip(self.records, (coarse - exact) / self.units.si, strict=True):
             off = off[: len(record.times_s)]
