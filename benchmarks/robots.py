@@ -24,9 +24,8 @@ from robotcast.diagnosis.inquiry import Inquiry, fit_base, held_out
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.files import plain, unseal, write_text
 from robotcast.reporting.page import markdown
-from robotcast.robots.by_joint import diagnose_by_joint
 from robotcast.robots.effects import DeadTime, ModelField
-from robotcast.robots.robot_case import RobotCase, read_case
+from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
 from robotcast.robots.rollout import Start
 
 VECTORS = 8

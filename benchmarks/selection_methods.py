@@ -101,7 +101,7 @@ def forward(search: Selection, library: Library) -> Effects:
 
 def _refit(search: Selection, slopes: Library, effects: Effects) -> None:
     vector, _ = slopes.start(effects)
-    search.fit_beginnings(effects, vector, None, 3)
+    search.fit_beginnings(effects, vector)
 
 
 METHODS: dict[str, Callable[[Selection, Library], Effects]] = {

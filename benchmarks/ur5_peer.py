@@ -25,8 +25,10 @@ sys.path.insert(0, str(ROOT))
 
 from robotcast.casts.action import Action  # noqa: E402
 from robotcast.casts.plan import PlanLimits, plan_action  # noqa: E402
-from robotcast.measurements.reader import read_measurement_set  # noqa: E402
-from robotcast.measurements.writer import write_measurement_set  # noqa: E402
+from robotcast.measurements.reader import (  # noqa: E402
+    read_measurement_set,
+    write_measurement_set,
+)
 from robotcast.rigs import RigStopped  # noqa: E402
 from robotcast.rigs.collect import Collected, collect_casts  # noqa: E402
 from robotcast.rigs.envelope import are_feasible, broken_rules  # noqa: E402

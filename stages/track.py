@@ -6,7 +6,7 @@ import os
 from omegaconf import DictConfig
 
 from robotcast.files import write_text
-from robotcast.measurements import reader, writer
+from robotcast.measurements import reader
 from robotcast.sessions import read_session, recorded_copy, summed_robot_notes
 from robotcast.stage import bar, named_session, output_folder, stage, tell, warn
 from robotcast.vision.facts import TrackingLimits
@@ -31,8 +31,8 @@ def track(config: DictConfig) -> None:
         warn(notice)
     if folder.is_dir() and any(folder.iterdir()) and not (folder / "tracking.json").is_file():
         raise ValueError(f"{folder}: holds files that this stage did not write")
-    with writer.replaced(folder) as draft:
-        writer.write_measurement_set(measured, draft)
+    with reader.replaced(folder) as draft:
+        reader.write_measurement_set(measured, draft)
         write_text(draft / "tracking.json", json.dumps(summary, indent=2) + "\n")
 
 

@@ -14,7 +14,7 @@ from hydra.utils import instantiate
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import write_measurement_set
 from robotcast.simulators.simulator import SimulatedCast, Simulator
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -10,8 +10,7 @@ import pytest
 import yaml
 
 from robotcast.casts.table import read_actions
-from robotcast.measurements.reader import read_measurement_set
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import read_measurement_set, write_measurement_set
 from tests.good_casts import good_set
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from robotcast.casts.action import Action
-from robotcast.measurements.reader import read_measurement_set
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import read_measurement_set, write_measurement_set
 from robotcast.sessions import (
     CastRecord,
     adopt_recorded_set,

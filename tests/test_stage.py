@@ -8,7 +8,7 @@ import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import InstantiationException
 
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import write_measurement_set
 from robotcast.stage import _names, _sentence, as_typed
 from tests.good_casts import good_set
 

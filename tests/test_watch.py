@@ -15,8 +15,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from robotcast.measurements.reader import read_measurement_set
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import read_measurement_set, write_measurement_set
 from robotcast.running import Run, followed, read_runs, say, write_page
 from robotcast.watch import pipeline, watch_page
 

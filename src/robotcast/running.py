@@ -8,9 +8,20 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from robotcast.files import write_text
+
+
+class Progress(Protocol):
+    """Called with the units done so far, the total, and a few words on the state."""
+
+    def __call__(self, done: int, total: int, note: str = "") -> None: ...
+
+
+def silent(done: int, total: int, note: str = "") -> None:
+    """Report nothing."""
+
 
 KEPT = 200  # files of commands, the last ones
 EVERY_S = 0.5  # a bar is written no more often

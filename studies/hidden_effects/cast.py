@@ -13,8 +13,7 @@ from omegaconf import DictConfig
 from robotcast.build import build, build_rig, with_cable
 from robotcast.casts.table import read_actions
 from robotcast.files import unseal
-from robotcast.measurements.reader import read_measurement_set
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import read_measurement_set, write_measurement_set
 from robotcast.processes import process_pool
 from robotcast.rigs.virtual.rig import Eye
 from robotcast.stage import require, stage, tell

@@ -14,11 +14,11 @@ from robotcast.casts.curves import PlanLimits
 from robotcast.casts.plan import PlannedCast, plan_action
 from robotcast.files import discard_unfinished, seal, unseal
 from robotcast.measurements.measurement_set import MeasurementSet
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import write_measurement_set
 from robotcast.processes import process_pool
-from robotcast.progress import Progress, silent
 from robotcast.rigs.virtual.hiding import Parameters, Shift
 from robotcast.rigs.virtual.rig import Eye, VirtualRig, measure_cast
+from robotcast.running import Progress, silent
 from studies.hidden_effects.cases import Case, answer_path, choose_actions
 
 RIG = "virtual (hidden effect benchmark)"

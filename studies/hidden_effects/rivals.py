@@ -29,7 +29,7 @@ from robotcast.diagnosis.sizes import sizes
 from robotcast.files import unseal, write_text
 from robotcast.fitting.least_squares import Fit, trial_losses
 from robotcast.measurements.reader import read_measurement_set
-from robotcast.progress import Progress
+from robotcast.running import Progress
 from robotcast.stage import bar, stage, tell
 from robotcast.workflow.diagnosing import case_of
 from studies.hidden_effects.cases import answer_path

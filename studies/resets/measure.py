@@ -17,11 +17,11 @@ from robotcast.casts.plan import PlannedCast, plan_action
 from robotcast.casts.reset import ResetSettings, plan_reset
 from robotcast.files import atomic_file
 from robotcast.processes import parallel_map
-from robotcast.progress import Progress
 from robotcast.rigs.collect import choose_casts
 from robotcast.rigs.envelope import feasible_actions
 from robotcast.rigs.virtual.cable import Motion, StartScatter, packaged_path
 from robotcast.rigs.virtual.rig import VirtualRig
+from robotcast.running import Progress
 from robotcast.stage import bar, stage, tell
 
 STRAIGHT = StartScatter(np.array([0.0, 1.0]), np.zeros((3, 2)))  # along +x, before any reset

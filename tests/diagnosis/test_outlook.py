@@ -1,6 +1,6 @@
 """The bar's total is an estimate that gets better as steps are taken."""
 
-from robotcast.diagnosis.outlook import Outlook, Step
+from robotcast.diagnosis.found import Outlook, Step
 
 TRIALS = 10
 

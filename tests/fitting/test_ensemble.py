@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from robotcast.fitting.ensemble import ensemble_start
 from robotcast.fitting.least_squares import fit_robustly
-from robotcast.fitting.starts import hypercube
+from robotcast.fitting.starts import ensemble_start, hypercube
 
 TRUE = np.array([0.3, 0.62, 0.45])
 TRIALS = np.arange(6)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import write_measurement_set
 from tests.good_casts import good_set
 
 RIG = """\

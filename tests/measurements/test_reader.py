@@ -8,8 +8,7 @@ import pytest
 
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, plan_action
-from robotcast.measurements.reader import read_measurement_set
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import read_measurement_set, write_measurement_set
 
 
 def put(path: Path, line: int, column: str, value: str) -> None:

@@ -13,8 +13,7 @@ import pytest
 
 from robotcast.measurements.errors import noise_floor
 from robotcast.measurements.measurement_set import MeasurementSet
-from robotcast.measurements.reader import read_measurement_set
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import read_measurement_set, write_measurement_set
 from tests.good_casts import ACTIONS, good_set
 
 Tables = dict[str, pl.DataFrame]

@@ -8,8 +8,7 @@ import polars as pl
 import pytest
 
 from robotcast.measurements.measurement_set import MeasurementSet
-from robotcast.measurements.reader import read_measurement_set
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import read_measurement_set, write_measurement_set
 
 
 def with_awkward_numbers(measured: MeasurementSet) -> MeasurementSet:

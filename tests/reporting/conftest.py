@@ -11,7 +11,7 @@ import yaml
 
 from robotcast.casts.action import ACTION_COLUMNS, Action
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import write_measurement_set
 from robotcast.reporting.results import Results, read_results
 from tests.good_casts import good_trial
 

@@ -13,8 +13,7 @@ pytest.importorskip("rtde_control", reason="the extra ur5 is not installed")
 
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits
-from robotcast.measurements.reader import read_measurement_set
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import read_measurement_set, write_measurement_set
 from robotcast.rigs import RigStopped
 from robotcast.rigs.collect import collect_casts
 from robotcast.rigs.kinematics import joints_pointing_down

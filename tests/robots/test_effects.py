@@ -9,11 +9,10 @@ import pytest
 
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.parameter import Parameter
-from robotcast.robots.by_joint import diagnose_by_joint
 from robotcast.robots.effect import Motion, Where
 from robotcast.robots.effects import CommandRate, SpeedLimit, Stribeck
 from robotcast.robots.library import parts_of, within
-from robotcast.robots.robot_case import RobotCase, read_case
+from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
 from tests.robots.made_up_robot import ARM, PERIOD_S, write_folder
 
 WHERE = Where("axis", (0,), (1,), (0,), (0,))

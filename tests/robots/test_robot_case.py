@@ -17,9 +17,9 @@ from robotcast.reporting.diagnosis_page import diagnosis_page
 from robotcast.robots import rollout
 from robotcast.robots.patch import write_patched
 from robotcast.robots.robot_case import RobotCase, read_case
+from robotcast.robots.robot_file import write_parameters
 from robotcast.robots.rollout import Start
 from robotcast.robots.shown import shown
-from robotcast.robots.sysid import write_parameters
 from tests.robots.made_up_robot import ARM, PERIOD_S, QUANTUM, SLIDER, dry, write_folder
 
 

@@ -15,7 +15,7 @@ import yaml
 from robotcast.casts.action import ToolMotion
 from robotcast.casts.plan import PlanLimits, plan_actions
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import write_measurement_set
 from robotcast.simulators.d_sim import (
     Generated,
     Shard,

@@ -6,7 +6,7 @@ import pytest
 from robotcast.casts.action import Action, ToolMotion
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Trial
-from robotcast.progress import silent
+from robotcast.running import silent
 from robotcast.simulators.simulator import Prediction
 from robotcast.tuning.objective import WaypointError, full_vectors
 from robotcast.tuning.search import Query

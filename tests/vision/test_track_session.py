@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import yaml
 
-from robotcast.measurements.reader import read_measurement_set
-from robotcast.measurements.writer import write_measurement_set
+from robotcast.measurements.reader import read_measurement_set, write_measurement_set
 from robotcast.sessions import SESSION_FILE, VIDEO_FILE, Session, read_session, write_frame_times
 from robotcast.vision.facts import BLOCK
 from robotcast.vision.tracker import TrackedSession, track_session

@@ -11,12 +11,11 @@ from robotcast.diagnosis import limits, report
 from robotcast.diagnosis.decision import Code, Unexplained, Verdict, decide, look_for_the_unknown
 from robotcast.diagnosis.errors import Floor
 from robotcast.diagnosis.explained import Explained
-from robotcast.diagnosis.found import Found
+from robotcast.diagnosis.found import Found, Outlook, Step
 from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base
 from robotcast.diagnosis.library import fit_library
 from robotcast.diagnosis.model import Model, Record
 from robotcast.diagnosis.next_trials import Further, NextTrial, next_trials, open_contests
-from robotcast.diagnosis.outlook import Outlook, Step
 from robotcast.diagnosis.repeats import RepeatScatter, TimeGrid, repeat_scatter
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.diagnosis.screen import Screened, screen
@@ -24,7 +23,7 @@ from robotcast.diagnosis.selection import Selection
 from robotcast.diagnosis.sizes import first_in_resamples
 from robotcast.diagnosis.wording import PLAIN, Wording
 from robotcast.files import plain
-from robotcast.progress import Progress, silent
+from robotcast.running import Progress, silent
 
 Tell = Callable[[dict[str, Any]], object]
 Draw = Callable[[Inquiry, Unexplained], Mapping[str, Any] | None]

@@ -11,20 +11,20 @@ import numpy as np
 
 from robotcast.diagnosis.model import Model, Record
 from robotcast.diagnosis.rule import Effort
-from robotcast.fitting.ensemble import ensemble_start
 from robotcast.fitting.least_squares import (
     Fit,
     Prior,
     Residuals,
     Stepping,
+    bread,
     difference_steps,
     fit_robustly,
+    optimism,
     trial_losses,
 )
 from robotcast.fitting.parameter import Parameter
-from robotcast.fitting.starts import hypercube, spread
-from robotcast.fitting.uncertainty import bread, optimism
-from robotcast.progress import Progress, silent
+from robotcast.fitting.starts import ensemble_start, hypercube, spread
+from robotcast.running import Progress, silent
 
 LOST = 100.0  # of the scale: by how much a run that diverged misses in a fit
 EXPECTED = 4.0  # times its largest probe: how strong an effect may be before any trial is seen

@@ -11,7 +11,7 @@ from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.model import Model, Record
 from robotcast.diagnosis.rule import Rule
 from robotcast.diagnosis.screen import Screened
-from robotcast.progress import Progress, silent
+from robotcast.running import Progress, silent
 
 CHOSEN = 8
 LOOKED_INTO = 60  # candidates whose predictions differ most; of these the slopes are simulated

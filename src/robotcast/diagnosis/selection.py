@@ -7,10 +7,9 @@ from itertools import combinations
 import numpy as np
 
 from robotcast.diagnosis.errors import Floor, Scales, typical, worse
-from robotcast.diagnosis.found import Effects, Found, Rung
+from robotcast.diagnosis.found import Effects, Found, Rung, Step
 from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base, held_out
 from robotcast.diagnosis.library import Library, fit_library, library_at
-from robotcast.diagnosis.outlook import Step
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.least_squares import Fit, trial_losses
 

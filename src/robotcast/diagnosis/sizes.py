@@ -7,9 +7,8 @@ import numpy as np
 from robotcast.diagnosis.errors import misses
 from robotcast.diagnosis.found import Found
 from robotcast.diagnosis.inquiry import Inquiry, Revision
-from robotcast.fitting.least_squares import Fit, median_miss
+from robotcast.fitting.least_squares import Fit, bread, median_miss, sandwich
 from robotcast.fitting.parameter import Parameter
-from robotcast.fitting.uncertainty import bread, sandwich
 
 RESAMPLES = 2000
 

@@ -17,9 +17,9 @@ from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.policies.choosing import Choice
 from robotcast.policies.forward_model import ForwardModel
-from robotcast.progress import Progress, silent
 from robotcast.rigs import Rig
 from robotcast.rigs.collect import Plan, collect_casts
+from robotcast.running import Progress, silent
 from robotcast.sessions import CastRequest, number_requests, read_session
 from robotcast.vision.tracker import track_rest
 

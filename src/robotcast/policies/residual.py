@@ -38,7 +38,7 @@ from robotcast.policies.forward_model import (
 )
 from robotcast.policies.gaussian_process import GaussianProcess, matern
 from robotcast.policies.training import Learner
-from robotcast.progress import Progress, silent
+from robotcast.running import Progress, silent
 
 _BASE, _CORRECTION = "base", "correction"
 _STEP = 0.02  # of the spread of an action's numbers, to see how the endpoint moves

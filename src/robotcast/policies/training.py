@@ -22,7 +22,7 @@ from robotcast.policies.forward_model import (
     best_epoch,
     reproducible_torch,
 )
-from robotcast.progress import Progress, silent
+from robotcast.running import Progress, silent
 
 _KEPT_EVERY = 5  # passes between two states on disk
 

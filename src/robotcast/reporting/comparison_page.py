@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from robotcast.diagnosis.rule import RULE
+from robotcast.reporting.missing_force import robot_block
 from robotcast.reporting.names import error, factor_label, rig_name
 from robotcast.reporting.page import block, render
-from robotcast.reporting.robot_page import robot_block
 from robotcast.reporting.style import (
     BLUE,
     GREEN,

@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from robotcast.diagnosis.wording import PLAIN, parameter_name
 from robotcast.reporting.comparison_page import casts_block, where_blocks
-from robotcast.reporting.missing_force import drafts, field_figure, focus, strongest
+from robotcast.reporting.missing_force import drafts, field_figure, focus, robot_block, strongest
 from robotcast.reporting.names import (
     effect_name,
     error,
@@ -26,7 +26,6 @@ from robotcast.reporting.names import (
     with_unit,
 )
 from robotcast.reporting.page import render
-from robotcast.reporting.robot_page import robot_block
 from robotcast.reporting.style import Bar, Row, bars, fall, inline, spread
 
 State = Literal["running", "too-few", "unknown", "none", "near", "open", "confused", "found"]

@@ -15,8 +15,8 @@ from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
 from robotcast.files import atomic_folder, write_text
 from robotcast.processes import pool_map
-from robotcast.progress import Progress, silent
 from robotcast.rigs import CastNotUsed, Rig, RigStopped
+from robotcast.running import Progress, silent
 
 Plan = Callable[..., PlannedCast]
 

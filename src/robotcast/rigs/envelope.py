@@ -14,7 +14,6 @@ import numpy as np
 
 from robotcast.casts.curves import CastCurves, PlanLimits, distinct_arcs, plan_curves
 from robotcast.casts.plan import ActionGrid
-from robotcast.progress import Progress, silent
 from robotcast.rigs.kinematics import (
     JOINTS,
     LINK_CAPSULES,
@@ -24,6 +23,7 @@ from robotcast.rigs.kinematics import (
     link_points,
     segment_distance,
 )
+from robotcast.running import Progress, silent
 
 RuleGroup = Literal["joints", "tool", "clearances"]
 

@@ -11,9 +11,8 @@ import polars as pl
 
 from robotcast.files import write_text
 from robotcast.robots.logs import tables_of
-from robotcast.robots.names import is_hinge, joint_of_actuator, names_of
+from robotcast.robots.names import UNITS, is_hinge, joint_of_actuator, names_of
 from robotcast.robots.robot_file import FILE, compiled, load_spec
-from robotcast.robots.units import UNITS
 
 TIMES = set(["time", "t", "timestamp", "stamp", "times", "sec", "seconds", "secs", "clock"])
 WORDS = {

@@ -19,8 +19,8 @@ import polars as pl
 from robotcast.diagnosis.next_trials import Further
 from robotcast.files import atomic_file
 from robotcast.robots.logs import Log, periods
+from robotcast.robots.model_fields import Payload, loaded
 from robotcast.robots.names import joint_of_actuator, names_of
-from robotcast.robots.payload import Payload, loaded
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.robot_model import RobotModel
 from robotcast.robots.sizes import Sizes

@@ -1,6 +1,9 @@
-"""The question that a folder with robot.yaml asks: its model, windows, candidates and noise."""
+"""The question that a folder with robot.yaml asks: its model, windows, candidates and noise.
 
-from collections.abc import Sequence
+It is asked for groups of joints first, and then within the group that is named.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -10,21 +13,22 @@ from typing import Any
 import numpy as np
 
 from robotcast.diagnosis.decision import Unexplained, strengths
-from robotcast.diagnosis.diagnose import Case
+from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.diagnosis.wording import Axis, Wording
 from robotcast.robots.effects import TorqueField
-from robotcast.robots.library import candidates
+from robotcast.robots.library import candidates, within
 from robotcast.robots.logs import Log, periods, read_logs
+from robotcast.robots.names import to_si
 from robotcast.robots.next_motions import Motions, motions
 from robotcast.robots.robot_file import RobotFile, read_robot
 from robotcast.robots.robot_model import RobotModel, tuned_parameters
 from robotcast.robots.rollout import Rollout, Start
 from robotcast.robots.sizes import Sizes, sizes_of
-from robotcast.robots.units import to_si
 from robotcast.robots.windows import GROUPS, LEAST_SAMPLES, StartStates, Window, cut, noise_of
+from robotcast.running import Progress, silent
 
 LOSES = 0.5  # of how far a joint moves in a log: predictions that err by more have lost the trial
 LONGEST_S = 2.0
@@ -242,3 +246,33 @@ def _notes(
             "to the test."
         )
     return tuple(notes)
+
+
+Tell = Callable[[dict[str, Any]], object]
+
+
+def diagnose_by_joint(
+    case: RobotCase, question: Case, tell: Tell, progress: Progress = silent
+) -> dict[str, Any]:
+    """Diagnose a robot; where an effect of a whole group is named, try each of its joints alone.
+
+    The group's effect competes with those of its joints: it is as simple as one of them, and
+    stays where all joints have it. Whatever else was named is tried beside them.
+    """
+    found = diagnose(question, tell, progress)
+    effects = case.model.effects
+    named = [name for name in found["verdict"] if name in effects]
+    single = [one for name in named for one in within(case.robot, case.sizes, effects[name])]
+    if not single:
+        return found
+    case.model.effects = {**effects, **{one.name: one for one in single}}
+    candidates = [*named, *(one.name for one in single)]
+    again = diagnose(replace(question, candidates=candidates), tell, progress)
+    kept = again["code"] == "named" and set(again["verdict"]) != set(found["verdict"])
+    if not kept:
+        tell(found)
+        return found
+    note = f"First {' + '.join(named)} was named, of a group; then its joints were told apart."
+    again["notes"] = [note, *again["notes"]]
+    tell(again)
+    return again

@@ -15,8 +15,7 @@ from mujoco.batch import Batch, SimulationError
 from robotcast.processes import cores
 from robotcast.robots.effect import Acting, Motion, RobotEffect
 from robotcast.robots.logs import Log
-from robotcast.robots.model_fields import BatchFields
-from robotcast.robots.payload import load
+from robotcast.robots.model_fields import BatchFields, load
 from robotcast.robots.robot_file import RobotFile, Tunable
 from robotcast.robots.transmission import Transmission
 from robotcast.robots.windows import Window

@@ -6,8 +6,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from robotcast.robots.model_fields import loaded
 from robotcast.robots.names import joint_of_dof
-from robotcast.robots.payload import loaded
 from robotcast.robots.robot_case import RobotCase
 from robotcast.robots.sizes import inverse_states
 

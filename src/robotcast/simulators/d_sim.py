@@ -18,7 +18,7 @@ import yaml
 from robotcast.casts.action import ACTION_COLUMNS, ToolMotion, action_factors
 from robotcast.casts.plan import PlannedCast
 from robotcast.files import atomic_file, write_text
-from robotcast.progress import Progress, silent
+from robotcast.running import Progress, silent
 from robotcast.simulators.simulator import Cast, SimulatedCast, Simulator
 
 ACTIONS_AT_ONCE = 4096  # planned and simulated together, which bounds the memory

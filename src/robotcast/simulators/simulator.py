@@ -18,7 +18,7 @@ from robotcast.effects.effect import ActiveEffects, Effect, Numbers, parameters_
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Cable, Trial
 from robotcast.processes import PATIENCE_S, cores, parallel_map
-from robotcast.progress import Progress, silent
+from robotcast.running import Progress, silent
 from robotcast.simulators.chain import Run
 
 

@@ -7,13 +7,15 @@ import numpy as np
 
 from robotcast.fitting.least_squares import (
     Fit,
+    bread,
+    curvature,
     difference_steps,
     noise_axes,
+    sandwich,
     slopes,
     steadiness,
     trial_losses,
 )
-from robotcast.fitting.uncertainty import bread, curvature, sandwich
 from robotcast.tuning.search import Objective, Problem, Query, residuals_at
 
 STANDARD_ERRORS = 2.0  # on either side of a value

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.fitting.ensemble import ensemble_start
 from robotcast.fitting.least_squares import (
     ENOUGH,
     Fit,
@@ -18,7 +17,7 @@ from robotcast.fitting.least_squares import (
     miss_unit,
     trial_losses,
 )
-from robotcast.fitting.starts import hypercube, spread
+from robotcast.fitting.starts import ensemble_start, hypercube, spread
 from robotcast.tuning.search import Objective, Problem, Query, Response, residuals_at
 
 FAR = 1.15  # ½ ln(1 + 3²), the loss of casts missed by three noises: perhaps in a wrong valley

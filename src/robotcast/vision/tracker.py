@@ -19,7 +19,7 @@ from robotcast.casts.action import ToolMotion
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.measurements.reader import judged
 from robotcast.processes import pool_map
-from robotcast.progress import Progress, silent
+from robotcast.running import Progress, silent
 from robotcast.sessions import (
     FRAMES_FILE,
     TOOL_FILE,

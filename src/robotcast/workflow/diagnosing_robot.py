@@ -15,15 +15,14 @@ from robotcast.diagnosis.report import fitted
 from robotcast.files import plain, write_text
 from robotcast.reporting.comparison_page import comparison_page
 from robotcast.reporting.diagnosis_page import diagnosis_page
+from robotcast.reporting.missing_force import traces_figure
 from robotcast.reporting.names import effect_name
-from robotcast.reporting.robot_page import traces_figure
 from robotcast.reporting.style import svg
-from robotcast.robots.by_joint import diagnose_by_joint
 from robotcast.robots.describe import describe
 from robotcast.robots.patch import write_patched
-from robotcast.robots.robot_case import RobotCase, read_case
+from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
+from robotcast.robots.robot_file import write_parameters
 from robotcast.robots.shown import preview, shown
-from robotcast.robots.sysid import write_parameters
 from robotcast.running import write_page
 from robotcast.stage import bar, output_folder
 

@@ -26,7 +26,7 @@ from robotcast.policies.datasets import (
 from robotcast.policies.residual import ResidualLearner
 from robotcast.policies.training import Learner
 from robotcast.processes import cores, parallel_map
-from robotcast.progress import Progress, silent
+from robotcast.running import Progress, silent
 from robotcast.stage import bar, measured_set, tell
 
 FOLDS = 3
