@@ -91,7 +91,7 @@ def forward(search: Selection, library: Library) -> Effects:
         longer = [e for e in tuned.best(len(taken) + 1, 10**6) if set(taken) < set(e)][:FIRST]
         for effects in longer:
             _refit(search, tuned, effects)
-        error = {e: search.expected_error(e, search.found.early[e]) for e in (taken, *longer, ())}
+        error = {e: search.early.expected_error(e) for e in (taken, *longer, ())}
         best = min(longer, key=lambda e: error[e])
         if error[taken] - error[best] < MATERIAL * error[()]:
             break
@@ -101,7 +101,7 @@ def forward(search: Selection, library: Library) -> Effects:
 
 def _refit(search: Selection, slopes: Library, effects: Effects) -> None:
     vector, _ = slopes.start(effects)
-    search.fit_beginnings(effects, vector)
+    search.early.fit(effects, vector)
 
 
 METHODS: dict[str, Callable[[Selection, Library], Effects]] = {
@@ -128,10 +128,14 @@ def verdicts(
     for name in (*METHODS, "library"):
         before, begun = inquiry.simulated, time.monotonic()
         own = copy(search)
-        own.found = replace(common, judged=dict(common.judged), early=dict(common.early))
+        own.early = copy(search.early)
+        own.early.fits = dict(common.early)
+        own.found = replace(common, judged=dict(common.judged), early=own.early.fits)
         assert common.library is not None
         size = len(METHODS[name](own, common.library)) if name in METHODS else own.shortlist()
         own.judge(size)
+        own.simplify()
+        own.take_apart()
         said = decide(own.found, floor, case.rule, Unexplained, own.refit_singles).words
         more = inquiry.simulated - before, time.monotonic() - begun
         found[name] = set(said), casts + more[0], seconds + more[1]

@@ -166,7 +166,7 @@ def decide(
     named = found.named
     if not named and floor.percent is None:
         return Verdict(Code.CANNOT_TELL, (), near)
-    if not _worth_a_look(found, floor, rule):
+    if not _worth_a_look(found, floor, rule) and not found.inseparable:
         code = Code.NAMED if named else Code.NONE
         return Verdict(code, named, () if named else near)
     left = look()
@@ -189,7 +189,7 @@ def decide(
         if far:  # above the sensors' noise, and repeats may differ by as much
             return Verdict(Code.CANNOT_TELL, (), near, left)
         return Verdict(Code.NONE, (), near, Unexplained() if unfinished else None)
-    if _imitates(found, floor, left, rule):
+    if found.inseparable or _imitates(found, floor, left, rule):
         return Verdict(Code.UNKNOWN, (), (top,), left)
     larger = [rung for rung in near if set(top.effects) < set(rung.effects)]
     fewest = min((len(rung.effects) for rung in larger), default=0)

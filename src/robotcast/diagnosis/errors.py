@@ -1,5 +1,6 @@
 """How large errors are, and whether one model's are smaller than another's beyond luck."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -147,6 +148,16 @@ class Scales:
     def typical(self, errors: np.ndarray) -> float:
         """Return the typical error of usual trials."""
         return typical(misses(errors[self.usual], self.floor.unit), self.floor.unit)
+
+
+def usual(low: Sequence[np.ndarray], floor: Floor, rule: Rule) -> np.ndarray:
+    """Return which trials were not measured wrongly, bool (n_trials,).
+
+    A trial of which every model misses even the best quarter by far was; `low` is what each model
+    misses of that, (n_trials,) each.
+    """
+    best = np.min(low, axis=0)
+    return best <= rule.blunder * max(float(np.median(best)), floor.unit)
 
 
 def worse(extra: np.ndarray, groups: np.ndarray, far: float) -> float:

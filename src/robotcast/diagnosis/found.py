@@ -44,6 +44,7 @@ class Found:
     early : effects → the fit to beginnings of the model with them.
     library : the fit with all effects, None before it is done.
     scales : how errors are compared, None before the base model is known.
+    inseparable : whether the chosen effects only help together.
     rivals : effect of the chosen set → effects that do as well in its place.
     """
 
@@ -52,6 +53,7 @@ class Found:
     early: dict[Effects, Fit] = field(default_factory=dict)
     library: Library | None = None
     scales: Scales | None = None
+    inseparable: bool = False
     rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property

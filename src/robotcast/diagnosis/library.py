@@ -16,7 +16,9 @@ from itertools import combinations, product
 
 import numpy as np
 
+from robotcast.diagnosis.errors import Floor, typical, usual, worse
 from robotcast.diagnosis.inquiry import STEPPING, Inquiry
+from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.least_squares import Fit, trial_losses
 
 EDGE = 0.01  # of a range, from which a start keeps clear
@@ -201,3 +203,72 @@ class Library:
         curvature = hold[np.ix_(columns, columns)] + np.diag(1 / sd[columns] ** 2)
         step = -np.linalg.solve(curvature, pull[columns])
         return columns, step, float(whole + pull[columns] @ step)
+
+
+class Beginnings:
+    """Models with a few effects, fitted to the beginnings of trials: `fits` by their effects."""
+
+    def __init__(self, inquiry: Inquiry, floor: Floor, rule: Rule, effort: Effort) -> None:
+        self.inquiry, self._floor, self._rule, self._effort = inquiry, floor, rule, effort
+        self.fits: dict[tuple[str, ...], Fit] = {}
+
+    def fit(self, effects: tuple[str, ...], start: np.ndarray, known: Fit | None = None) -> None:
+        """Fit a model, go on as long as that pays, and keep the fit if it is the best one."""
+        effort, fit = self._effort, known
+        for _ in range(1 + effort.rounds):
+            last, fit = fit, self.inquiry.fit(effects, start, effort.refit, known=fit)
+            start = fit.vector
+            if last is not None and fit.loss > (1 - effort.pays) * last.loss:
+                break
+        before = self.fits.get(effects)
+        assert fit is not None
+        if before is None or fit.loss < before.loss:
+            self.fits[effects] = fit
+
+    def best(self, size: int) -> tuple[str, ...]:
+        """Return the set of so many effects that fits best."""
+        return min((e for e in self.fits if len(e) == size), key=lambda e: self.fits[e].loss)
+
+    def starts(self, effects: tuple[str, ...], vector: np.ndarray) -> list[np.ndarray]:
+        """Return where a fit may start: the library's promise, and what smaller sets reached.
+
+        A set that was left in a worse valley than one of its parts would lose to it.
+        """
+        own, starts = len(self.inquiry.model.parameters), [vector]
+        parts = [e for e in self.fits if set(e) < set(effects)]
+        if not parts:
+            return starts
+        part = min(parts, key=lambda e: self.fits[e].loss)
+        start, fitted = vector.copy(), self.fits[part].vector
+        start[:own] = fitted[:own]
+        for name in part:
+            start[self.inquiry.entries(effects, name)] = fitted[self.inquiry.entries(part, name)]
+        return [*starts, start]
+
+    def of_larger(self, effects: tuple[str, ...]) -> np.ndarray:
+        """Return where a set starts that was only fitted as part of a larger one."""
+        whole = min(
+            (e for e in self.fits if set(effects) < set(e)), key=lambda e: self.fits[e].loss
+        )
+        fitted, own = self.fits[whole].vector, len(self.inquiry.model.parameters)
+        parts = [fitted[self.inquiry.entries(whole, name)] for name in effects]
+        return np.concatenate([fitted[:own], *parts])
+
+    def expected_error(self, effects: tuple[str, ...], fit: Fit | None = None) -> float:
+        """Return the typical error that a fit will have on other beginnings like these."""
+        inquiry, fit = self.inquiry, fit or self.fits[effects]
+        low = inquiry.low_percent(inquiry.difference_of(fit.residual, inquiry.everything))
+        rest = np.flatnonzero(usual([low], self._floor, self._rule))
+        kept = replace(fit, residual=fit.residual[rest], jacobian=fit.jacobian[rest])
+        too_small = inquiry.optimism(effects, kept, rest) / max(len(rest), 1)
+        return typical(trial_losses(kept.residual) + too_small, self._floor.unit)
+
+    def level(self, best: tuple[str, ...], other: tuple[str, ...]) -> bool:
+        """Tell whether another set fits no worse than the best one but for luck."""
+        return level(self.fits[best], self.fits[other], self.inquiry.groups, self._rule)
+
+
+def level(best: Fit, other: Fit, groups: np.ndarray, rule: Rule) -> bool:
+    """Tell whether another fit to the same trials is no worse than the best one but for luck."""
+    extra = trial_losses(other.residual) - trial_losses(best.residual)
+    return worse(extra, groups, rule.far) > rule.equal

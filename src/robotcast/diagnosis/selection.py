@@ -6,12 +6,12 @@ from itertools import combinations
 
 import numpy as np
 
-from robotcast.diagnosis.errors import Floor, Scales, typical, worse
+from robotcast.diagnosis.errors import Floor, Scales, usual
 from robotcast.diagnosis.found import Effects, Found, Rung, Step
 from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base, held_out
-from robotcast.diagnosis.library import Library, fit_library, library_at
+from robotcast.diagnosis.library import Beginnings, Library, fit_library, level, library_at
 from robotcast.diagnosis.rule import Effort, Rule
-from robotcast.fitting.least_squares import Fit, trial_losses
+from robotcast.fitting.least_squares import Fit
 
 
 class Selection:
@@ -37,8 +37,9 @@ class Selection:
         self._inquiry, self._floor, self._rule, self._effort = inquiry, floor, rule, effort
         self._candidates, self._fixed = tuple(candidates), tuple(fixed)
         self._tell = tell
-        self._early = inquiry.beginnings(effort.early, effort.some)
-        self.found = Found()
+        some = inquiry.beginnings(effort.early, effort.some)
+        self.early = Beginnings(some, floor, rule, effort)
+        self.found = Found(early=self.early.fits)
 
     def run(self) -> Found:
         """Search to the end."""
@@ -48,6 +49,7 @@ class Selection:
             size = self.shortlist()
             self.judge(size)
             self.simplify()
+            self.take_apart()
         return self.choose(self.found.chosen)
 
     def choose(self, effects: Effects) -> Found:
@@ -63,51 +65,48 @@ class Selection:
         base = fit_base(self._inquiry, self._fixed, effort)
         self._keep(base)
         self._choose()
-        self.fit_beginnings(self._fixed, base.fit.vector)
+        self.early.fit(self._fixed, base.fit.vector)
 
     def fit_library(self) -> None:
         """Fit the model with all effects to beginnings."""
         self._next(Step.LIBRARY)
         own = self.found.early[self._fixed]
-        library = fit_library(self._early, self._fixed, self._candidates, own, self._effort.library)
+        library = fit_library(
+            self.early.inquiry, self._fixed, self._candidates, own, self._effort.library
+        )
         self.found = replace(self.found, library=library)
 
     def shortlist(self) -> int:
-        """Refit sets of effects to beginnings, larger ones until the library has little to add.
+        """Refit single effects to beginnings, and larger sets until the library has little to add.
 
         Returns
         -------
         How many effects the smallest set has beside which it has.
         """
-        size = 0
-        while size < self._rule.most_effects and self._library_adds(self._best_early(size)):
+        size = 1
+        self._refit_size(size)
+        if not self._more_adds(self._fixed):
+            return 0
+        while size < self._rule.most_effects and self._more_adds(
+            self.early.best(len(self._fixed) + size)
+        ):
             size += 1
             self._refit_size(size)
         return size
 
-    def _library_adds(self, effects: Effects) -> bool:
-        """Tell whether the whole library predicts the beginnings better by what would matter.
+    def _more_adds(self, effects: Effects) -> bool:
+        """Tell whether more effects predict the beginnings better by what would matter.
 
+        Those are the whole library, or one more than these where its fit has ended in a valley.
         Above the floor what matters is a part of what is left: it is worth a further look.
         """
-        library, fit = self._library, self.found.early[effects]
-        base = self.expected_error(self._fixed, self.found.early[self._fixed])
-        own = self.expected_error(effects, fit)
-        whole = self.expected_error(library.effects, library.fit)
+        library, early = self._library, self.found.early
+        base, own = (self.early.expected_error(e) for e in (self._fixed, effects))
+        more = [self.early.expected_error(e) for e in early if len(e) == len(effects) + 1]
+        whole = min([self.early.expected_error(library.effects, library.fit), *more])
         reached = self._rule.at_floor * self._floor.reach
         least = base if own <= reached or self._floor.percent is None else own
         return own - whole > self._rule.material * least
-
-    def expected_error(self, effects: Effects, fit: Fit) -> float:
-        """Return the typical error that a fit to beginnings will have on others like them."""
-        early = self._early
-        low = early.low_percent(early.difference_of(fit.residual, early.everything))
-        usual = self._scales(early, [low]).usual
-        rest = np.flatnonzero(usual)
-        kept = replace(fit, residual=fit.residual[rest], jacobian=fit.jacobian[rest])
-        too_small = early.optimism(effects, kept, rest) / max(len(rest), 1)
-        missed = trial_losses(kept.residual) + too_small
-        return typical(missed, self._floor.unit)
 
     def _refit_size(self, size: int) -> None:
         """Fit the likeliest sets of one size: one step each, then the best of them to the end."""
@@ -123,48 +122,16 @@ class Selection:
             n = most if some is libraries[0] else most - 2
             for effects in some.best(size, n, self._fixed):
                 vector, kept = some.start(effects)
-                for start in self._starts(effects, vector):
+                for start in self.early.starts(effects, vector):
                     fit = some.look(effects, start, kept)
                     if effects not in looked or fit.loss < looked[effects].loss:
                         looked[effects] = fit
-        begun = {e: self._early.fit(e, fit.vector, 1, known=fit) for e, fit in looked.items()}
+        begun = {
+            e: self.early.inquiry.fit(e, fit.vector, 1, known=fit) for e, fit in looked.items()
+        }
         for effects in sorted(begun, key=lambda e: begun[e].loss)[: most - 1]:
             fit = begun[effects]
-            self.fit_beginnings(effects, fit.vector, fit)
-
-    def _starts(self, effects: Effects, vector: np.ndarray) -> list[np.ndarray]:
-        """Return where a refit may start: the library's promise, and what smaller sets reached.
-
-        A set that was left in a worse valley than one of its parts would lose to it.
-        """
-        own, starts = len(self._inquiry.model.parameters), [vector]
-        parts = [e for e in self.found.early if set(e) < set(effects)]
-        if not parts:
-            return starts
-        part = min(parts, key=lambda e: self.found.early[e].loss)
-        start, fitted = vector.copy(), self.found.early[part].vector
-        start[:own] = fitted[:own]
-        for name in part:
-            start[self._inquiry.entries(effects, name)] = fitted[self._inquiry.entries(part, name)]
-        return [*starts, start]
-
-    def fit_beginnings(self, effects: Effects, start: np.ndarray, known: Fit | None = None) -> None:
-        """Fit a model to the beginnings of trials, and go on as long as that pays."""
-        effort, fit = self._effort, known
-        for _ in range(1 + effort.rounds):
-            last, fit = fit, self._early.fit(effects, start, effort.refit, known=fit)
-            start = fit.vector
-            if last is not None and fit.loss > (1 - effort.pays) * last.loss:
-                break
-        before = self.found.early.get(effects)
-        assert fit is not None
-        if before is None or fit.loss < before.loss:
-            self.found.early[effects] = fit
-
-    def _best_early(self, size: int) -> Effects:
-        size += len(self._fixed)
-        fits = self.found.early
-        return min((e for e in fits if len(e) == size), key=lambda e: fits[e].loss)
+            self.early.fit(effects, fit.vector, fit)
 
     def judge(self, size: int) -> None:
         """Fit the finalists to whole trials, judge them on trials held out, and choose."""
@@ -212,6 +179,19 @@ class Selection:
             if self.found.chosen in (chosen, self._fixed):
                 return
 
+    def take_apart(self) -> None:
+        """See whether a part of the chosen effects does anything on the beginnings."""
+        named, early = self.found.named, self.found.early
+        base = self.early.expected_error(self._fixed)
+        helps = len(named) < 2
+        for part in combinations(named, len(named) - 1) if not helps else ():
+            effects = (*self._fixed, *part)
+            if effects not in early:
+                self.early.fit(effects, self.early.of_larger(effects))
+            saved = base - self.early.expected_error(effects)
+            helps |= saved > self._rule.material * base
+        self.found = replace(self.found, inseparable=not helps)
+
     def _refit_in_place(self, effects: Effects, name: str, other: str) -> None:
         """Refit with one effect in another's place, from what they have in common."""
         model, chosen = self._inquiry.model, self.found.chosen
@@ -224,7 +204,7 @@ class Selection:
         parts = [
             swapped if e == other else fitted[self._inquiry.entries(chosen, e)] for e in effects
         ]
-        self.fit_beginnings(effects, np.concatenate([fitted[:own], *parts]))
+        self.early.fit(effects, np.concatenate([fitted[:own], *parts]))
         self._refit(effects)
 
     def refit_singles(self, own: np.ndarray) -> Found:
@@ -239,8 +219,8 @@ class Selection:
         """
         if self.found.library is None:  # there are no candidates
             return self.found
-        begun = self._early.fit(self._fixed, own, 0)
-        beside = library_at(self._early, self._fixed, self._candidates, begun)
+        begun = self.early.inquiry.fit(self._fixed, own, 0)
+        beside = library_at(self.early.inquiry, self._fixed, self._candidates, begun)
         before = dict(self.found.early)
         self._refit_from((beside, self._library), 1)
         kept = {e: r for e, r in self.found.judged.items() if before[e] is self.found.early[e]}
@@ -254,17 +234,17 @@ class Selection:
         """Return the best set of effects of one size on the beginnings, and those level with it."""
         fits, fixed = self.found.early, len(self._fixed)
         sets = sorted((e for e in fits if len(e) == fixed + size), key=lambda e: fits[e].loss)
-        level = [e for e in sets[1:] if self._level(self._early, fits[sets[0]], fits[e])]
+        level = [e for e in sets[1:] if self.early.level(sets[0], e)]
         return [sets[0], *level[: self._effort.finalists - 1]]
 
     def _needless(self, size: int) -> bool:
-        """Tell whether one of the chosen effects is, refitting what is left without each."""
+        """Tell whether fewer effects than are chosen would do: all but one of them, or others."""
         chosen = self.found.chosen
-        parts = [(*self._fixed, *part) for part in combinations(self.found.named, size - 1)]
-        for effects in parts:
+        for part in combinations(self.found.named, size - 1):
+            effects = (*self._fixed, *part)
             if effects not in self.found.early:
-                self.fit_beginnings(effects, self._of_larger(effects))
-        best = min(parts, key=lambda e: self.found.early[e].loss)
+                self.early.fit(effects, self.early.of_larger(effects))
+        best = self.early.best(len(self._fixed) + size - 1)
         if self._nearly(chosen, best):
             self._refit(best)
             self._choose()
@@ -272,8 +252,7 @@ class Selection:
 
     def _nearly(self, best: Effects, other: Effects) -> bool:
         """Tell whether a fit to beginnings is worse by less than twice what matters."""
-        fits = self.found.early
-        base, least, more = (self.expected_error(e, fits[e]) for e in (self._fixed, best, other))
+        base, least, more = (self.early.expected_error(e) for e in (self._fixed, best, other))
         return more - least < 2 * self._rule.material * base
 
     def _refit(self, effects: Effects) -> None:
@@ -298,7 +277,7 @@ class Selection:
         for effects in level:
             self._next(Step.REFIT, " + ".join(effects[fixed:]))
             fit = found.judged[effects].revision.fit
-            early = self._early.fit(effects, fit.vector, self._effort.refit)
+            early = self.early.inquiry.fit(effects, fit.vector, self._effort.refit)
             again = self._inquiry.fit(effects, early.vector, self._effort.refit + 1, like=early)
             if early.loss < found.early[effects].loss:
                 self.found.early[effects] = early
@@ -316,16 +295,6 @@ class Selection:
         ]
         return any(g.p_value < rule.equal and g.matters(rule, rule.mostly) for g in gains)
 
-    def _of_larger(self, effects: Effects) -> np.ndarray:
-        """Return where a set starts that was only fitted as part of a larger one."""
-        whole = min(
-            (e for e in self.found.early if set(effects) < set(e)),
-            key=lambda e: self.found.early[e].loss,
-        )
-        fitted, own = self.found.early[whole].vector, len(self._inquiry.model.parameters)
-        parts = [fitted[:own], *(fitted[self._inquiry.entries(whole, name)] for name in effects)]
-        return np.concatenate(parts)
-
     def _above(self, rung: Rung) -> bool:
         """Tell whether a model stands above the floor by what would matter."""
         assert self.found.scales is not None
@@ -339,7 +308,7 @@ class Selection:
         """
         self._next(Step.REMATCH)
         start = other.vector[: len(self.found.base.revision.fit.vector)]
-        early = self._early.fit(self._fixed, start, self._effort.refit)
+        early = self.early.inquiry.fit(self._fixed, start, self._effort.refit)
         if early.loss > self.found.early[self._fixed].loss:
             return
         self.found.early[self._fixed] = early
@@ -350,7 +319,8 @@ class Selection:
     def _choose(self) -> None:
         """Choose the smallest model that pays over which no larger one does."""
         found = self.found
-        scales = self._scales(self._inquiry, [r.errors.low for r in found.judged.values()])
+        known = usual([r.errors.low for r in found.judged.values()], self._floor, self._rule)
+        scales = Scales(self._floor, 1.0, self._inquiry.groups, known, self._rule)
         scales = replace(scales, base=scales.typical(found.base.errors.waypoint))
         judged = {
             e: replace(r, gain=scales.gain(found.base.errors.waypoint, r.errors.waypoint))
@@ -394,23 +364,19 @@ class Selection:
         return rivals
 
     def _cannot_tell(self, chosen: Effects, other: Effects) -> bool:
-        judged, fits, sets = self.found.judged, self.found.early, (chosen, other)
+        judged, sets = self.found.judged, (chosen, other)
         assert self.found.scales is not None
         if other in judged:
             errors = [self.found.scales.typical(judged[e].errors.waypoint) for e in sets]
             alike = self._undecided(judged[chosen], judged[other])
         else:
-            errors = [self.expected_error(e, fits[e]) for e in sets]
-            alike = self._level(self._early, fits[chosen], fits[other])
+            errors = [self.early.expected_error(e) for e in sets]
+            alike = self.early.level(chosen, other)
         return alike or errors[1] - errors[0] < self._floor.numerical
 
     def _undecided(self, best: Rung, other: Rung) -> bool:
-        return self._level(self._inquiry, best.revision.fit, other.revision.fit)
-
-    def _level(self, inquiry: Inquiry, best: Fit, other: Fit) -> bool:
-        """Tell whether another fit to the same trials is no worse than by luck."""
-        extra = trial_losses(other.residual) - trial_losses(best.residual)
-        return worse(extra, inquiry.groups, self._rule.far) > self._rule.equal
+        fits = (best.revision.fit, other.revision.fit)
+        return level(*fits, self._inquiry.groups, self._rule)
 
     def _cost(self, rung: Rung) -> float:
         """Return the loss expected on further trials.
@@ -433,15 +399,6 @@ class Selection:
     def _library(self) -> Library:
         assert self.found.library is not None
         return self.found.library
-
-    def _scales(self, inquiry: Inquiry, low: Sequence[np.ndarray]) -> Scales:
-        """Return how errors are compared; `low` is what models miss of each trial's best quarter.
-
-        A trial of which every model misses even that by far was measured wrongly.
-        """
-        best = np.min(low, axis=0)
-        usual = best <= self._rule.blunder * max(float(np.median(best)), self._floor.unit)
-        return Scales(self._floor, 1.0, inquiry.groups, usual, self._rule)
 
     def _next(self, step: Step, what: str = "") -> None:
         self._tell(self.found, step, what)
