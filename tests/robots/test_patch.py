@@ -31,7 +31,7 @@ NATIVE = [
     "drive_gain_shoulder",
     "servo_stiffness_shoulder",
     "torque_limit_shoulder",
-    "coupled_friction_shoulder_and_elbow",
+    "friction_of_difference_shoulder_and_elbow",
 ]
 
 

@@ -6,6 +6,7 @@ gives them some.
 """
 
 from itertools import pairwise
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -51,16 +52,19 @@ def _neighbours(spec: mujoco.MjSpec) -> list[tuple[str, str]]:
 
 
 class CoupledFriction(RobotEffect):
-    """Dry friction of the sum and of the difference of two joints' speeds."""
+    """Dry friction of the sum or of the difference of two joints' speeds, by its `sign`."""
 
     part = "pair"
 
-    def write(self, fields: ModelFields, *, sum: np.ndarray, difference: np.ndarray) -> None:
+    def __init__(self, *args: Any, sign: float, **more: Any) -> None:
+        super().__init__(*args, **more)
+        self.sign = sign
+
+    def write(self, fields: ModelFields, *, friction: np.ndarray) -> None:
         model = fields.model
         one, other = (model.joint(int(model.dof_jntid[dof])).name for dof in self.where.dofs)
-        for sign, value in ((1.0, sum), (-1.0, difference)):
-            row = model.tendon(_name(one, other, sign)).id
-            fields.add(Address("tendon.frictionloss", "tendon_frictionloss", (row,), None), value)
+        row = model.tendon(_name(one, other, self.sign)).id
+        fields.add(Address("tendon.frictionloss", "tendon_frictionloss", (row,), None), friction)
 
     def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, **values: float) -> bool:
         if not any(tendon.name == model.tendon(0).name for tendon in spec.tendons):
