@@ -1,5 +1,7 @@
 """The table of docs/decision.md: what is found, and the verdict on it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,13 @@ def test_the_verdict_follows_from_the_errors(
     verdict = decide(known, FLOOR, RULE, lambda: left, lambda own: known)
     assert verdict.code is code and (verdict.left is not None) is open_page
     assert verdict.named == (("tilt",) if code is Code.NAMED else ())
+
+
+def test_effects_that_only_help_together_are_not_named() -> None:
+    together = rung(1.05, "shift", "counter_shift")
+    known = replace(found(2.0, together, FLOOR), inseparable=True)
+    verdict = decide(known, FLOOR, RULE, lambda: NOTHING, lambda own: known)
+    assert verdict.code is Code.UNKNOWN and verdict.near == (together,)
 
 
 def test_without_repeats_nothing_is_called_fit() -> None:

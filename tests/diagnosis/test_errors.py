@@ -46,6 +46,12 @@ def test_what_is_saved_late_counts_beside_what_was_missed_at_first() -> None:
     assert first.pays(RULE, 20) and not late.pays(RULE, 20)
 
 
+def test_what_makes_up_for_the_models_own_step_does_not_count() -> None:
+    steps = scales(1.2, floor=Floor.known(1.0, 0.1, numerical=0.9))
+    assert not steps.gain(errors(1.2, 0), errors(0.1, 1)).pays(RULE, 1)
+    assert steps.gain(errors(2.5, 0), errors(0.1, 1)).pays(RULE, 20)
+
+
 def test_what_takes_away_most_of_the_rest_is_named_far_above_the_floor_only() -> None:
     far = scales(4.0, floor=Floor.known(0.25, 0.1))
     assert far.gain(errors(0.9, 0), errors(0.5, 1)).pays(RULE, 20)

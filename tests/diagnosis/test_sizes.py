@@ -31,3 +31,25 @@ def test_intervals_are_wider_where_the_model_lacks_something() -> None:
         )
         widths.append(np.sqrt((whole.high - whole.low) ** 2 - (own.high - own.low) ** 2))
     assert widths[1] > 2 * widths[0]
+
+
+def test_intervals_are_wider_by_what_the_step_shifts_a_size() -> None:
+    class Coarse(Puck):
+        """One whose step makes the clock seem 0.02 s early."""
+
+        @property
+        def finer(self) -> Puck:
+            return Puck(LATE)
+
+        def predict(self, records, active, vectors):
+            return super().predict(records, active, vectors - np.r_[0, 0, 0.02])
+
+    effects, records, found = ("late_clock",), pushes(groups=12, late_clock=(0.05,)), []
+    for puck in (Puck, Coarse):
+        inquiry = Inquiry(puck(LATE), records, NOISE_M)
+        revision = Revision(effects, inquiry.fit(effects, inquiry.nominal(effects), 4))
+        found += sizes_of_effect(inquiry, revision, None, "late_clock", 0.0)
+    exact, coarse = found
+    assert np.isclose(coarse.value, exact.value + 0.02, atol=0.002)
+    wider = (coarse.high - coarse.low) - (exact.high - exact.low)
+    assert 2 * 0.02 < wider < 3 * 0.02
