@@ -85,7 +85,7 @@ class Selection:
         """
         size = 1
         self._refit_size(size)
-        if not self._more_adds(self._fixed):
+        if not self._more_adds(self._fixed, self._rule.mostly):
             return 0
         while size < self._rule.most_effects and self._more_adds(
             self.early.best(len(self._fixed) + size)
@@ -94,8 +94,8 @@ class Selection:
             self._refit_size(size)
         return size
 
-    def _more_adds(self, effects: Effects) -> bool:
-        """Tell whether more effects predict the beginnings better by what would matter.
+    def _more_adds(self, effects: Effects, part: float = 1.0) -> bool:
+        """Tell whether more effects predict the beginnings better by a part of what matters.
 
         Those are the whole library, or one more than these where its fit has ended in a valley.
         Above the floor what matters is a part of what is left: it is worth a further look.
@@ -106,7 +106,7 @@ class Selection:
         whole = min([self.early.expected_error(library.effects, library.fit), *more])
         reached = self._rule.at_floor * self._floor.reach
         least = base if own <= reached or self._floor.percent is None else own
-        return own - whole > self._rule.material * least
+        return own - whole > part * self._rule.material * least
 
     def _refit_size(self, size: int) -> None:
         """Fit the likeliest sets of one size: one step each, then the best of them to the end."""
