@@ -19,7 +19,7 @@ from robotcast.workflow.diagnosing_robot import compare_robot
 def compare(config: DictConfig) -> None:
     of_robot = config.model == "mjcf"
     require(config, "robot" if of_robot else "measurements", "output")
-    folder = output_folder(config.output)
+    folder = output_folder(config.output, config.measurements)
     found = (compare_robot if of_robot else compare_model)(config)
     write_text(folder / "comparison.json", json.dumps(found, ensure_ascii=False, allow_nan=False))
     write_page(folder / "index.html", comparison_page(found))
