@@ -297,6 +297,13 @@ def test_a_cast_that_cannot_be_used_is_left_out_by_number(tmp_path: Path, case: 
 
 UNRESTED: dict[str, tuple[Spoil, str]] = {
     "lost while it moves": (keep("waypoints", ~TRIAL["waypoints"] | (C("t") < 0.75)), "moves"),
+    "lost while the tool moves": (
+        both(
+            keep("waypoints", ~TRIAL["waypoints"] | (C("t") < 0.35)),
+            hold("waypoints", TRIAL["waypoints"] & (C("t") > 0.15), "x", "y"),
+        ),
+        "is seen last at t = 0.30 s, and the tool moves on by 0.76 m",
+    ),
     "something else at the end": (
         later("waypoints", "x", C("t") > LAST_S - 0.25, -0.3),
         "long after the tool came to rest",
