@@ -19,15 +19,17 @@ from robotcast.workflow.diagnosing_robot import compare_robot
 def compare(config: DictConfig) -> None:
     of_robot = config.model == "mjcf"
     require(config, "robot" if of_robot else "measurements", "output")
-    folder = output_folder(config.output)
+    folder = output_folder(config.output, config.measurements)
     found = (compare_robot if of_robot else compare_model)(config)
     write_text(folder / "comparison.json", json.dumps(found, ensure_ascii=False, allow_nan=False))
     write_page(folder / "index.html", comparison_page(found))
-    floor = found["noise_floor_percent"]
-    noise = "unknown" if floor is None else f"{floor:.2f} %"
+    final, noise = (
+        "unknown" if found[name] is None else f"{found[name]:.2f} %"
+        for name in ("final_error_percent", "noise_floor_percent")
+    )
     tell(
         f"{folder}: {found['waypoint_error_percent']:.2f} % average {found['words']['sample']}, "
-        f"{found['final_error_percent']:.2f} % median final error, noise floor {noise}, "
+        f"median final error {final}, noise floor {noise}, "
         f"{found['error_unit'].removeprefix('% ')}; open {folder / 'index.html'}"
     )
     for finding in found["slices"]:

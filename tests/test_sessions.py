@@ -95,3 +95,7 @@ def test_frame_times_are_read_back_and_must_fit_the_video(tmp_path: Path):
     assert read_frame_times(record, 0.004, 3, tmp_path)[1:] == pytest.approx([0.1, 0.15])
     with pytest.raises(ValueError, match="3 times for 4 frames"):
         read_frame_times(record, 0.004, 4, tmp_path)
+    for times, line in ((np.array([1.0, 50.0, 100.0]), 4), (1.7e9 + np.arange(3.0), 2)):
+        write_frame_times(times, tmp_path)
+        with pytest.raises(ValueError, match=rf"frames\.csv line {line}: t is .* milliseconds"):
+            read_frame_times(record, 0.004, 3, tmp_path)

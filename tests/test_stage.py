@@ -61,6 +61,8 @@ def test_outputs_are_tried_before_the_work(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("hi")
     status, said = run("compare", f"measurements={folder}", f"output={tmp_path / 'file' / 'out'}")
     assert status == 2 and "file: is a file; name a folder to write to" in said
+    status, said = run("compare", f"measurements={folder}", f"output={tmp_path}/x/../Würfe (2)")
+    assert status == 2 and "is the folder that is read; name another to write to" in said
     status, said = run(
         "tune", f"paths.measurements={folder}", f"paths.tuned={tmp_path}/out", "effects=tilt+drag"
     )

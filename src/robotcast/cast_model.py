@@ -107,6 +107,7 @@ def _record(trial: Trial) -> Record:
         measured=trial.waypoints_m,
         factors={name: value for name, value in trial.factors.items() if name != "r1"},
         phases=_phases(trial),
+        ended=trial.rested,
     )
 
 

@@ -24,7 +24,7 @@ import polars as pl
 import yaml
 
 from robotcast.casts.action import ACTION_COLUMNS, Action, ToolMotion, action_factors
-from robotcast.casts.table import TABLE_COLUMNS, Table, read_table
+from robotcast.casts.table import RANGES, TABLE_COLUMNS, Table, read_table
 from robotcast.files import atomic_file, atomic_folder, discard_unfinished, write_text
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
@@ -255,7 +255,12 @@ def read_frame_times(record: CastRecord, exposure_s: float, count: int, folder: 
         raise ValueError(f"{path}: {str(error).splitlines()[0]}") from None
     if len(t_s) != count:
         raise ValueError(f"{path}: holds {len(t_s)} times for {count} frames")
-    _refuse_clock(Table(path, {"t": t_s}, np.arange(2, 2 + count)), t_s)
+    table, within = Table(path, {"t": t_s}, np.arange(2, 2 + count)), RANGES["t"]
+    table.refuse_where(
+        np.abs(t_s) > within.most,
+        lambda i: f"t is {t_s[i]:g}, beyond {within.most:g} s; {within.mistaken}",
+    )
+    _refuse_clock(table, t_s)
     return t_s
 
 

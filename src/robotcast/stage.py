@@ -163,14 +163,17 @@ def named_session(config: DictConfig) -> Path:
     return folder if config.session is None else folder / str(config.session)
 
 
-def output_folder(default: str) -> Path:
+def output_folder(default: str, read: str | None = None) -> Path:
     """Return where to write: `default`, or the job's own folder in a Hydra multirun.
 
-    Raises ValueError, before any work is done, where nothing can be written.
+    Raises ValueError, before any work is done, where nothing can be written, or where it is the
+    folder `read`, whose data are never changed.
     """
     hydra_config = HydraConfig.get()
     multirun = hydra_config.mode == RunMode.MULTIRUN
     folder = Path(hydra_config.runtime.output_dir if multirun else default)
+    if read is not None and folder.resolve() == Path(read).resolve():
+        raise ValueError(f"{folder}: is the folder that is read; name another to write to")
     there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
     if not there.is_dir():
         raise ValueError(f"{there}: is a file; name a folder to write to")

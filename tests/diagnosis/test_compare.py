@@ -30,6 +30,21 @@ def test_few_repeats_do_not_make_the_noise_floor_look_lower(repeats: int) -> Non
     assert found.waypoint_error_percent == pytest.approx(100 * mean_m / SCALE, rel=0.03)
 
 
+def test_a_trial_that_was_not_seen_to_end_has_no_final_error() -> None:
+    made = made_up(groups=8, repeats=3)
+    whole = compared(made).as_dict()["trials"]
+    for cut in ([4], range(len(whole))):
+        records = [replace(r, ended=r.trial not in cut) for r in made.records]
+        found = compared(MadeUp(records, made.predicted)).as_dict()
+        finals = [None if t["trial"] in cut else t["final_percent"] for t in whole]
+        assert [t["final_percent"] for t in found["trials"]] == finals
+        known = [final for final in finals if final is not None]
+        if known:
+            assert found["final_error_percent"] == pytest.approx(np.median(known), rel=1e-4)
+        else:
+            assert found["final_error_percent"] is found["noise_floor_final_percent"] is None
+
+
 def test_errors_and_noise_floor_are_those_of_measurement_sets() -> None:
     made = made_up(groups=8, repeats=3)
     made.predicted[4] = np.nan

@@ -138,6 +138,7 @@ CELLS = {
     "an empty cell": ("tool", 5, "x", "", "got an empty cell"),
     "an empty cell at the end": ("tool", 5, "yaw", "", "got an empty cell"),
     "a cell too many": ("tool", 5, "yaw", "0.2,9", "got 6"),
+    "zeros of a power cut": ("waypoints", 3, "x", "\0" * 500, r"finite number, got \S{40}$"),
     "a decimal comma": ("tool", 5, "x", "0,59", "commas in the numbers"),
     "half a trial": ("actions", 3, "trial", "1.5", "whole number"),
     "time stands": ("tool", 5, "t", "0.016", "time must increase"),

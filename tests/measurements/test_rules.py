@@ -71,6 +71,12 @@ def hold(table: str, rows: pl.Expr, *names: str) -> Spoil:
     )
 
 
+def hold_each(table: str, rows: pl.Expr, *names: str) -> Spoil:
+    """The same in every trial."""
+    first = {n: C(n).filter(rows).first().over("trial") for n in names}
+    return change(table, **{n: pl.when(rows).then(first[n]).otherwise(n) for n in names})
+
+
 def updated(name: str, every: int) -> pl.Expr:
     """Let only each `every`th sample of a trial bring a new value."""
     return C(name).gather(pl.int_range(pl.len()) // every * every).over("trial")
@@ -102,6 +108,21 @@ def copied(of: int, to: int, digits: int = 17) -> Spoil:
         tables["waypoints"] = pl.concat([tables["waypoints"], copy])
 
     return spoil
+
+
+def lost_frames(written: float) -> Spoil:
+    """Let every seventh waypoint hold what a program writes for a frame without the end."""
+    lost = pl.int_range(pl.len()) % 7 == 3
+    xy = {name: pl.when(lost).then(written).otherwise(C(name)) for name in ("x", "y")}
+    return change("waypoints", **xy)
+
+
+def filled(trial: int, first: int, last: int) -> Spoil:
+    """Put waypoints of a trial on the line between two others, as trackers fill what they lost."""
+    place = pl.int_range(pl.len()).over("trial")
+    lost = (C("trial") == trial) & place.is_between(first, last)
+    xy = {n: pl.when(lost).then(None).otherwise(C(n)).interpolate() for n in ("x", "y")}
+    return change("waypoints", **xy)
 
 
 REFUSED: dict[str, tuple[Spoil, str]] = {
@@ -146,6 +167,12 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "waypoints of the next trial": (
         change("waypoints", trial=(C("trial") + 1) % 5),
         "trials are numbered otherwise|casts cannot be used|another unit or frame",
+    ),
+    "nothing found is 0, 0": (lost_frames(0.0), "jumps to x = 0, y = 0 .* lost has no row"),
+    "nothing found is -1, -1": (lost_frames(-1.0), "x = -1, y = -1 .* first in trial 0 at t = 0.3"),
+    "every tracker hangs": (
+        hold_each("waypoints", C("t").is_between(0.2, 0.6), "x", "y"),
+        r"5 of 5 casts cannot be used; \S*waypoints.csv: trial 0: one place is repeated",
     ),
     "the tool taken for the end": (
         lambda tables: tables.update(waypoints=tables["tool"].drop("yaw").gather_every(12)),
@@ -203,6 +230,12 @@ def test_what_could_be_true_is_a_warning_with_both_numbers(tmp_path: Path, old: 
         raise ValueError(notice)
 
 
+def test_clocks_that_differ_by_less_than_a_camera_may_be_early_are_said(tmp_path: Path) -> None:
+    later = change("tool", t=C("t") + 0.2)
+    (notice,) = read_measurement_set(spoilt(tmp_path, later)).notices
+    assert "in half of the casts the free end moves 0." in notice and "before the tool" in notice
+
+
 def test_a_planned_motion_judges_no_waypoints(tmp_path: Path) -> None:
     """An arm of another planner may be late; what is known of the cable is judged all the same."""
     folder = spoilt(tmp_path, change("waypoints", t=C("t") + 0.5 * (C("t") > 0)))
@@ -240,6 +273,7 @@ UNUSABLE: dict[str, tuple[Spoil, str]] = {
         hold("waypoints", TRIAL["waypoints"] & C("t").is_between(0.2, 0.6), "x", "y"),
         "one place is repeated to the last digit 5 times",
     ),
+    "a tracker that fills": (filled(3, 4, 6), "goes straight at one speed to the last digit"),
     "waypoints of the motion lost": (
         keep("waypoints", ~TRIAL["waypoints"] | (C("t") < 0.15)), "fewer than 3 lie in the time",
     ),
@@ -263,6 +297,13 @@ def test_a_cast_that_cannot_be_used_is_left_out_by_number(tmp_path: Path, case: 
 
 UNRESTED: dict[str, tuple[Spoil, str]] = {
     "lost while it moves": (keep("waypoints", ~TRIAL["waypoints"] | (C("t") < 0.75)), "moves"),
+    "lost while the tool moves": (
+        both(
+            keep("waypoints", ~TRIAL["waypoints"] | (C("t") < 0.35)),
+            hold("waypoints", TRIAL["waypoints"] & (C("t") > 0.15), "x", "y"),
+        ),
+        "is seen last at t = 0.30 s, and the tool moves on by 0.76 m",
+    ),
     "something else at the end": (
         later("waypoints", "x", C("t") > LAST_S - 0.25, -0.3),
         "long after the tool came to rest",

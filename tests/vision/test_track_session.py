@@ -189,7 +189,9 @@ def test_half_a_film_has_waypoints_and_no_endpoint(
     with pytest.raises(ValueError, match=said):
         raise ValueError(found.tracked[8].unrested)
     assert len(found.losses) == 1 and "cast_00008" in found.losses[0]
-    whole, half = found.measurement_set(folder / "set").trials
+    measured = found.measurement_set(folder / "set")
+    assert all(f"{folder}/set/waypoints.csv: trial 8: " in notice for notice in measured.notices)
+    whole, half = measured.trials
     assert whole.rested and not half.rested
     k = len(half.waypoints_s)
     assert 3 < k < len(whole.waypoints_s) / 1.5

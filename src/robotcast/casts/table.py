@@ -19,6 +19,7 @@ TABLE_COLUMNS = {
     "waypoints": ("trial", "t", "x", "y"),
 }
 WHOLE_COLUMNS = ("trial", "action")
+MOST_SHOWN = 40  # characters of a cell in a message
 UNNAMED = "Unnamed"  # as pandas calls a column without a name, its index for one
 
 
@@ -248,7 +249,7 @@ def _numbers(path: Path, cells: pl.Series, rows: np.ndarray) -> np.ndarray:
     if bad.any():
         first = int(np.argmax(bad))
         cell = cells[first]
-        got = "an empty cell" if cell in (None, "") else repr(cell)
+        got = "an empty cell" if cell in (None, "") else repr(cell)[:MOST_SHOWN]
         expected = "a whole number" if whole else "a finite number"
         raise ValueError(
             f"{_place(path, int(rows[first]))}: {cells.name} must be {expected}, got {got}"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from robotcast.diagnosis.localise import Finding, localise, outstanding_trials
-from robotcast.diagnosis.misfit import Misfit, misfit
+from robotcast.diagnosis.misfit import Misfit, known_median, misfit
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.repeats import (
     LackOfFit,
@@ -131,7 +131,7 @@ class Comparison:
     found : predicted minus measured.
     waypoint_error_percent : average error over a trial's samples, then over trials, in % of
         scale; a diverged trial counts as one scale.
-    final_error_percent : median over trials of the error at the last sample.
+    final_error_percent : median over the trials that ended of the error at the last sample.
     repeats : the noise floor.
     share_beyond_noise : part of the squared error that is more than the repeats' errors
         scatter; None without repeats.
@@ -236,7 +236,7 @@ def compare(
         error_unit=error_unit,
         wording=wording,
         waypoint_error_percent=float(found.sample_percent.mean()),
-        final_error_percent=float(np.median(found.final_percent)),
+        final_error_percent=known_median(found.final_percent),
         repeats=repeats,
         share_beyond_noise=_share_beyond(found, noise),
         lack_of_fit=pure.lack_of_fit if pure else None,

@@ -211,15 +211,18 @@ class Inquiry:
         return self.percent(self.differences(active, vector[None], trials)[0], trials)
 
     def percent(self, difference: np.ndarray, trials: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Turn differences (m, k_max, d) into average and final errors, in % of the scale."""
+        """Turn differences (m, k_max, d) into average and final errors, in % of the scale.
+
+        The final error of a trial that was not seen to end is NaN.
+        """
         distance = np.linalg.norm(difference, axis=-1)
         counts = np.array([len(self.records[i].times_s) for i in trials])
         average = np.array([row[:k].mean() for row, k in zip(distance, counts, strict=True)])
         final = np.array([row[k - 1] for row, k in zip(distance, counts, strict=True)])
-        lost = np.isnan(average)
+        lost, ended = np.isnan(average), np.array([self.records[i].ended for i in trials])
         return (
             100 * np.where(lost, 1.0, average / self.model.scale),
-            100 * np.where(lost, 1.0, final / self.model.scale),
+            100 * np.where(ended, np.where(lost, 1.0, final / self.model.scale), np.nan),
         )
 
     def low_percent(self, difference: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ class Misfit:
     distance : ndarray of shape (n_trials, k_max), the length of `error`; one `scale` for every
         sample of a diverged trial, NaN past a trial's samples.
     present : bool ndarray of shape (n_trials, k_max), the samples that trials have.
-    diverged : bool ndarray of shape (n_trials,).
+    diverged, ended : bool ndarrays of shape (n_trials,).
     scale : errors in % refer to it.
     """
 
@@ -27,6 +27,7 @@ class Misfit:
     distance: np.ndarray
     present: np.ndarray
     diverged: np.ndarray
+    ended: np.ndarray
     scale: float
 
     @property
@@ -36,9 +37,10 @@ class Misfit:
 
     @property
     def final_percent(self) -> np.ndarray:
-        """Error at the last sample of every trial in % of scale, (n_trials,)."""
+        """Error where every trial ended in % of scale, (n_trials,); NaN where that is unknown."""
         last = self.present.sum(axis=1) - 1
-        return 100 / self.scale * self.distance[np.arange(len(last)), last]
+        percent = 100 / self.scale * self.distance[np.arange(len(last)), last]
+        return np.where(self.ended, percent, np.nan)
 
 
 def misfit(records: Sequence[Record], predicted: np.ndarray, scale: float) -> Misfit:
@@ -60,7 +62,14 @@ def misfit(records: Sequence[Record], predicted: np.ndarray, scale: float) -> Mi
     distance = np.linalg.norm(error, axis=-1)
     distance[diverged] = scale
     distance[~present] = np.nan
-    return Misfit(error, distance, present, diverged, scale)
+    ended = np.array([r.ended for r in records])
+    return Misfit(error, distance, present, diverged, ended, scale)
+
+
+def known_median(values: np.ndarray) -> float:
+    """Return the median of those that are no NaN; NaN where all are."""
+    known = values[~np.isnan(values)]
+    return float(np.median(known)) if len(known) else np.nan
 
 
 def sample_mask(records: Sequence[Record]) -> np.ndarray:

@@ -19,6 +19,7 @@ class Record:
     group : trials of one action share it; they are repeats, and no split cuts them apart.
     held_out_with : what else no split may cut apart, as windows of one log, shares this number;
         by default the group.
+    ended : its last sample is where it ended; no final error counts another.
     times_s : ndarray of shape (k,).
     measured : ndarray of shape (k, d), in the model's unit.
     factors : name → commanded number, to look for patterns in the error.
@@ -32,6 +33,7 @@ class Record:
     factors: Mapping[str, float] = field(default_factory=dict)
     phases: Mapping[str, float] = field(default_factory=dict)
     held_out_with: int | None = None
+    ended: bool = True
 
 
 class Candidate(Protocol):

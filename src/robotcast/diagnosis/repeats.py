@@ -124,7 +124,9 @@ def repeat_scatter(
         deviation = deviation[np.isfinite(deviation).any(axis=1)]
         if len(deviation):
             averages.append(np.nanmean(deviation, axis=1))
-            finals.append(_deviations(np.stack([records[row].measured[-1:] for row in rows])))
+            ended = [records[row].measured[-1:] for row in rows if records[row].ended]
+            if len(ended) > 1:
+                finals.append(_deviations(np.stack(ended)))
             deviations.append(deviation)
             trials.append(len(rows))
     numbers = tuple(records[row].trial for row in strays)
@@ -133,7 +135,7 @@ def repeat_scatter(
         return RepeatScatter(None, None, nowhere, (), 0, 0, numbers)
     return RepeatScatter(
         sample_percent=float(100 / scale * np.concatenate(averages).mean()),
-        final_percent=float(100 / scale * np.median(np.concatenate(finals))),
+        final_percent=float(100 / scale * np.median(np.concatenate(finals))) if finals else None,
         over_time_percent=100 / scale * mean_of_present(np.concatenate(deviations)),
         deviations_percent=tuple(100 / scale * average for average in averages),
         groups=len(trials),

@@ -10,6 +10,7 @@ from robotcast.diagnosis.errors import Floor
 from robotcast.diagnosis.found import Found, Rung
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.limits import counted, is_ignored
+from robotcast.diagnosis.misfit import known_median
 from robotcast.diagnosis.next_trials import NextTrial
 from robotcast.diagnosis.rule import Rule
 from robotcast.diagnosis.screen import Screened
@@ -191,7 +192,7 @@ def _rung(rung: Rung, usual: np.ndarray | slice) -> dict[str, Any]:
         "effects": list(rung.effects),
         "heldout_typical_error_percent": float(np.median(errors[usual])),
         "heldout_waypoint_error_percent": float(errors.mean()),
-        "heldout_final_error_percent": float(np.median(rung.errors.final)),
+        "heldout_final_error_percent": known_median(rung.errors.final),
         "standard_error_percent": _error_of_middle(errors[usual]),
         "p_value": rung.gain.p_value if rung.gain else None,
         "gain_share": rung.gain.share if rung.gain else None,

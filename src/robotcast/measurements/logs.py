@@ -132,6 +132,12 @@ class Logs:
         return np.linalg.norm(end_m - self.tool.at(self.end.t_s, cast)[:, :2], axis=1)
 
     @cached_property
+    def digit_m(self) -> float:
+        """The last digit of the free end's places: their smallest step, infinite without one."""
+        differ = np.abs(np.diff(self.end.values, axis=0))
+        return float(differ[differ > 0].min(initial=np.inf))
+
+    @cached_property
     def from_start_m(self) -> np.ndarray:
         """How far the tool is from where it starts, (N,)."""
         log = self.tool

@@ -184,8 +184,10 @@ def judged(measured: MeasurementSet, folder: Path) -> MeasurementSet:
     for found in check(Logs(measured)):
         if len(lost) > most or (found.casts and lost.issuperset(found.casts)):
             continue
-        path = folder / found.where if "." in found.where else find_table(folder, found.where)
-        said.append(f"{path or folder / found.where}: {found.sentence}")
+        path = folder / found.where
+        if not path.suffix:
+            path = find_table(folder, found.where) or path.with_suffix(".csv")
+        said.append(f"{path}: {found.sentence}")
         if found.outcome is Outcome.REFUSED:
             raise ValueError(said[-1])
         if found.outcome is Outcome.UNUSABLE:

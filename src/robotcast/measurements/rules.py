@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 from scipy.spatial import KDTree
 
-from robotcast.measurements.logs import REST_OVER_S, Logs
+from robotcast.measurements.logs import REST_OVER_S, Log, Logs
 
 # What real cables, arms and cameras can do: every threshold, with its reason.
 # Foam has 30 kg/m³, paracord 200, steel 7,850, copper 8,960, tungsten 19,300.
@@ -49,6 +49,9 @@ FEWEST_WAYPOINTS = 3  # while the tool moves
 COAST_S, COASTING_M_S = 1.0, 0.5
 EARLY_S, EARLY_M = 0.25, 0.02  # the end moves before the tool: no camera is so early
 FROZEN, FROZEN_DIGITS = 4, 5.0  # equal places in a row, where noise is so many last digits
+FILLED, FILLED_DIGITS = 2, 20.0  # the same of places that move on a line, as friction lets none
+# Jumps to one place to the last digit, of what a program writes for a lost frame; noise if unknown.
+FEWEST_LOST, LIKELY_NOISE_M = 3, 5e-4
 # Decimals that a table was rounded to; no tracker repeats a whole path to a micrometre.
 FEWEST_DIGITS, MOST_DIGITS, SAME_M = 2, 7, 1e-6
 REST_M_S = 0.25  # from there friction of 0.2 stops the end within 16 mm
@@ -130,7 +133,7 @@ def check(logs: Logs) -> Findings:
     """
     found = Findings(logs)
     of_tool = () if logs.measured.tool_planned else (told, yaw, tool_log, clocks, frame)
-    for rule in (period, *of_tool, length, cable, tracking, rest):
+    for rule in (lost, tracking, period, *of_tool, length, cable, rest):
         rule(logs, found)
     return found
 
@@ -237,8 +240,13 @@ def clocks(logs: Logs, found: Findings) -> None:
     moves_m = end.most(away_m)[~apart]
     found.of_set("unmoved", not len(moves_m) or np.median(moves_m) > EARLY_M)
     early = end.t_s < logs.starts_s[cast] - EARLY_S
-    early &= away_m > EARLY_M + noise_m
-    found.of_casts("early", end.most(early), start=logs.starts_s)
+    moves = away_m > EARLY_M + noise_m
+    before = end.most(early & moves)
+    found.of_casts("early", before, start=logs.starts_s)
+    known = ~apart & np.isfinite(logs.starts_s)
+    ahead_s = logs.starts_s[known] - end.least(np.where(moves, end.t_s, np.inf))[known]
+    lead_s = float(np.median(ahead_s)) if known.any() else 0.0
+    found.of_set("ahead", lead_s <= 0 or before.any(), lead=lead_s)
     ends_s = logs.tool.t_s[logs.tool.last]
     late = logs.end_speed_m_s > COASTING_M_S + noise_m / REST_OVER_S
     late &= end.t_s > ends_s[cast] + COAST_S
@@ -275,7 +283,7 @@ def length(logs: Logs, found: Findings) -> None:
     reached_m = float(np.median(apart_m[known])) if known.any() else logs.cable.length_m
     share = reached_m / logs.cable.length_m
     unit = [name for times, name in UNITS.items() if 0.9 < share * times < 1.1]
-    hint = f"; {unit[0]} where metres are expected?" if unit else ""
+    hint = f"{unit[0]} where metres are expected" if unit else "or x and y of another origin"
     likely, possible = share > LIKELY_TAUT, share > LEAST_TAUT
     numbers = dict(length=logs.cable.length_m, reached=reached_m, hint=hint)
     found.of_set("length", likely, possible, **numbers)
@@ -297,18 +305,51 @@ def cable(logs: Logs, found: Findings) -> None:
     found.of_set("noise", quiet, noise=logs.noise_m, **sizes)
 
 
+def lost(logs: Logs, found: Findings) -> None:
+    """Find the place, 0, 0 or -1, -1, that stands for frames in which the end was lost."""
+    end, far_m = logs.end, MOST_NOISE * logs.cable.length_m
+    came = np.flatnonzero(end.moved_m > far_m)
+    if not len(came) or logs.digit_m > (logs.noise_m or LIKELY_NOISE_M):
+        return
+    jumps = np.unique(np.hstack([end.values[came - 1], end.values[came]]), axis=0)  # once of copies
+    places, times = np.unique(jumps[:, 2:], axis=0, return_counts=True)
+    most = int(np.argmax(times))
+    off_m = np.linalg.norm(end.values - places[most], axis=1)
+    alone = not ((off_m > 0) & (off_m < far_m)).any()  # as no place of a path is
+    row = int(np.argmin(off_m))
+    numbers = dict(trial=logs.trials[end.cast[row]].trial, at=end.t_s[row], times=times[most])
+    likely = times[most] < FEWEST_LOST or not alone
+    found.of_set("lost", likely, x=places[most, 0], y=places[most, 1], **numbers)
+
+
 def tracking(logs: Logs, found: Findings) -> None:
-    end = logs.end
-    differ = np.abs(np.diff(end.values, axis=0))
-    digit_m = float(differ[differ > 0].min(initial=np.inf))
+    end, digit_m = logs.end, logs.digit_m
     same = (end.dt_s > 0) & (end.moved_m == 0) & (logs.noise_m > FROZEN_DIGITS * digit_m)
-    counted = np.cumsum(same)
-    run = 1 + counted - np.maximum.accumulate(np.where(same, 0, counted))
-    rows, frozen = end.row_of_most(run), end.most(run) >= FROZEN
-    found.of_casts("frozen", frozen, times=run[rows], at=end.t_s[rows])
+    near_m = max(digit_m, SAME_M)
+    line = (off_line_m(end) <= near_m) & (end.moved_m > logs.noise_m)
+    line &= logs.noise_m > FILLED_DIGITS * near_m
+    for name, bad, fewest in (("frozen", same, FROZEN - 1), ("filled", line, FILLED)):
+        counted = np.cumsum(bad)
+        run = counted - np.maximum.accumulate(np.where(bad, 0, counted))
+        rows = end.row_of_most(run)
+        found.of_casts(name, end.most(run) >= fewest, times=1 + run[rows], at=end.t_s[rows])
     first = copied_from(logs)
     other = np.array([trial.trial for trial in logs.trials])[first]
     found.of_casts("copy", first < np.arange(len(first)), other=other)
+
+
+def off_line_m(end: Log) -> np.ndarray:
+    """Return how far each row is from the line in time between its neighbours, (N,) [m].
+
+    The larger coordinate's; infinite where a cast begins or ends.
+    """
+    off_m = np.full(len(end.t_s), np.inf)
+    step, dt_s = end.steps(end.values), end.dt_s[:, None]
+    inner = np.setdiff1d(np.arange(len(off_m)), np.union1d(end.first, end.last))
+    whole_s = dt_s[inner] + dt_s[inner + 1]
+    bent = (step[inner] * dt_s[inner + 1] - step[inner + 1] * dt_s[inner]) / whole_s
+    off_m[inner] = np.abs(bent).max(axis=1, initial=0.0)
+    return off_m
 
 
 def copied_from(logs: Logs) -> np.ndarray:

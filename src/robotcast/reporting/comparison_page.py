@@ -157,7 +157,8 @@ def _errors_figure(comparison: Comparison) -> Figure:
         noise = comparison[f"noise_floor{suffix}_percent"]
         floor = Bar(noise, "noise", "noise floor" if noise is not None else "noise unknown")
         model = Bar(comparison[f"{key}_error_percent"], note="model")
-        rows.append(Row(name, (model, floor), f"{how} over all {words['trials']}"))
+        seen = sum(trial[f"{key}_percent"] is not None for trial in comparison["trials"])
+        rows.append(Row(name, (model, floor), f"{how} over {seen} {words['trials']}"))
     return bars(rows, f"error [{comparison['error_unit']}]", width=600, names=186)
 
 

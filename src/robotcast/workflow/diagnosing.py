@@ -105,9 +105,7 @@ FURTHER = 150  # casts of the collected grid, of which the next to run are chose
 def diagnose_set(config: DictConfig) -> tuple[Path, dict[str, Any]]:
     """Diagnose the configured set; write JSON, page and next actions; return folder and JSON."""
     measured = measured_set(config.measurements)
-    folder = output_folder(config.output)
-    if folder.resolve() == Path(config.measurements).resolve():
-        raise ValueError("output=DIR must be another folder than the measurement set's")
+    folder = output_folder(config.output, config.measurements)
     (folder / ACTIONS).unlink(missing_ok=True)
     notes = [NO_LOG] if measured.tool_planned else []
     notes += [as_note(notice) for notice in measured.notices if notice != NO_TOOL]

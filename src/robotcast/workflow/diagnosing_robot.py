@@ -97,10 +97,8 @@ def describe_robot(folder: Path) -> list[str]:
 
 def _asked(config: DictConfig, exclude: Any = ()) -> tuple[Path, RobotCase, Case]:
     """Return where to write, the folder as it was read, and what is asked of it."""
-    source, folder = Path(config.robot), output_folder(config.output)
-    if folder.resolve() == source.resolve():
-        raise ValueError("output=DIR must be another folder than the robot's")
-    case, of = read_case(source), config.diagnosis
+    folder = output_folder(config.output, config.robot)
+    case, of = read_case(Path(config.robot)), config.diagnosis
     rule, effort = instantiate(of.rule), instantiate(of.effort)
     return folder, case, case.question(exclude, config.effects, rule, effort)
 

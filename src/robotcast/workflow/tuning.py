@@ -96,7 +96,7 @@ def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:
     casts = sizes[config.simulator.name].casts  # of every optimizer, or by optimizer
     tuning = tuning.spread(casts if isinstance(casts, int) else casts[config.optimizer.name])
     simulator = build_simulator(config, cable, build_effects(config.effects))
-    folder = output_folder(config.paths.tuned)
+    folder = output_folder(config.paths.tuned, config.paths.measurements)
     shown = TuningProgress(
         cable=cable.name,
         rig=measured.rig,
