@@ -12,7 +12,8 @@ from robotcast.rigs.collect import collect_casts
 from robotcast.rigs.virtual.hiding import set_aside
 from robotcast.sessions import adopt_recorded_set
 from robotcast.stage import bar, named_session, output_folder, stage, tell, warn
-from robotcast.workflow.commissioning import chosen_casts, show_dry_run
+from robotcast.workflow.collecting import chosen_casts
+from robotcast.workflow.commissioning import show_dry_run
 
 
 def collect(config: DictConfig) -> None:

@@ -12,7 +12,7 @@ from robotcast.files import write_text
 from robotcast.reporting.comparison_page import comparison_page
 from robotcast.running import write_page
 from robotcast.stage import output_folder, require, stage, tell
-from robotcast.workflow.diagnosing import compare_model
+from robotcast.workflow.comparing import compare_model
 from robotcast.workflow.diagnosing_robot import compare_robot
 
 

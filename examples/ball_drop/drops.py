@@ -9,9 +9,8 @@ import polars as pl
 from candidates import G_M_S2
 from scipy.optimize import least_squares
 
-from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.model import Axis, Record, Wording
 from robotcast.diagnosis.repeats import TimeGrid, repeat_scatter
-from robotcast.diagnosis.wording import Axis, Wording
 
 DATA = Path(__file__).parent / "data"
 KG_PER_OZ, M_PER_CM = 0.0283495, 0.01

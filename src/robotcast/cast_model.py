@@ -11,9 +11,8 @@ from robotcast.casts.action import Action, action_factors
 from robotcast.casts.plan import PlanLimits, plan_actions
 from robotcast.diagnosis.decision import Unexplained, strengths
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.model import Axis, Record, Wording
 from robotcast.diagnosis.next_trials import Further
-from robotcast.diagnosis.wording import Axis, Wording
 from robotcast.effects.effect import Effect
 from robotcast.effects.library import AlongMotionField, PlaceField
 from robotcast.fitting.parameter import Parameter

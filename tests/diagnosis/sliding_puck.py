@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.wording import Axis, Wording
+from robotcast.diagnosis.model import Axis, Record, Wording
 from robotcast.fitting.parameter import Parameter
 
 WORDS = Wording(

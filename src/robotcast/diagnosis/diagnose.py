@@ -8,20 +8,19 @@ from typing import Any
 import numpy as np
 
 from robotcast.diagnosis import limits, report
+from robotcast.diagnosis.compare import Explained
 from robotcast.diagnosis.decision import Code, Unexplained, Verdict, decide, look_for_the_unknown
 from robotcast.diagnosis.errors import Floor
-from robotcast.diagnosis.explained import Explained
 from robotcast.diagnosis.found import Found, Outlook, Step
 from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base
 from robotcast.diagnosis.library import fit_library
-from robotcast.diagnosis.model import Model, Record
+from robotcast.diagnosis.model import PLAIN, Model, Record, Wording
 from robotcast.diagnosis.next_trials import Further, NextTrial, next_trials, open_contests
 from robotcast.diagnosis.repeats import RepeatScatter, TimeGrid, repeat_scatter
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.diagnosis.screen import Screened, screen
 from robotcast.diagnosis.selection import Selection
 from robotcast.diagnosis.sizes import first_in_resamples
-from robotcast.diagnosis.wording import PLAIN, Wording
 from robotcast.files import plain
 from robotcast.running import Progress, silent
 

@@ -6,10 +6,9 @@ import numpy as np
 
 from robotcast.diagnosis.found import Found
 from robotcast.diagnosis.inquiry import Inquiry, Revision
-from robotcast.diagnosis.model import Candidate
+from robotcast.diagnosis.model import Candidate, Wording, parameter_name
 from robotcast.diagnosis.repeats import RepeatScatter
 from robotcast.diagnosis.rule import Rule
-from robotcast.diagnosis.wording import Wording, parameter_name
 
 
 def too_few(inquiry: Inquiry, rule: Rule) -> bool:

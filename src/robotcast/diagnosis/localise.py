@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotcast.diagnosis.misfit import Misfit
-from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.model import Record, Wording
 from robotcast.diagnosis.rule import RULE, Slicing
 from robotcast.diagnosis.slices import Slice, candidate_slices
-from robotcast.diagnosis.wording import Wording
 
 
 def share_sentence(

@@ -11,11 +11,11 @@ from robotcast.diagnosis.found import Found, Rung
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.limits import counted, is_ignored
 from robotcast.diagnosis.misfit import known_median
+from robotcast.diagnosis.model import PLAIN, Wording
 from robotcast.diagnosis.next_trials import NextTrial
 from robotcast.diagnosis.rule import Rule
 from robotcast.diagnosis.screen import Screened
 from robotcast.diagnosis.sizes import sizes, sizes_of_effect
-from robotcast.diagnosis.wording import PLAIN, Wording
 
 UNTOUCHED = ("ignored by the model", "touches nothing")  # nothing that is computed says anything
 

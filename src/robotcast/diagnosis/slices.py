@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robotcast.diagnosis.misfit import Misfit, misfit, padded, sample_mask
-from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.model import Record, Wording
 from robotcast.diagnosis.rule import RULE, Slicing
-from robotcast.diagnosis.wording import Wording
 
 QUANTILES = (0.2, 0.25, 1 / 3, 0.4, 0.5, 0.6, 2 / 3, 0.75, 0.8)
 FEW_VALUES = 6  # a quantity with no more different values is split between them

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from markupsafe import Markup
 
-from robotcast.diagnosis.wording import PLAIN, parameter_name
+from robotcast.diagnosis.model import PLAIN, parameter_name
 from robotcast.reporting.comparison_page import casts_block, where_blocks
 from robotcast.reporting.missing_force import drafts, field_figure, focus, robot_block, strongest
 from robotcast.reporting.names import (

@@ -15,9 +15,8 @@ import numpy as np
 from robotcast.diagnosis.decision import Unexplained, strengths
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.model import Axis, Record, Wording
 from robotcast.diagnosis.rule import Effort, Rule
-from robotcast.diagnosis.wording import Axis, Wording
 from robotcast.robots.effects import TorqueField
 from robotcast.robots.library import candidates, within
 from robotcast.robots.logs import Log, periods, read_logs

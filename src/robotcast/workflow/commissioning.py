@@ -1,30 +1,24 @@
-"""Before a rig casts: casts chosen, motions drawn, what is printed for a camera, its views."""
+"""Before a UR5 casts: what is printed for its camera, views of the board, motions drawn."""
 
 import time
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 import yaml
 from matplotlib.figure import Figure
-from omegaconf import DictConfig
 
-from robotcast.build import action_space
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, plan_action
-from robotcast.casts.table import read_actions
 from robotcast.files import atomic_file, write_text
 from robotcast.reporting.style import BLUE, CYCLE, GREY, VERMILION, board_axes, style, svg
 from robotcast.rigs import Rig
-from robotcast.rigs.collect import choose_casts, number_extra_actions
-from robotcast.rigs.envelope import Envelope, are_feasible, feasible_actions
+from robotcast.rigs.envelope import Envelope
 from robotcast.rigs.kinematics import JOINTS, Gripper, link_points
 from robotcast.rigs.ur5.camera import Webcam
 from robotcast.rigs.ur5.motion import WholeMotion
 from robotcast.rigs.ur5.rig import Ur5Rig
-from robotcast.sessions import SESSION_FILE, read_session
 from robotcast.stage import bar, tell, warn
 from robotcast.vision.calibration import DOTS_PER_M, PrintedBoard
 from robotcast.vision.facts import BORDER_MODULES, FiducialBoard, dictionary
@@ -112,21 +106,3 @@ def motion_svg(whole: WholeMotion, gripper: Gripper, envelope: Envelope) -> byte
         axes["joints"].axvline(float(whole.reset.t_s[-1]), color=GREY, linewidth=0.8)
         axes["joints"].legend(ncols=6)
     return svg(figure)
-
-
-def chosen_casts(config: DictConfig, folder: Path) -> list[tuple[int, Action]]:
-    """Return (action_id, action) of the casts that the session in `folder` shall hold.
-
-    Raises ValueError for an action of a file that the arm cannot do.
-    """
-    grid, r0_m, limits, envelope = action_space(config, "collected")
-    if config.collect.actions is None:
-        with bar("feasible actions") as progress:
-            feasible = feasible_actions(grid, r0_m, limits, envelope, progress)
-        tell(f"{len(feasible)} of {grid.size} actions are feasible")
-        size = config.scale.collect
-        return choose_casts(feasible, size.casts, size.repeats, config.seed)
-    can = partial(are_feasible, r0_m=r0_m, limits=limits, envelope=envelope)
-    actions = read_actions(Path(config.collect.actions), can)
-    stood = read_session(folder).casts if (folder / SESSION_FILE).is_file() else ()
-    return number_extra_actions(actions, stood)

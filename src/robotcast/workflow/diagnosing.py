@@ -1,12 +1,11 @@
-"""The configured simulator beside a measurement set: where does it fail, and what does it lack?"""
+"""The configured simulator beside a measurement set: which effect does it lack?"""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
@@ -19,77 +18,15 @@ from robotcast.build import (
 )
 from robotcast.cast_model import CAST_WORDING, CastModel, candidate_casts, cast_records, draw_field
 from robotcast.casts.table import write_actions
-from robotcast.diagnosis.compare import compare
-from robotcast.diagnosis.diagnose import Case, diagnose, floor_and_noise
-from robotcast.diagnosis.inquiry import Inquiry, fit_base
+from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.next_trials import Further
-from robotcast.effects.effect import parameters_of
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import NO_TOOL
 from robotcast.reporting.diagnosis_page import diagnosis_page
-from robotcast.reporting.names import effect_name
 from robotcast.rigs.envelope import feasible_actions
-from robotcast.running import Progress, write_page
+from robotcast.running import write_page
 from robotcast.stage import as_note, bar, measured_set, output_folder, typed
-from robotcast.tuning.tuned import read_tuned, vector_of
-
-ITERATIONS = 8  # of the fit, after its several starts
-
-
-def compare_model(config: DictConfig) -> dict[str, Any]:
-    """Compare the simulator in `tuned`, or one that is fitted to the set first, with the set.
-
-    Returns the comparison as its page takes it, with where both come from.
-    """
-    measured = measured_set(config.measurements)
-    records, tuned = cast_records(measured), config.tuned
-    _, active, values = read_tuned(Path(tuned)) if tuned else (None, list(config.effects), {})
-    model = CastModel(
-        measured, partial(build_simulator, config, measured.cable), build_effects(active)
-    )
-    with bar("compare") as progress:
-        if tuned is None:
-            case = Case(model, records, (), rule=instantiate(config.diagnosis.rule))
-            vector = _fitted(config, case, active, progress)
-        else:
-            parameters = parameters_of([model.effects[name] for name in active])
-            vector = vector_of((*model.parameters, *parameters), values)
-        predicted = model.predict(records, active, vector[None])[0]
-        found = compare(
-            records,
-            predicted,
-            scale=model.scale,
-            error_unit=model.error_unit,
-            wording=CAST_WORDING,
-        )
-    effects = f" with {', '.join(effect_name(name) for name in active)}" if active else ""
-    of = "tuned to these casts" if tuned is None else f"tuned in {tuned}"
-    notes = [as_note(notice) for notice in measured.notices]
-    facts = {
-        "rig": measured.rig,
-        "measurements": str(config.measurements),
-        "model": f"the {config.simulator.name} simulator{effects}, {of}",
-        "overrides": typed("simulator"),
-        "notes": notes,
-    }
-    return {**facts, **found.as_dict()}
-
-
-def _fitted(
-    config: DictConfig, case: Case, active: Sequence[str], progress: Progress
-) -> np.ndarray:
-    """Return all parameters, the effects' last, (n,), that fit the set."""
-    inquiry = Inquiry(
-        case.model,
-        case.records,
-        floor_and_noise(case)[1],
-        # nobody knows how many casts a fit will take
-        lambda done, total, note="": progress(done, total, "simulated casts"),
-    )
-    effort = instantiate(config.diagnosis.effort, base=ITERATIONS)
-    return inquiry.values(active, fit_base(inquiry, active, effort).fit.vector)[0]
-
 
 ACTIONS = "actions.csv"
 NO_LOG = (
