@@ -116,8 +116,9 @@ class Effect:
     def held_pose(
         self, pose: np.ndarray, memory: Memory, step_s: float, **values: np.ndarray
     ) -> Any:
-        """Return where the held end is when the log says `pose` (n_sim, 3), once every step.
+        """Return where the held end is when the log says `pose`, once every step.
 
+        A pose (n_sim, 3) is x and y [m] and yaw [rad], which points along the cable at the hand.
         `memory`, empty at the first step, keeps arrays whose first axis is n_sim.
         """
 

@@ -93,8 +93,10 @@ def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:
     cable, floor_percent = measured.cable, noise_floor(measured).waypoint_percent
     sizes = config.scale.tune
     tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
-    casts = sizes[config.simulator.name].casts  # of every optimizer, or by optimizer
-    tuning = tuning.spread(casts if isinstance(casts, int) else casts[config.optimizer.name])
+    casts = sizes[config.simulator.name].casts  # of every optimizer, or by optimizer, else all
+    if not isinstance(casts, int):
+        casts = casts.get(config.optimizer.name, sizes.tune_casts)
+    tuning = tuning.spread(casts)
     simulator = build_simulator(config, cable, build_effects(config.effects))
     folder = output_folder(config.paths.tuned, config.paths.measurements)
     shown = TuningProgress(
