@@ -213,6 +213,112 @@ class Beginnings:
         self.fits: dict[tuple[str, ...], Fit] = {}
 
     def fit(self, effects: tuple[str, ...], start: np.ndarray, known: Fit | None = None) -> None:
+        """Fit a model, and keep the fit if it is the best one."""
+        fit = fit_while_it_pays(self.inquiry, effects, start, self._effort, known)
+        before = self.fits.get(effects)
+        if before is None or fit.loss < before.loss:
+            self.fits[effects] = fit
+
+    def best(self, size: int, most: int, beside: Sequence[str] = ()) -> list[tuple[str, ...]]:
+        """Return the sets of so many effects that would predict best, beside those that act."""
+        others = [name for name in self.effects if name not in beside]
+        sets = sorted(combinations(others, size), key=lambda some: self.loss((*beside, *some)))
+        return [(*beside, *some) for some in sets[:most]]
+
+    def loss(self, effects: Sequence[str]) -> float:
+        """Return the weighted square that the model with these effects alone would miss by."""
+        return self._solved(effects)[2]
+
+    def start(self, effects: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the unit vector (n,) of the model with these effects, and its slopes' columns."""
+        columns, step, _ = self._solved(effects)
+        vector = self._null.copy()
+        vector[columns] += step
+        kept = [*range(self._own), *(k for name in effects for k in self.columns[name])]
+        return np.clip(vector, EDGE, 1 - EDGE)[kept], np.array(kept)
+
+    def look(self, effects: Sequence[str], start: np.ndarray, kept: np.ndarray) -> Fit:
+        """Return the beginnings as the model with these effects predicts them from a start.
+
+        Its slopes are those columns of the library's that it has `kept`.
+        """
+        residual = self.early.residuals(effects)(start[None], self.early.everything)[0]
+        loss = float(trial_losses(residual).mean())
+        return Fit(start, loss, residual, self.fit.jacobian[:, :, kept])
+
+    def step(self, effects: Sequence[str]) -> np.ndarray:
+        """Return the step from all at null to the model with these effects, free ones' first."""
+        return self._solved(effects)[1]
+
+    def predicted(self, effects: Sequence[str]) -> float:
+        """Return the typical error that the slopes promise with these effects, % of the scale."""
+        columns, step, _ = self._solved(effects)
+        residual, slopes = self.weighted
+        after = (residual + slopes[..., columns] @ step) / np.sqrt(self.fit.weights)[:, None]
+        every = self.early.everything
+        percent = self.early.percent(self.early.difference_of(after, every), every)[0]
+        return float(np.median(percent))
+
+    @cached_property
+    def columns(self) -> dict[str, list[int]]:
+        """Which of the vector's entries are whose."""
+        found, at = {}, self._own
+        for name in self.effects:
+            n = len(self.early.model.effects[name].parameters)
+            found[name], at = list(range(at, at + n)), at + n
+        return found
+
+    @property
+    def free(self) -> list[int]:
+        """The base model's parameters that a fit may change."""
+        return np.flatnonzero(self.early.free(self.effects)[: self._own]).tolist()
+
+    @property
+    def _own(self) -> int:
+        return len(self.early.model.parameters)
+
+    @cached_property
+    def _null(self) -> np.ndarray:
+        """The fitted vector with every strength at its null."""
+        found = self.fit.vector.copy()
+        for k, p in enumerate(self.early.parameters(self.effects)):
+            if p.null is not None:
+                found[k] = p.to_unit(np.asarray(p.null))
+        return found
+
+    @cached_property
+    def weighted(self) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (n_trials, D) with every effect at null, and slopes, as the fit weighs them."""
+        fit, root = self.fit, np.sqrt(self.fit.weights)[:, None]
+        residual = fit.residual + fit.jacobian @ (self._null - fit.vector)
+        return residual * root, fit.jacobian * root[..., None]
+
+    @cached_property
+    def _normal(self) -> tuple[np.ndarray, np.ndarray, float]:
+        residual, slopes = self.weighted
+        residual, slopes = residual.ravel(), slopes.reshape(residual.size, slopes.shape[2])
+        return slopes.T @ slopes, slopes.T @ residual, float(residual @ residual)
+
+    def _solved(self, effects: Sequence[str]) -> tuple[list[int], np.ndarray, float]:
+        """Return columns, the step from all at null, and the loss after it."""
+        hold, pull, whole = self._normal
+        sd = self.early.prior(self.effects).sd
+        columns = [*self.free, *(k for name in effects for k in self.columns[name])]
+        if not columns:
+            return columns, np.empty(0), whole
+        curvature = hold[np.ix_(columns, columns)] + np.diag(1 / sd[columns] ** 2)
+        step = -np.linalg.solve(curvature, pull[columns])
+        return columns, step, float(whole + pull[columns] @ step)
+
+
+class Beginnings:
+    """Models with a few effects, fitted to the beginnings of trials: `fits` by their effects."""
+
+    def __init__(self, inquiry: Inquiry, floor: Floor, rule: Rule, effort: Effort) -> None:
+        self.inquiry, self._floor, self._rule, self._effort = inquiry, floor, rule, effort
+        self.fits: dict[tuple[str, ...], Fit] = {}
+
+    def fit(self, effects: tuple[str, ...], start: np.ndarray, known: Fit | None = None) -> None:
         """Fit a model, go on as long as that pays, and keep the fit if it is the best one."""
         effort, fit = self._effort, known
         for _ in range(1 + effort.rounds):
@@ -266,6 +372,23 @@ class Beginnings:
     def level(self, best: tuple[str, ...], other: tuple[str, ...]) -> bool:
         """Tell whether another set fits no worse than the best one but for luck."""
         return level(self.fits[best], self.fits[other], self.inquiry.groups, self._rule)
+
+
+def fit_while_it_pays(
+    inquiry: Inquiry,
+    effects: Sequence[str],
+    start: np.ndarray,
+    effort: Effort,
+    known: Fit | None = None,
+) -> Fit:
+    """Fit a model, and go on as long as that lowers the loss by a share worth it."""
+    for _ in range(1 + effort.rounds):
+        last, known = known, inquiry.fit(effects, start, effort.refit, known=known)
+        start = known.vector
+        if last is not None and known.loss > (1 - effort.pays) * last.loss:
+            break
+    assert known is not None
+    return known
 
 
 def level(best: Fit, other: Fit, groups: np.ndarray, rule: Rule) -> bool:
