@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import wrap
 from typing import Any, Literal
 
 import matplotlib.style
@@ -156,6 +157,7 @@ def log_errors(axis: Axis, levels: Sequence[float] = _LEVELS) -> None:
 
 
 _THICK, _APART, _LINE = 17.0, 19.0, 13.5  # pixels: a bar, from bar to bar, from line to line
+_LETTER = 7.0  # pixels, of a bold name
 _LOOKS: dict[str, dict[str, Any]] = {
     "before": {"color": "#8a94a6"},
     "model": {"color": BLUE},
@@ -230,7 +232,7 @@ def bars(
     width, names : of the figure and of the column of names [pixel].
     """
     heights = [
-        max(12 + _APART * len(r.bars), 15 + _LINE * (len(_lines(r.name)) + bool(r.detail)))
+        max(12 + _APART * len(r.bars), 15 + _LINE * (len(_lines(r.name, names)) + bool(r.detail)))
         for r in rows
     ]
     above, below = 26 * (floor is not None) or 2, 38 * bool(axis)
@@ -261,14 +263,16 @@ def _floor(axes: Axes, floor: float, unit: str, left: bool) -> None:
     beside(axes, words, floor, 0, -6 if left else 6, 6, **looks)
 
 
-def _lines(name: str) -> list[str]:
-    lines = name.replace(" + ", "\n+ ").split("\n")
-    return lines if len(lines) < 3 else [lines[0], f"{lines[1]} + {len(lines) - 2} more"]
+def _lines(name: str, width: float) -> list[str]:
+    """Return a name as lines that fit into so many pixels."""
+    parts = name.replace(" + ", "\n+ ").split("\n")
+    parts = parts if len(parts) < 3 else [parts[0], f"{parts[1]} + {len(parts) - 2} more"]
+    return [line for part in parts for line in wrap(part, int(width / _LETTER))]
 
 
 def _name(axes: Axes, row: Row, top: float, names: float) -> None:
-    """Write the name on one line or two, and the detail below it."""
-    lines = _lines(row.name)
+    """Write the name on as many lines as it needs, and the detail below it."""
+    lines = _lines(row.name, names)
     for n, line in enumerate(lines):
         beside(axes, line, 0, top, -names, -_LINE * (n + 1) - 2, size=12.5, weight="bold")
     down = -_LINE * (len(lines) + 1) - 1
