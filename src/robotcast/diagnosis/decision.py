@@ -185,11 +185,11 @@ def decide(
                 unfinished = floor.above(known.top.errors.waypoint[scales.usual], enough)
                 return Verdict(Code.NAMED, known.named, (), Unexplained() if unfinished else None)
             near = _near(more, rule)
-        if left.enough or (far and not floor.is_least):
+        if (left.enough and unfinished) or (far and not floor.is_least):
             return Verdict(Code.UNKNOWN, (), near, left)
         if far:  # above the sensors' noise, and repeats may differ by as much
             return Verdict(Code.CANNOT_TELL, (), near, left)
-        return Verdict(Code.NONE, (), near, Unexplained() if unfinished else None)
+        return Verdict(Code.NONE, (), near, Unexplained() if unfinished or left.enough else None)
     if found.inseparable or _imitates(found, floor, left, rule):
         return Verdict(Code.UNKNOWN, (), (top,), left)
     larger = [rung for rung in near if set(top.effects) < set(rung.effects)]
