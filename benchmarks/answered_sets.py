@@ -52,7 +52,7 @@ def diagnosed(measurements: Path, output: Path, overrides: Sequence[str]) -> dic
         if done.returncode:
             sys.exit(f"{measurements}: {done.stderr or done.stdout}")
         (output / "seconds").write_text(f"{time.monotonic() - began:.0f}")
-    seconds = (output / "seconds").read_text()
+    seconds = (output / "seconds").read_text().strip()
     return {**json.loads(path.read_text(encoding="utf-8")), "seconds": seconds}
 
 
