@@ -54,6 +54,7 @@ def test_a_killed_command_does_not_run(tmp_path: Path) -> None:
 def two_stages(tmp_path: Path) -> Path:
     """A pipeline of two stages, `first` run."""
     for path, text in {
+        "conf.yaml": "seed: 1",
         "src/first.py": "open('one', 'w').write('1')",
         "src/second.py": "open('two', 'w').write(open('one').read())",
         "dvc.yaml": json.dumps(
@@ -62,11 +63,12 @@ def two_stages(tmp_path: Path) -> Path:
                     "first": {
                         "cmd": "python src/first.py seed=1",
                         "deps": ["src/first.py"],
+                        "params": [{"conf.yaml": ["seed"]}],
                         "outs": ["one"],
                     },
                     "second": {
                         "cmd": "python src/second.py",
-                        "deps": ["src/second.py", "one"],
+                        "deps": ["conf.yaml", "src/second.py", "one"],
                         "outs": ["two"],
                     },
                 }
@@ -76,8 +78,12 @@ def two_stages(tmp_path: Path) -> Path:
         (tmp_path / path).parent.mkdir(exist_ok=True)
         (tmp_path / path).write_text(text)
     for command in ("init --no-scm --quiet", "repro --quiet first"):
-        subprocess.run([sys.executable, "-m", "dvc", *command.split()], cwd=tmp_path, check=True)
+        dvc(tmp_path, command)
     return tmp_path
+
+
+def dvc(folder: Path, command: str) -> None:
+    subprocess.run([sys.executable, "-m", "dvc", *command.split()], cwd=folder, check=True)
 
 
 def test_the_pipeline_stands_as_far_as_its_files_and_its_lock_agree(two_stages: Path) -> None:
@@ -96,6 +102,9 @@ def test_the_pipeline_stands_as_far_as_its_files_and_its_lock_agree(two_stages: 
     assert states()["second"] == "running"
     (two_stages / "src/first.py").write_text("open('one', 'w').write('2')")
     assert states() == {"first": "left", "second": "running"}
+    (two_stages / ".dvc/tmp/rwlock").unlink()
+    dvc(two_stages, "repro --quiet")
+    assert states() == {"first": "done", "second": "done"}
 
 
 def test_links_of_the_page_lead_to_files_beside_it(tmp_path: Path) -> None:

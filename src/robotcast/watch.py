@@ -123,7 +123,8 @@ def _cells(root: Path, stamp: tuple[int, ...]) -> tuple[Cell, ...]:
 
     @cache
     def current(path: str) -> Any:
-        return next(d for s in stages for d in s.deps if d.fs_path == path).get_hash()
+        known = (d for s in stages for d in s.deps if not hasattr(d, "params"))
+        return next(dep for dep in known if dep.fs_path == path).get_hash()
 
     def holds(dep: Any) -> bool:
         with suppress(FileNotFoundError):
