@@ -9,7 +9,7 @@ import numpy as np
 from robotcast.diagnosis.errors import Floor
 from robotcast.diagnosis.found import Effects, Found, Rung
 from robotcast.diagnosis.inquiry import Inquiry, Revision, held_out
-from robotcast.diagnosis.library import Library, fit_while_it_pays
+from robotcast.diagnosis.library import Library
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.least_squares import Fit
 
@@ -84,8 +84,7 @@ class _Contest:
             cost = self.early.expected_loss(effects, fit)
             judged.append((cost, effects[-1], fit))
         _, field, fit = min(judged, key=lambda one: one[0])
-        effects = (*self.effects, field)
-        return field, fit_while_it_pays(self.early, effects, fit.vector, self.effort, fit)
+        return field, fit
 
     def _together(self, fields: Sequence[str]) -> Library:
         """Return all fields beside each other, each known by its slopes where it does nothing."""
