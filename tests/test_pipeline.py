@@ -27,7 +27,7 @@ LOOP = (
 PLUMBING = {
     ROOT / "src/robotcast" / f"{name}.py"
     for name in (
-        *("stage", "workflow/commissioning", "files", "processes", "progress", "running"),
+        *("stage", "workflow/commissioning", "files", "processes", "running"),
         *("reporting/revisions_page", "workflow/diagnosing_robot"),
     )
 }

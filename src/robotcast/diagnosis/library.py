@@ -213,8 +213,14 @@ class Beginnings:
         self.fits: dict[tuple[str, ...], Fit] = {}
 
     def fit(self, effects: tuple[str, ...], start: np.ndarray, known: Fit | None = None) -> None:
-        """Fit a model, and keep the fit if it is the best one."""
-        fit = fit_while_it_pays(self.inquiry, effects, start, self._effort, known)
+        """Fit a model for as long as that pays, and keep the fit if it is the best one."""
+        effort, fit = self._effort, known
+        for _ in range(1 + effort.rounds):
+            last, fit = fit, self.inquiry.fit(effects, start, effort.refit, known=fit)
+            start = fit.vector
+            if last is not None and fit.loss > (1 - effort.pays) * last.loss:
+                break
+        assert fit is not None
         before = self.fits.get(effects)
         if before is None or fit.loss < before.loss:
             self.fits[effects] = fit
@@ -260,23 +266,6 @@ class Beginnings:
     def level(self, best: tuple[str, ...], other: tuple[str, ...]) -> bool:
         """Tell whether another set fits no worse than the best one but for luck."""
         return level(self.fits[best], self.fits[other], self.inquiry.groups, self._rule)
-
-
-def fit_while_it_pays(
-    inquiry: Inquiry,
-    effects: Sequence[str],
-    start: np.ndarray,
-    effort: Effort,
-    known: Fit | None = None,
-) -> Fit:
-    """Fit a model, and go on as long as that lowers the loss by a share worth it."""
-    for _ in range(1 + effort.rounds):
-        last, known = known, inquiry.fit(effects, start, effort.refit, known=known)
-        start = known.vector
-        if last is not None and known.loss > (1 - effort.pays) * last.loss:
-            break
-    assert known is not None
-    return known
 
 
 def level(best: Fit, other: Fit, groups: np.ndarray, rule: Rule) -> bool:
