@@ -117,7 +117,7 @@ def make(case: str, folder: Path, sealed: Path, seed: int = 0) -> None:
     hidden = CASES[case]
     mechanism = MECHANISMS[hidden.mechanism]
     text = (HERE / "mechanisms" / f"{hidden.mechanism}.xml").read_text(encoding="utf-8")
-    spec = mujoco.MjSpec.from_string(text)
+    spec = _spec(hidden.mechanism)
     joints, drives = ([one.name for one in some] for some in (spec.joints, spec.actuators))
     to = {j: f"axis_{9 - k}" if hidden.renamed else j for k, j in enumerate(joints)}
     folder.mkdir(parents=True, exist_ok=True)
@@ -145,12 +145,11 @@ def make(case: str, folder: Path, sealed: Path, seed: int = 0) -> None:
         },
         sealed,
     )
-    columns = ["t", *(f"u_{a}" for a in drives), *(f"q_{j}" for j in joints)]
     # the same noise whatever the hidden effect's name
     rng = np.random.default_rng([seed, *hidden.mechanism.encode()])
-    for number, table in enumerate(_logs(_truth(spec, hidden), joints, mechanism, hidden, rng)):
-        frame = pl.DataFrame(dict(zip(columns, table.T, strict=True)))
-        frame.write_csv(folder / f"log{number:02d}.csv", float_precision=7)
+    truth = _Truth(spec, hidden, rng)
+    for number, table in enumerate(truth.sines()):
+        truth.write(table, folder / f"log{number:02d}.csv")
 
 
 def _truth(spec: mujoco.MjSpec, hidden: Hidden) -> mujoco.MjModel:
@@ -181,51 +180,99 @@ def _truth(spec: mujoco.MjSpec, hidden: Hidden) -> mujoco.MjModel:
     return model
 
 
-def _logs(
-    model: mujoco.MjModel,
-    joints: list[str],
-    mechanism: Mechanism,
-    hidden: Hidden,
-    rng: np.random.Generator,
+def _commands(
+    mechanism: Mechanism, rest: np.ndarray, channels: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Run all logs side by side: sums of sines as commands, quantised and noisy encoders."""
-    logs, n, step_s = mechanism.logs, round(mechanism.log_s / PERIOD_S), model.opt.timestep
-    batch = Batch(model, logs, nthread=1)
-    qpos, qvel, ctrl, applied = map(batch.bind, ("qpos", "qvel", "ctrl", "qfrc_applied"))
-    actuated = batch.bind("qfrc_actuator")
-    at = [int(model.joint(j).qposadr[0]) for j in joints]
-    dofs = [int(model.joint(j).dofadr[0]) for j in joints]
-    rest = np.array(hidden.rest or mechanism.rest or ((0.0,) * len(joints),))
-    rest = rest[np.arange(logs) % len(rest)]
-    qpos[:, at] = rest
-    t_s = PERIOD_S * np.arange(n)
-    driven = [
-        dofs.index(int(model.jnt_dofadr[model.actuator_trnid[a, 0]])) for a in range(model.nu)
-    ]
-    servo = model.actuator_biasprm[:, 1] != 0
-    command = np.repeat((rest[:, driven] * servo)[:, None], n, axis=1)
-    for log, channel, _ in np.ndindex(logs, model.nu, 4):
+    """Return sums of sines about where the drives rest, (n_logs, k, n_channels)."""
+    t_s = PERIOD_S * np.arange(round(mechanism.log_s / PERIOD_S))
+    command = np.repeat(rest[:, None], len(t_s), axis=1)
+    for log, channel, _ in np.ndindex(len(rest), channels, 4):
         wave = np.sin(2 * np.pi * (rng.uniform(*mechanism.hertz) * t_s + rng.uniform()))
         command[log, :, channel] += mechanism.drive[channel] / 2 * wave
-    late, per_sample = round(hidden.delay_s / step_s), round(PERIOD_S / step_s)
-    keep = np.exp(-step_s / hidden.lag_s) if hidden.lag_s else 0.0
-    reached, path = command[:, 0], np.empty((logs, n * per_sample, len(joints)))
-    for step in range(n * per_sample):
-        path[:, step] = qpos[:, at]
-        wanted = command[:, max(step - late, 0) // per_sample]
-        reached = wanted + keep * (reached - wanted)
-        ctrl[:] = reached
-        if hidden.law:
-            k = joints.index(hidden.law["joint"])
-            moved = qpos[:, at[k]], qvel[:, dofs[k]], actuated[:, dofs[k]]
-            applied[:, dofs[k]] = pushed(hidden.law, *moved)
-        batch.step()
-    seen = np.empty((logs, n, len(joints)))
-    for k, joint in enumerate(joints):
-        behind = round(hidden.late_s.get(joint, 0.0) / step_s)
-        steps = np.maximum(per_sample * np.arange(n) - behind, 0)
-        seen[:, :, k] = path[:, steps, k] + hidden.offset.get(joint, 0.0)
-    quantum = np.array(mechanism.quantum)
-    seen = np.round((seen + quantum * rng.normal(size=seen.shape)) / quantum) * quantum
-    times = np.broadcast_to(t_s[:, None], (logs, n, 1))
-    return np.concatenate([times, command, seen], axis=-1)
+    return command
+
+
+class _Truth:
+    """The robot that moves, its law in force, and its encoders."""
+
+    def __init__(self, spec: mujoco.MjSpec, hidden: Hidden, rng: np.random.Generator) -> None:
+        self.hidden, self.mechanism, self.rng = hidden, MECHANISMS[hidden.mechanism], rng
+        self.joints, self.drives = (
+            [o.name for o in some] for some in (spec.joints, spec.actuators)
+        )
+        self.model = _truth(spec, hidden)
+
+    def sines(self) -> np.ndarray:
+        """Return the logs of sines about where the mechanism rests."""
+        model, logs = self.model, self.mechanism.logs
+        servo = model.actuator_biasprm[:, 1] != 0
+        rest = self._rest(logs)
+        driven = [self.joints.index(model.joint(j).name) for j in model.actuator_trnid[:, 0]]
+        return self.log(_commands(self.mechanism, rest[:, driven] * servo, model.nu, self.rng))
+
+    def _rest(self, logs: int) -> np.ndarray:
+        still = ((0.0,) * len(self.joints),)
+        rest = np.array(self.hidden.rest or self.mechanism.rest or still)
+        return rest[np.arange(logs) % len(rest)]
+
+    def log(self, command: np.ndarray) -> np.ndarray:
+        """Run logs side by side; return time, commands and encoders, (n_logs, k, columns)."""
+        model, joints, hidden = self.model, self.joints, self.hidden
+        (logs, n, _), step_s = command.shape, model.opt.timestep
+        batch = Batch(model, logs, nthread=1)
+        qpos, qvel, ctrl, applied = map(batch.bind, ("qpos", "qvel", "ctrl", "qfrc_applied"))
+        actuated = batch.bind("qfrc_actuator")
+        at = [int(model.joint(j).qposadr[0]) for j in joints]
+        dofs = [int(model.joint(j).dofadr[0]) for j in joints]
+        qpos[:, at] = self._rest(logs)
+        late, per_sample = round(hidden.delay_s / step_s), round(PERIOD_S / step_s)
+        keep = np.exp(-step_s / hidden.lag_s) if hidden.lag_s else 0.0
+        reached, path = command[:, 0], np.empty((logs, n * per_sample, len(joints)))
+        for step in range(n * per_sample):
+            path[:, step] = qpos[:, at]
+            wanted = command[:, max(step - late, 0) // per_sample]
+            reached = wanted + keep * (reached - wanted)
+            ctrl[:] = reached
+            if hidden.law:
+                k = joints.index(hidden.law["joint"])
+                moved = qpos[:, at[k]], qvel[:, dofs[k]], actuated[:, dofs[k]]
+                applied[:, dofs[k]] = pushed(hidden.law, *moved)
+            batch.step()
+        seen = np.empty((logs, n, len(joints)))
+        for k, joint in enumerate(joints):
+            behind = round(hidden.late_s.get(joint, 0.0) / step_s)
+            steps = np.maximum(per_sample * np.arange(n) - behind, 0)
+            seen[:, :, k] = path[:, steps, k] + hidden.offset.get(joint, 0.0)
+        quantum = np.array(self.mechanism.quantum)
+        seen = np.round((seen + quantum * self.rng.normal(size=seen.shape)) / quantum) * quantum
+        times = np.broadcast_to((PERIOD_S * np.arange(n))[:, None], (logs, n, 1))
+        return np.concatenate([times, command, seen], axis=-1)
+
+    def write(self, table: np.ndarray, path: Path) -> None:
+        """Write a log (k, columns)."""
+        columns = ["t", *(f"u_{a}" for a in self.drives), *(f"q_{j}" for j in self.joints)]
+        frame = pl.DataFrame(dict(zip(columns, table.T, strict=True)))
+        frame.write_csv(path, float_precision=7)
+
+
+def log_next(case: str, folder: Path, asked: Sequence[Mapping[str, Any]]) -> None:
+    """Log the motions that a diagnosis asks for, with what it asks to be fixed to a link."""
+    said = yaml.safe_load((folder / "robot.yaml").read_text(encoding="utf-8"))
+    for number, motion in enumerate(asked):
+        spec = _spec(CASES[case].mechanism)
+        mass_kg, name = motion["payload_kg"], f"log_next_{number}.csv"
+        if mass_kg:
+            body = spec.body(motion["fixed_to"])
+            weight = body.add_body(name="weight", pos=body.ipos)
+            weight.mass, weight.inertia, weight.explicitinertial = mass_kg, [1e-9] * 3, True
+            loads = said.setdefault("payloads", {}).setdefault(f"body[{body.name}]", {})
+            loads[name] = mass_kg
+        truth = _Truth(spec, CASES[case], np.random.default_rng(number))
+        wanted = pl.read_csv(folder / motion["file"])
+        command = wanted.select([f"u_{a}" for a in truth.drives]).to_numpy()
+        truth.write(truth.log(command[None])[0], folder / name)
+    (folder / "robot.yaml").write_text(yaml.safe_dump(said, sort_keys=False), encoding="utf-8")
+
+
+def _spec(mechanism: str) -> mujoco.MjSpec:
+    return mujoco.MjSpec.from_file(str(HERE / "mechanisms" / f"{mechanism}.xml"))

@@ -3,8 +3,10 @@
 python benchmarks/robots.py [CASE ...] [--output DIR] [--alone]
 
 Cases are made by robot_truth.py, their answers sealed until a case is diagnosed. What was diagnosed
-before stands in DIR and is not done again. Beside each diagnosis, unless --alone: the oracle, which
-tries the hidden effect alone, and everything unfrozen, which fits all parameters at once.
+before stands in DIR and is not done again. Where logs cannot tell two effects apart, the motions
+that the diagnosis asks for are logged, and it is asked again. Beside each diagnosis, unless
+--alone: the oracle, which tries the hidden effect alone, and everything unfrozen, which fits all
+parameters at once.
 """
 
 import argparse
@@ -17,7 +19,7 @@ from typing import Any
 import mujoco
 import mujoco.rollout
 import numpy as np
-from robot_truth import CASES, make
+from robot_truth import CASES, log_next, make
 
 from robotcast.diagnosis.diagnose import diagnose, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry, fit_base, held_out
@@ -67,6 +69,13 @@ def score(case: str, folder: Path, alone: bool) -> dict[str, Any]:
         "cpu_seconds": round(cpu),
         "cost": cost(asked),
     }
+    if truth["either"] and said["next_actions"]:
+        log_next(case, folder, asked.motions.rows(said["next_actions"], folder))
+        further = read_case(folder, threads=1)
+        again = diagnose_by_joint(
+            further, further.question((), (), Rule(), Effort()), lambda _: None
+        )
+        row["after_next"] = {k: again[k] for k in ("verdict", "confusion_set")}
     if not alone and answer <= set(asked.model.effects):
         row["oracle"] = _oracle(asked, answer)
         row |= _unfrozen(asked)

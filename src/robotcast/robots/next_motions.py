@@ -32,7 +32,6 @@ AMPLITUDES = (0.3, 0.6, 1.0)  # of half of what was commanded
 SHARES = (0.0, 0.25, 1.0)  # of a link's own mass, that is fixed to it
 REPLAYED = 3  # logs, and as many drives at most, one at a time
 WIDER, FASTER = 0.5, 2.0  # than the logs, of their range and of their speed
-FILES = 3
 
 
 @dataclass(frozen=True)
@@ -53,14 +52,13 @@ class Motions:
     further: Further
 
     def rows(self, chosen: Sequence[dict[str, Any]], folder: Path) -> list[dict[str, Any]]:
-        """Return the chosen trials as they are told; write the commands of the first few."""
+        """Return the chosen trials as they are told; write the commands of each."""
         rows = []
         for number, row in enumerate(chosen, 1):
             motion = self.some[int(row["motion"])]
             told = {**motion.told, **{k: v for k, v in row.items() if k != "motion"}}
-            file = f"motion_{number}.csv" if number <= FILES else ""
-            if file:
-                self._write(motion.log, folder / file)
+            file = f"motion_{number}.csv"
+            self._write(motion.log, folder / file)
             rows.append({"file": file, **told})
         return rows
 
@@ -174,18 +172,19 @@ def _moved(
         if at.kind == "position":
             known = log.measured[np.isfinite(log.measured[:, k]), k]
             data.qpos[at.index] = known[0]
-    steps = max(1, round(period_s / model.opt.timestep))
+    times_s = period_s * np.arange(len(drive))
+    steps = np.diff(np.round(times_s / model.opt.timestep).astype(int), append=0)
     seen = np.full((len(drive), len(signals)), np.nan)
     from_data = {"position": data.qpos, "velocity": data.qvel, "sensor": data.sensordata}
-    for row, command in zip(seen, drive, strict=True):
+    for row, command, n in zip(seen, drive, steps.tolist(), strict=True):
         for at, value in zip(robot.drive, command, strict=True):
             if at.actuator is not None:
                 data.ctrl[at.actuator] = value
             else:
                 data.qfrc_applied[at.dof] = value
         row[:] = [from_data[at.kind][at.index] for at in signals]
-        mujoco.mj_step(model, data, steps)
-    times_s = steps * model.opt.timestep * np.arange(len(drive))
+        if n > 0:  # the last command is never held
+            mujoco.mj_step(model, data, n)
     return Motion(told, payloads, Log(Path("motion"), times_s, drive, seen))
 
 
