@@ -1,7 +1,10 @@
 """What a robot's folder is read as: windows, start states, noise, effects at their null."""
 
+import json
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +24,8 @@ from robotcast.robots.robot_file import write_parameters
 from robotcast.robots.rollout import Start
 from robotcast.robots.shown import shown
 from tests.robots.made_up_robot import ARM, PERIOD_S, QUANTUM, SLIDER, dry, write_folder
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -197,6 +202,35 @@ def test_the_next_motions_stay_within_limits_and_are_written_as_the_logs_are(
     table = pl.read_csv(tmp_path / row["file"])
     assert table.columns == ["t", "u_motor", "q_axis"]
     np.testing.assert_allclose(table["u_motor"], motions.some[1].log.drive[:, 0])
+
+
+def test_compare_shows_where_a_model_fails_and_tune_writes_one_that_does_not(
+    tmp_path: Path,
+) -> None:
+    def stiffer(model: mujoco.MjModel) -> None:
+        model.dof_damping[:] = 3.0
+
+    given = {"tune": {"joint[axis].damping": [0.5, 6.0]}, "windows": {"length_s": 0.5}}
+    folder = write_folder(tmp_path / "robot", change=stiffer, **given)
+
+    def run(stage: str, output: Path) -> None:
+        given = ["model=mjcf", f"robot={folder}", f"output={output}"]
+        command = [sys.executable, ROOT / "stages" / stage, *given]
+        subprocess.run(command, check=True, capture_output=True)
+
+    run("tune.py", tmp_path / "out")
+    tuned = json.loads((tmp_path / "out/tuned.json").read_text())["parameters"]
+    known = tuned["joint[axis].damping"]
+    assert known["low"] < 3.0 < known["high"]
+    patched = mujoco.MjModel.from_xml_path(str(tmp_path / "out/model.xml"))
+    assert patched.dof_damping[0] == pytest.approx(known["value"], rel=1e-5)
+    assert (tmp_path / "out/index.html").is_file() and (tmp_path / "out/parameters.yaml").is_file()
+    as_it_is = folder / "robot.yaml"
+    as_it_is.write_text(re.sub(r"tune:\n.*\n", "", as_it_is.read_text()))
+    run("compare.py", tmp_path / "bare")
+    found = json.loads((tmp_path / "bare/comparison.json").read_text())
+    assert found["model"] == "the MJCF, as it is"
+    assert found["waypoint_error_percent"] > 3 * found["noise_floor_percent"]
 
 
 def test_the_page_opens_in_a_browser(
