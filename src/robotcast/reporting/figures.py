@@ -199,10 +199,8 @@ def targets_figure(evaluations: Sequence[Evaluation], cables: Sequence[CableData
             panel.plot(y, x, "*", color="#374151", ms=10, zorder=4, **_UNSEEN)
         name, policy, data = evaluation.named
         on = "" if evaluation.dataset == "none" else f" on {data}"
-        where = (
-            f"{rig_name(evaluation.rig)}, median {evaluation.median_percent:.1f} % of cable length"
-        )
-        _finish(panel, f"{name} · {policy}{on}\n{where} of cable length")
+        median = f"median {evaluation.median_percent:.1f} % of cable length"
+        _finish(panel, f"{name} · {policy}{on}\n{rig_name(evaluation.rig)}, {median}")
     _show_tested_half(panels[0], evaluations)
     handles = _handles(repeated, any(e.unseen_m for e in evaluations))
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
