@@ -352,7 +352,8 @@ class Selection:
 
         The fits to beginnings see the same trials, so that their losses compare them, trial by
         trial: slopes that point the same way are not enough to confuse two effects when a refit
-        tells them apart. What they differ by must be more than the model's step errs by.
+        tells them apart: one must take away from the other what matters, and more than the model's
+        own step errs by.
         """
         fits, chosen = self.found.early, self.found.chosen
         rivals: dict[str, tuple[str, ...]] = {}
@@ -372,7 +373,8 @@ class Selection:
         else:
             errors = [self.early.expected_error(e) for e in sets]
             alike = self.early.level(chosen, other)
-        return alike or errors[1] - errors[0] < self._floor.numerical
+        least = max(self._rule.material * errors[1], self._floor.numerical)
+        return alike or errors[1] - errors[0] < least
 
     def _undecided(self, best: Rung, other: Rung) -> bool:
         fits = (best.revision.fit, other.revision.fit)
