@@ -1,7 +1,8 @@
 """Robots with a hidden effect: logs of a truth that no diagnosing model makes.
 
 MuJoCo steps the truth ten times finer, with Runge–Kutta; hidden forces, springs and gaps are made
-here a second time; encoders are quantised, noisy and late; servos close their loops on the rotors.
+here a second time; encoders are quantised, noisy and late; servos close their loops on the rotors,
+by where the encoders say that these are, without noise.
 """
 
 import re
@@ -226,13 +227,16 @@ class _Truth:
         dofs = [int(model.joint(j).dofadr[0]) for j in joints]
         qpos[:, at] = self._rest(logs)
         late, per_sample = round(hidden.delay_s / step_s), round(PERIOD_S / step_s)
+        servo = model.actuator_biasprm[:, 1] != 0
+        driven = [model.joint(j).name for j in model.actuator_trnid[:, 0]]
+        off = servo * [hidden.offset.get(j, 0.0) for j in driven]
         keep = np.exp(-step_s / hidden.lag_s) if hidden.lag_s else 0.0
         reached, path = command[:, 0], np.empty((logs, n * per_sample, len(joints)))
         for step in range(n * per_sample):
             path[:, step] = qpos[:, at]
             wanted = command[:, max(step - late, 0) // per_sample]
             reached = wanted + keep * (reached - wanted)
-            ctrl[:] = reached
+            ctrl[:] = reached - off
             if hidden.law:
                 k = joints.index(hidden.law["joint"])
                 moved = qpos[:, at[k]], qvel[:, dofs[k]], actuated[:, dofs[k]]

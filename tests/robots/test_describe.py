@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import polars as pl
 import pytest
 import yaml
@@ -44,6 +45,51 @@ def test_degrees_are_seen_in_how_far_a_joint_turns(tmp_path: Path) -> None:
     path, _ = describe(folder_with(tmp_path, {}, degrees=True))
     measured = yaml.safe_load(path.read_text())["measured"]
     assert measured["joint[shoulder].position"]["unit"] == "deg"
+
+
+SERVO, MOTOR = (
+    '<position name="drive" joint="elbow" kp="25"/>',
+    '<motor name="drive" joint="elbow"/>',
+)
+GEARED = '<motor name="drive" joint="elbow" gear="50"/>'
+TENDON = '<motor name="drive" tendon="cable"/>'
+
+
+@pytest.mark.parametrize(
+    ("actuator", "column", "target", "unit"),
+    [
+        (SERVO, "elbow_cmd_deg", "actuator[drive]", "deg"),
+        (SERVO, "cmd_rad", "actuator[drive]", "rad"),
+        (SERVO, "cmd", "actuator[drive]", None),
+        (MOTOR, "tau_cmd", "actuator[drive]", None),
+        (MOTOR, "elbow_torque_mNm", "actuator[drive]", "mN m"),
+        (GEARED, "elbow_tau_cmd", "joint[elbow].torque", "N m"),
+        (SERVO, "tau", "joint[elbow].torque", "N m"),
+        (TENDON, "drive_N", "actuator[drive]", "N"),
+    ],
+)
+def test_a_drive_and_its_unit_are_told_by_the_name_of_a_column(
+    tmp_path: Path, actuator: str, column: str, target: str, unit: str | None
+) -> None:
+    cable = '<tendon><fixed name="cable"><joint joint="elbow" coef="0.01"/></fixed></tendon>'
+    head = ARM.partition("<actuator>")[0]
+    (tmp_path / "arm.xml").write_text(f"{head}{cable}<actuator>{actuator}</actuator></mujoco>")
+    t = np.arange(0, 2, 0.01)
+    log = {"t": t, "shoulder_pos": np.cos(t), "elbow_pos": np.sin(t), column: np.sin(t + 0.1)}
+    pl.DataFrame(log).write_csv(tmp_path / "log.csv")
+    path, _ = describe(tmp_path)
+    drive = {target: {"column": column, **({"unit": unit} if unit else {})}}
+    assert yaml.safe_load(path.read_text())["drive"] == drive
+
+
+def test_a_servo_that_is_commanded_far_more_than_its_joint_turns_is_so_in_degrees(
+    tmp_path: Path,
+) -> None:
+    folder = folder_with(tmp_path, {})
+    for log in folder.glob("*.csv"):
+        pl.read_csv(log).with_columns(pl.col("u_s").degrees()).write_csv(log)
+    path, _ = describe(folder)
+    assert yaml.safe_load(path.read_text())["drive"]["actuator[s]"]["unit"] == "deg"
 
 
 def test_a_joint_without_a_column_is_said(tmp_path: Path) -> None:

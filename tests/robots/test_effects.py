@@ -10,7 +10,14 @@ import pytest
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.effect import Motion, Where
-from robotcast.robots.effects import CommandRate, SpeedLimit, Stribeck
+from robotcast.robots.effects import (
+    CommandRate,
+    Encoder,
+    EncoderOffset,
+    EncoderScale,
+    SpeedLimit,
+    Stribeck,
+)
 from robotcast.robots.library import parts_of, within
 from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
 from tests.robots.made_up_robot import ARM, PERIOD_S, write_folder
@@ -26,6 +33,11 @@ LEGS = "".join(
 WALKER = f"""<mujoco><option timestep="0.005"/><worldbody>{LEGS}</worldbody><actuator>
 <motor name="left" joint="left_knee_joint"/><motor name="right" joint="right_knee_joint"/>
 </actuator></mujoco>"""
+
+SERVO = """<mujoco><worldbody><body><joint name="axis" axis="0 0 1" damping="0.1"/>
+<inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.1"/></body></worldbody><actuator>
+<position joint="axis" kp="5" kv="0.5" gear="2"/><motor joint="axis"/>
+<velocity joint="axis" kv="0"/></actuator></mujoco>"""
 
 
 def parameters(*names: str) -> list[Parameter]:
@@ -59,6 +71,28 @@ def test_a_servo_follows_a_step_no_faster_than_its_rate() -> None:
     assert (found[0] == step[0]).all()
     np.testing.assert_allclose(np.diff(found[1, 10:59, 0]), 2.0 * 0.01)
     assert found[1, -1, 0] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        (EncoderOffset("offset", "", parameters("q0"), WHERE), {"q0": 0.2}),
+        (EncoderScale("scale", "", parameters("k"), WHERE), {"k": -0.3}),
+    ],
+)
+def test_a_servo_brings_to_its_command_what_the_encoder_shows(
+    effect: Encoder, values: dict[str, float]
+) -> None:
+    model = mujoco.MjModel.from_xml_string(SERVO)
+    before, own = model.actuator_biasprm.copy(), {n: np.array([[v]]) for n, v in values.items()}
+    effect.closes(model, model.actuator_biasprm[None], **{name: 0 * v for name, v in own.items()})
+    assert (model.actuator_biasprm == before).all()
+    effect.closes(model, model.actuator_biasprm[None], **own)
+    assert (model.actuator_biasprm[1:] == before[1:]).all()
+    data = mujoco.MjData(model)
+    data.ctrl[0] = 2 * 0.6  # through the gear
+    mujoco.mj_step(model, data, 2000)
+    assert effect.seen(data.qpos[None], **own)[0, 0] == pytest.approx(0.6, abs=1e-4)
 
 
 def test_a_drive_pushes_no_faster_than_its_speed_but_brakes_from_any() -> None:

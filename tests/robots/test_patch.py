@@ -32,6 +32,8 @@ NATIVE = [
     "servo_stiffness_shoulder",
     "torque_limit_shoulder",
     "friction_of_difference_shoulder_and_elbow",
+    "encoder_offset_shoulder",
+    "encoder_offset_elbow",
 ]
 
 
@@ -52,12 +54,12 @@ def test_a_patched_model_moves_as_the_model_with_the_effect(arm: RobotCase, name
 
 
 def test_what_mjcf_cannot_hold_is_named(arm: RobotCase, tmp_path: Path) -> None:
-    names = ["load_friction_elbow", "dead_time_elbow"]
+    names = ["load_friction_elbow", "dead_time_elbow", "encoder_scale_shoulder"]
     effects = [arm.model.effects[name] for name in names]
     values = {"joint[*].damping": 1.0, "body[fore].mass": 0.5}
     values |= {f"{e.name}.{p.name}": p.probes[-1] for e in effects for p in e.parameters}
     said = {"effects": names, "parameters": {n: {"value": v} for n, v in values.items()}}
     left_out = write_patched(arm.robot, arm.model.effects, said, tmp_path / "patched.xml")
-    assert left_out == ["load_friction_elbow"]
+    assert left_out == ["load_friction_elbow", "encoder_scale_shoulder"]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "patched.xml"))
     assert model.actuator_delay[1] == pytest.approx(values["dead_time_elbow.tau"])

@@ -13,13 +13,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from robotcast.diagnosis.diagnose import diagnose
+from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.files import plain
 from robotcast.reporting.diagnosis_page import diagnosis_page
-from robotcast.robots import rollout
+from robotcast.robots import robot_case, rollout
 from robotcast.robots.patch import write_patched
-from robotcast.robots.robot_case import RobotCase, read_case
+from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
 from robotcast.robots.robot_file import write_parameters
 from robotcast.robots.rollout import Start
 from robotcast.robots.shown import shown
@@ -204,6 +204,38 @@ def test_the_next_motions_stay_within_limits_and_are_written_as_the_logs_are(
     np.testing.assert_allclose(table["u_motor"], motions.some[1].log.drive[:, 0])
 
 
+def test_single_joints_are_tried_where_no_effect_of_a_group_explains_the_logs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stiffer_elbow(model: mujoco.MjModel) -> None:
+        model.dof_damping[1] = 0.3
+
+    groups = {"arm": ["shoulder", "elbow"]}
+    case = read_case(write_folder(tmp_path, ARM, logs=4, change=stiffer_elbow, groups=groups))
+    asked: list[Case] = []
+
+    def no_group_explains(question: Case, tell: object, progress: object) -> dict[str, Any]:
+        asked.append(question)
+        found = {"code": "named", "verdict": question.candidates[:1], "notes": []}
+        unknown = {"code": "unknown", "verdict": ["unknown"], "base": {"parameters": {}}}
+        return found if len(asked) == 2 else found | unknown
+
+    monkeypatch.setattr(robot_case, "diagnose", no_group_explains)
+    question = case.question((), (), Rule(), Effort(some=12))
+    said = diagnose_by_joint(case, question, lambda known: None)
+    first, second = (one.candidates for one in asked)
+    assert "viscous_friction_arm" in first and not set(first) & set(second)
+    assert said["verdict"] == ["viscous_friction_elbow"]  # promises most, so it stands first
+    assert len(second) == robot_case.LOOKED_INTO
+    assert asked[1].rule.level < asked[0].rule.level  # shared with those that were left out
+
+
+def test_a_joint_that_hardly_moves_does_not_shorten_the_windows(tmp_path: Path) -> None:
+    held = ARM.replace('damping="0.05"', 'damping="1e4"')
+    still = read_case(write_folder(tmp_path, held, logs=4))
+    assert still.length_s > 0.2
+
+
 def test_compare_shows_where_a_model_fails_and_tune_writes_one_that_does_not(
     tmp_path: Path,
 ) -> None:
@@ -263,7 +295,7 @@ def test_the_page_opens_in_a_browser(
         browser.close()
     assert errors == []
     assert not {"cast", "casts", "board", "cable"} & set(re.findall(r"\w+", text.lower()))
-    assert len(links) == 5 and all(Path(link.removeprefix("file://")).is_file() for link in links)
+    assert len(links) == 6 and all(Path(link.removeprefix("file://")).is_file() for link in links)
 
 
 def test_a_payload_moves_as_a_mass_that_is_fixed_to_the_link(tmp_path: Path) -> None:

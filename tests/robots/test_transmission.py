@@ -15,11 +15,18 @@ from robotcast.robots.transmission import Transmission
 ROTOR, LINK, STEP_S = 0.02, 0.05, 0.002
 JOINT = f"""
 <mujoco><option timestep="{STEP_S}" integrator="implicitfast"/><worldbody>
-<body name="link"><joint name="hinge" axis="0 0 1" armature="{ROTOR}" FRICTION/>
+<body name="link"><joint name="hinge" axis="0 0 1" armature="{ROTOR}" BRAKE/>
 <inertial pos="0 0 0" mass="1" diaginertia="{LINK} {LINK} {LINK}"/></body></worldbody>
+<tendon><fixed><joint joint="hinge" coef="1"/></fixed></tendon>
 <actuator>DRIVE</actuator></mujoco>"""
 MOTOR = '<motor joint="hinge"/>'
 SERVO = '<position joint="hinge" kp="30" kv="0.8"/>'
+BRAKES = [
+    "",
+    'damping="0.15 0.05 0.02"',
+    'frictionloss="0.1"',
+    'damping="0.05" frictionloss="0.05"',
+]
 WHERE = Where("hinge", (0,), (1,), (0,), (0,))
 
 
@@ -37,16 +44,20 @@ def moved(
     command: Callable[[float], float],
     *,
     drive: str = MOTOR,
-    friction: str = "",
+    brake: str = "",
+    held: float = 0.0,
     length_s: float = 1.0,
     step_s: float = STEP_S,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the encoder shows and where the link is, (n_steps, n_sim) each."""
-    xml = JOINT.replace("DRIVE", drive).replace("FRICTION", friction)
+    """Return what the encoder shows and where the link is, (n_steps, n_sim) each.
+
+    Dry friction by which the link is `held` [N m] is in a tendon along the joint.
+    """
+    xml = JOINT.replace("DRIVE", drive).replace("BRAKE", brake)
     spec = mujoco.MjSpec.from_string(xml)
     spec.bodies[1].simple = 0  # as `load_spec` has it
     model = spec.compile()
-    model.opt.timestep = step_s
+    model.opt.timestep, model.tendon_frictionloss[:] = step_s, held
     own = {name: np.array(some)[:, None] for name, some in values.items()}
     batch = Batch(model, len(next(iter(own.values()))), nthread=1)
     between = Transmission(batch, [(effect, own)], np.array([0]))
@@ -93,17 +104,18 @@ def test_retardation_damps_a_spring_as_it_says() -> None:
     assert decrement == pytest.approx(retardation_s * omega / 2, rel=0.15)
 
 
+@pytest.mark.parametrize("brake", BRAKES)
 @pytest.mark.parametrize("drive", [MOTOR, SERVO])
 @pytest.mark.parametrize("effect", ["elastic", "backlash"])
-def test_the_null_limit_is_the_rigid_joint(effect: str, drive: str) -> None:
+def test_the_null_limit_is_the_rigid_joint(effect: str, drive: str, brake: str) -> None:
     if effect == "elastic":
         made, values = elastic(), {"c": [0.0, 1e-8, 1e-5], "retardation": [0.0] * 3}
     else:
         made = Backlash("backlash", "", [parameter("gap")], WHERE, usual=1.0)
         values = {"gap": [0.0, 1e-8, 1e-5]}
-    shown, _ = moved(made, values, lambda t_s: np.sin(12 * t_s), drive=drive)
+    shown, _ = moved(made, values, lambda t_s: np.sin(12 * t_s), drive=drive, brake=brake)
     off = np.abs(shown[:, 1:] - shown[:, :1]).max(axis=0) / np.abs(shown[:, 0]).max()
-    assert off[0] < 2e-4
+    assert off[0] < 1e-3
     assert off[1] < 5e-3
 
 
@@ -114,7 +126,7 @@ def test_a_rotor_turns_within_its_gap_while_friction_holds_the_link() -> None:
         made,
         {"gap": [gap, gap / 2]},
         lambda t_s: 0.5 * np.sin(9 * t_s),
-        friction='frictionloss="30"',
+        held=30.0,
         length_s=3.0,
     )
     assert np.ptp(link, axis=0).max() < 0.05 * gap
@@ -123,9 +135,12 @@ def test_a_rotor_turns_within_its_gap_while_friction_holds_the_link() -> None:
     np.testing.assert_allclose(np.abs(shown - link).max(axis=0), [gap / 2, gap / 4], rtol=0.15)
 
 
+@pytest.mark.parametrize("brake", BRAKES)
 @pytest.mark.parametrize("drive", [MOTOR, SERVO])
 @pytest.mark.parametrize("effect", ["elastic", "backlash"])
-def test_a_second_joint_in_the_patched_model_moves_alike(effect: str, drive: str) -> None:
+def test_a_second_joint_in_the_patched_model_moves_alike(
+    effect: str, drive: str, brake: str
+) -> None:
     if effect == "elastic":
         made, values = elastic(), {"c": 0.02, "retardation": 0.002}
     else:
@@ -136,8 +151,8 @@ def test_a_second_joint_in_the_patched_model_moves_alike(effect: str, drive: str
 
     null = dict.fromkeys(values, 0.0)
     both = {name: [values[name], null[name]] for name in values}
-    shown, _ = moved(made, both, command, drive=drive, step_s=STEP_S / 4)
-    xml = JOINT.replace("DRIVE", drive).replace("FRICTION", "")
+    shown, _ = moved(made, both, command, drive=drive, brake=brake, step_s=STEP_S / 4)
+    xml = JOINT.replace("DRIVE", drive).replace("BRAKE", brake)
     spec = mujoco.MjSpec.from_string(xml)
     assert made.patch(spec, mujoco.MjModel.from_xml_string(xml), **values)
     model = spec.compile()

@@ -172,9 +172,11 @@ def decide(
     left = look()
     # what is a little above the sensors' noise alone may vary from run to run
     enough = rule.beyond if floor.is_least else rule.at_floor
-    unfinished = floor.above(top.errors.waypoint[scales.usual], enough)
     if not named:
-        far = floor.above(top.errors.waypoint[scales.usual], rule.beyond)
+        far, unfinished = (
+            floor.above(top.errors.waypoint[scales.usual], times)
+            for times in (rule.beyond, rule.at_floor)
+        )
         if left.enough:
             assert left.rung is not None
             own = len(found.base.revision.fit.vector)
@@ -191,6 +193,7 @@ def decide(
         return Verdict(Code.NONE, (), near, Unexplained() if unfinished or left.enough else None)
     if found.inseparable or _imitates(found, floor, left, rule):
         return Verdict(Code.UNKNOWN, (), (top,), left)
+    unfinished = floor.above(top.errors.waypoint[scales.usual], enough)
     larger = [rung for rung in near if set(top.effects) < set(rung.effects)]
     fewest = min((len(rung.effects) for rung in larger), default=0)
     more = tuple(rung for rung in larger if len(rung.effects) == fewest)

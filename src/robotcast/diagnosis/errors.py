@@ -58,9 +58,9 @@ class Floor:
         is_least: bool = False,
         numerical: float = 0.0,
     ) -> "Floor":
-        """Take the floor from elsewhere."""
+        """Take the floor from elsewhere; less than the least is not believed."""
         unit = max(percent, least_percent)
-        return cls(percent, unit, percent, is_least, numerical)
+        return cls(unit, unit, unit, is_least, numerical)
 
     @property
     def reach(self) -> float:

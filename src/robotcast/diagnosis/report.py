@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from robotcast.diagnosis.decision import Code, Unexplained, Verdict
-from robotcast.diagnosis.errors import Floor
+from robotcast.diagnosis.errors import Floor, Scales
 from robotcast.diagnosis.found import Found, Rung
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.limits import counted, is_ignored
@@ -39,9 +39,10 @@ def sentence(
     assert found.scales is not None
     usual = found.scales.usual
     middle = {e: float(np.median(rung.errors.waypoint[usual])) for e, rung in found.judged.items()}
-    before, after = middle[found.base.effects], middle[found.chosen]
+    last = found.base if verdict.code is Code.UNKNOWN else found.top
+    before, after = middle[found.base.effects], middle[last.effects]
     unit, trials = inquiry.model.error_unit, wording.trials
-    times = _times(found, floor, after, wording)
+    times = _times(last, found.scales, floor, after, wording)
     blunders = _blunders(int((~usual).sum()), len(usual), wording)
     near = _nearest(inquiry, found, verdict, wording)
     if verdict.code in (Code.NONE, Code.CANNOT_TELL):
@@ -66,17 +67,13 @@ def sentence(
     return f"{said}{more}{near}{blunders}"
 
 
-def _times(found: Found, floor: Floor, middle: float, wording: Wording) -> str:
-    """Say how far above the floor the last model is, in the trial in the middle and over all."""
+def _times(rung: Rung, scales: Scales, floor: Floor, middle: float, wording: Wording) -> str:
+    """Say how far above the floor a model is, in the trial in the middle and over all."""
     if not floor.percent:
         return ""
-    assert found.scales is not None
-    whole, own = (
-        found.scales.typical(found.top.errors.waypoint) / floor.reach,
-        middle / floor.percent,
-    )
+    whole, own = scales.typical(rung.errors.waypoint) / floor.reach, middle / floor.percent
     times = f"{own:.1f} times what {wording.floor}"
-    if own > found.scales.rule.at_floor or whole < own:
+    if own > scales.rule.at_floor or whole < own:
         return times
     return f"{times} in the {wording.trial} in the middle, and {whole:.1f} times over all"
 

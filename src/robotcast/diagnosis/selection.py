@@ -180,10 +180,13 @@ class Selection:
                 return
 
     def take_apart(self) -> None:
-        """See whether a part of the chosen effects does anything on the beginnings."""
+        """See whether a part of the chosen effects does anything on the beginnings.
+
+        Effects of one kind, as two drives that lag, are one cause.
+        """
         named, early = self.found.named, self.found.early
         base = self.early.expected_error(self._fixed)
-        helps = len(named) < 2
+        helps = len({type(self._inquiry.model.effects[name]) for name in named}) < 2
         for part in combinations(named, len(named) - 1) if not helps else ():
             effects = (*self._fixed, *part)
             if effects not in early:
@@ -341,7 +344,9 @@ class Selection:
         """Return the set with the least expected loss, or one as good with fewer strengths."""
         cost = {rung.effects: self._cost(rung) for rung in rungs}
         best = min(rungs, key=lambda rung: cost[rung.effects])
-        level = [r for r in rungs if r is best or self._undecided(best, r)]
+        level = [
+            r for r in rungs if r is best or self._undecided(best, r) or self._by_step(best, r)
+        ]
         return min(level, key=lambda r: (self._strengths(r.effects), cost[r.effects])).effects
 
     def _strengths(self, effects: Effects) -> int:
@@ -352,8 +357,8 @@ class Selection:
 
         The fits to beginnings see the same trials, so that their losses compare them, trial by
         trial: slopes that point the same way are not enough to confuse two effects when a refit
-        tells them apart: one must take away from the other what matters, and more than the model's
-        own step errs by.
+        tells them apart: by a part that matters of what is explained and of what is left, and by
+        more than the model's own step errs by.
         """
         fits, chosen = self.found.early, self.found.chosen
         rivals: dict[str, tuple[str, ...]] = {}
@@ -365,16 +370,23 @@ class Selection:
         return rivals
 
     def _cannot_tell(self, chosen: Effects, other: Effects) -> bool:
-        judged, sets = self.found.judged, (chosen, other)
-        assert self.found.scales is not None
+        judged, sets = self.found.judged, (self._fixed, chosen, other)
         if other in judged:
-            errors = [self.found.scales.typical(judged[e].errors.waypoint) for e in sets]
+            before, best, worse = (self._typical(judged[e]) for e in sets)
             alike = self._undecided(judged[chosen], judged[other])
         else:
-            errors = [self.early.expected_error(e) for e in sets]
+            before, best, worse = (self.early.expected_error(e) for e in sets)
             alike = self.early.level(chosen, other)
-        least = max(self._rule.material * errors[1], self._floor.numerical)
-        return alike or errors[1] - errors[0] < least
+        matters = self._rule.material * min(worse, before - best)
+        return alike or worse - best < max(matters, self._floor.numerical)
+
+    def _typical(self, rung: Rung) -> float:
+        assert self.found.scales is not None
+        return self.found.scales.typical(rung.errors.waypoint)
+
+    def _by_step(self, best: Rung, other: Rung) -> bool:
+        """Tell whether two models differ by no more than the model's own step errs by."""
+        return abs(self._typical(other) - self._typical(best)) < self._floor.numerical
 
     def _undecided(self, best: Rung, other: Rung) -> bool:
         fits = (best.revision.fit, other.revision.fit)

@@ -16,15 +16,22 @@ from robotcast.robots.robot_file import FILE, compiled, load_spec
 
 TIMES = set(["time", "t", "timestamp", "stamp", "times", "sec", "seconds", "secs", "clock"])
 WORDS = {
-    "torque": "tau torque torques effort efforts current currents moment force",
+    "torque": "tau torque torques effort efforts current currents moment force forces",
     "command": "u ctrl control command commanded commands cmd con des desired target action "
     "actions ref reference setpoint",
     "velocity": "v dq qd dqpos vel velocity velocities qvel speed omega rate rpm",
-    "position": "q pos position positions angle angles theta qpos deg state encoder",
+    "position": "q pos position positions angle angles theta qpos deg degrees state encoder",
 }
 KINDS = {kind: set(words.split()) for kind, words in WORDS.items()}  # the first that fits
 FAR, FAST = 13.0, 150.0  # radians, and radians per second, that are looked at twice
 TOO_MUCH = 30.0  # times the energy that gravity and drives can give: the angle is in degrees
+SPELLED = {  # SI unit → how a column's name has a unit of its kind → the unit
+    si: {re.sub("/s$| ", "", unit).lower(): unit for unit in reversed(known)}
+    for si, known in UNITS.items()
+}
+LENGTHS = {*SPELLED["rad"], *SPELLED["m"]}
+ANY = LENGTHS.union(*SPELLED.values()) - set(SPELLED["s"])
+MORE = 8.0  # times as far as the joint: its command, or speed, is in degrees
 PERIODS = (("ns", 2e4), ("us", 200.0), ("ms", 0.3))  # unit → least usual step in it
 
 
@@ -83,13 +90,14 @@ def _guessed(model: mujoco.MjModel, table: pl.DataFrame) -> Guess:
     names = names_of(model, "joint")
     single = {n: j for j, n in enumerate(names) if model.jnt_type[j] >= 2}
     guess = Guess(time, _time_unit(table[time]), [n for n in names if n not in single])
-    left = [c for c in columns if c != time]
-    by_kind = {kind: [c for c in left if _kind(c, names) == kind] for kind in WORDS}
+    left, actuators = [c for c in columns if c != time], names_of(model, "actuator")
+    by_kind = {kind: [c for c in left if _kind(c, names, actuators) == kind] for kind in WORDS}
     for kind in ("position", "velocity"):
-        for joint, column in _assigned(by_kind[kind], list(single)).items():
+        for joint, column in _assigned(by_kind[kind], {n: [n] for n in single}).items():
             unit = _unit(model, single[joint], table, column, kind, guess)
             guess.measured[f"joint[{joint}].{kind}"] = (column, unit)
-    guess.drive = dict(_driven(model, by_kind, single))
+    for target, column in _driven(model, by_kind, single).items():
+        guess.drive[target] = (column, _drive_unit(model, target, table, column, guess))
     used = {column for column, _ in (*guess.drive.values(), *guess.measured.values())}
     for sensor, address in _sensors(model):
         if sensor in left and sensor not in used:
@@ -102,18 +110,47 @@ def _guessed(model: mujoco.MjModel, table: pl.DataFrame) -> Guess:
 
 def _driven(
     model: mujoco.MjModel, by_kind: Mapping[str, list[str]], single: Mapping[str, int]
-) -> Iterator[tuple[str, tuple[str, str]]]:
-    """Match commands to actuators, or commanded torques, else measured ones, to joints."""
-    actuators, joints = names_of(model, "actuator"), names_of(model, "joint")
-    moved = [joint_of_actuator(model, a) for a in range(model.nu)]
-    also = ["" if j is None else joints[j] for j in moved]
-    found = _assigned(by_kind["command"], actuators, also)
+) -> dict[str, str]:
+    """Match commands to actuators; else commanded torques, else measured ones, to what they drive.
+
+    That is a joint's motor, whose limits then count, if its control is the joint's torque; else
+    the joint itself, or an actuator on no joint.
+    """
+    joints = names_of(model, "joint")
+    moved = {
+        name: "" if (joint := joint_of_actuator(model, a)) is None else joints[joint]
+        for a, name in enumerate(names_of(model, "actuator"))
+    }
+    found = _assigned(by_kind["command"], {name: [name, on] for name, on in moved.items()})
     if found:
-        yield from ((f"actuator[{a}]", (column, "")) for a, column in found.items())
-        return
+        return {f"actuator[{name}]": column for name, column in found.items()}
+    place = {name: f"joint[{name}].torque" for name in single}
+    for a, (name, on) in enumerate(moved.items()):
+        if on in single and _control(model, a) in ("N m", "N") and model.actuator_gear[a, 0] == 1:
+            place[on] = f"actuator[{name}]"
+    of_actuator = {name: place.get(on, f"actuator[{name}]") for name, on in moved.items()}
+    called: dict[str, list[str]] = {}
+    for name, target in (*place.items(), *of_actuator.items()):
+        called.setdefault(target, []).append(name)
     commanded = [c for c in by_kind["torque"] if _tokens(c) & KINDS["command"]]
-    for joint, column in _assigned(commanded or by_kind["torque"], list(single)).items():
-        yield f"joint[{joint}].torque", (column, "N m" if is_hinge(model, single[joint]) else "N")
+    columns = commanded or by_kind["torque"]
+    in_order = of_actuator if len(columns) == model.nu else place
+    return _assigned(columns, called, list(dict.fromkeys(in_order.values())))
+
+
+def _control(model: mujoco.MjModel, actuator: int) -> str:
+    """Return the SI unit of a control, empty where it is no position, speed, torque or force."""
+    gain, bias = model.actuator_gainprm[actuator], model.actuator_biasprm[actuator]
+    plain = model.actuator_gaintype[actuator] == int(mujoco.mjtGain.mjGAIN_FIXED)
+    joint = joint_of_actuator(model, actuator)
+    hinge = joint is not None and is_hinge(model, joint)
+    if not plain or model.actuator_dyntype[actuator] == int(mujoco.mjtDyn.mjDYN_INTEGRATOR):
+        return ""
+    if model.actuator_biastype[actuator] == int(mujoco.mjtBias.mjBIAS_NONE):
+        return ("N m" if hinge else "N") if gain[0] == 1 else ""
+    if joint is None or gain[0] not in (-bias[1], -bias[2]):
+        return ""
+    return ("rad" if hinge else "m") + ("" if bias[1] else "/s")
 
 
 def _sensors(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
@@ -129,29 +166,42 @@ def _tokens(name: str) -> set[str]:
     return {token.lower() for token in re.split(r"[^A-Za-z0-9]+", apart) if token}
 
 
-def _kind(column: str, joints: Sequence[str]) -> str | None:
-    """Return what a column seems to hold; one that is called as a joint is its position."""
+def _kind(column: str, joints: Sequence[str], actuators: Sequence[str]) -> str | None:
+    """Return what a column seems to hold.
+
+    One that is called as a joint is its position, as an actuator its command; a unit may follow.
+    """
+    if column in joints or column in actuators:
+        return "position" if column in joints else "command"
+
+    def more(names: Sequence[str]) -> set[str]:
+        return tokens - set[str]().union(*(_tokens(n) for n in names if _tokens(n) < tokens))
+
     tokens = _tokens(column)
-    own = set[str]().union(*(_tokens(j) for j in joints if _tokens(j) < tokens))
-    said = tokens - own or tokens  # a joint may be called pos_1
-    found = next((kind for kind, words in KINDS.items() if said & words), None)
-    return "position" if column in joints else found
+    said = more(joints) or tokens  # a joint may be called pos_1
+    for kind, words in KINDS.items():
+        if said & words:
+            return kind
+    if said <= LENGTHS and said < tokens:
+        return "position"
+    return "command" if more(actuators) < tokens and more(actuators) <= ANY else None
 
 
 def _assigned(
-    columns: Sequence[str], names: Sequence[str], others: Sequence[str] = ()
+    columns: Sequence[str], called: Mapping[str, Sequence[str]], in_order: Sequence[str] = ()
 ) -> dict[str, str]:
-    """Match columns to things by name, else in their order where there are as many of both."""
+    """Match columns to things by what these are called, else in order where there are enough."""
     found = {}
-    for k, name in enumerate(names):
-        called = [n for n in (name, *others[k : k + 1]) if n and not n.isdigit()]
-        same = [c for c in columns if any(_tokens(n) <= _tokens(c) for n in called)]
+    for thing, names in called.items():
+        words = [_tokens(n) for n in names if n and not n.isdigit()]
+        same = [c for c in columns if any(some <= _tokens(c) for some in words)]
         if same:  # the shortest: wrist before wrist_roll
-            found[name] = min(same, key=lambda c: len(_tokens(c)))
+            found[thing] = min(same, key=lambda c: len(_tokens(c)))
     if len(set(found.values())) < len(found):
         found = {}
-    if not found and len(columns) >= len(names):
-        found = dict(zip(names, columns, strict=False))
+    order = in_order or list(called)
+    if not found and len(columns) >= len(order):
+        found = dict(zip(order, columns, strict=False))
     return found
 
 
@@ -160,32 +210,58 @@ def _time_unit(times: pl.Series) -> str:
     return next((unit for unit, least in PERIODS if step >= least), "s")
 
 
+def _numbers(table: pl.DataFrame, column: str) -> np.ndarray:
+    return table[column].cast(pl.Float64).fill_null(np.nan).to_numpy()
+
+
+def _named_unit(column: str, name: str, *kinds: str) -> str:
+    """Return the unit of some kind that a column's name holds beside a thing's name, or nothing."""
+    words = _tokens(column) | set(re.split(r"[^a-z0-9]+", column.lower()))
+    words = {re.sub("^(deg|rad)(ree|ian)s?$", r"\1", w) for w in words - _tokens(name)}
+    found = {w: SPELLED[kind][w] for kind in kinds for w in words if w in SPELLED[kind]}
+    return found[max(found, key=len)] if found else ""  # mNm before m and Nm
+
+
 def _unit(
     model: mujoco.MjModel, joint: int, table: pl.DataFrame, column: str, kind: str, guess: Guess
 ) -> str:
-    def numbers(of: str) -> np.ndarray:
-        return table[of].cast(pl.Float64).fill_null(np.nan).to_numpy()
-
-    tokens, values = _tokens(column), numbers(column)
-    times_s = numbers(guess.time) * UNITS["s"][guess.time_unit]
+    values, name = _numbers(table, column), names_of(model, "joint")[joint]
+    times_s = _numbers(table, guess.time) * UNITS["s"][guess.time_unit]
     per, most = "" if kind == "position" else "/s", float(np.nanmax(np.abs(values), initial=0.0))
-    if not is_hinge(model, joint):
-        return f"m{per}"
-    if "rpm" in tokens:
-        return "rpm"
-    if tokens & {"deg", "degrees"}:
-        return f"deg{per}"
+    length = "rad" if is_hinge(model, joint) else "m"
+    named = _named_unit(column, name, f"{length}{per}")
+    if named or length == "m":
+        return named or f"m{per}"
     if per:
-        name = names_of(model, "joint")[joint]
         place, unit = guess.measured.get(f"joint[{name}].position", ("", "rad"))
         if not place:
             return "deg/s" if most > FAST else "rad/s"
-        rate = np.gradient(numbers(place) * UNITS["rad"][unit], times_s)
-        return "deg/s" if np.nanstd(values) > 8 * np.nanstd(rate) else "rad/s"
+        rate = np.gradient(_numbers(table, place) * UNITS["rad"][unit], times_s)
+        return "deg/s" if np.nanstd(values) > MORE * np.nanstd(rate) else "rad/s"
     least, largest = model.jnt_range[joint]
     if model.jnt_limited[joint]:
         return "deg" if most > max(FAR, 2 * max(abs(least), abs(largest))) else "rad"
     return "deg" if most > FAR and _too_fast(model, joint, values, times_s) else "rad"
+
+
+def _drive_unit(
+    model: mujoco.MjModel, target: str, table: pl.DataFrame, column: str, guess: Guess
+) -> str:
+    """Return the unit of a column that drives; nothing where it is that of the actuator."""
+    kind, name = target.removesuffix(".torque")[:-1].split("[", 1)
+    which = names_of(model, kind).index(name)
+    if kind == "joint":
+        si = "N m" if is_hinge(model, which) else "N"
+        return _named_unit(column, name, si) or si
+    joint, si = joint_of_actuator(model, which), _control(model, which)
+    on = "" if joint is None else names_of(model, "joint")[joint]
+    kinds = ("N m", "N") if si.startswith("N") else (si,) if si else ()
+    named = _named_unit(column, f"{name} {on}", *kinds)
+    place, unit = guess.measured.get(f"joint[{on}].position", ("", ""))
+    if named or si != "rad" or not place:
+        return named
+    moved = np.nanstd(_numbers(table, place)) * UNITS["rad"][unit]
+    return "deg" if np.nanstd(_numbers(table, column)) > MORE * moved > 0 else ""
 
 
 def _too_fast(model: mujoco.MjModel, joint: int, values: np.ndarray, times_s: np.ndarray) -> bool:

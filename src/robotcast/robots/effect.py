@@ -84,6 +84,15 @@ class RobotEffect:
         """Change fields of the model, before the first step."""
         raise NotImplementedError
 
+    def closes(self, model: mujoco.MjModel, bias: np.ndarray, **values: np.ndarray) -> None:
+        """Change what servos see of the joints whose loops they close, when all else is written.
+
+        Parameters
+        ----------
+        bias : `actuator_biasprm` of every simulation, (n_sim, nu, n), changed in place.
+        """
+        raise NotImplementedError
+
     def delay_s(self, **values: np.ndarray) -> np.ndarray:
         """Return by how much the channels' commands come late, (n_sim, 1)."""
         raise NotImplementedError

@@ -15,8 +15,8 @@ AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
-def springref(spec: mujoco.MjSpec, joint: Any, value: float) -> float:
-    """Return a rest position [rad, m] as the file has it, which may be in degrees."""
+def in_file(spec: mujoco.MjSpec, joint: Any, value: float) -> float:
+    """Return a position of a joint [rad, m] as the file has it, which may be in degrees."""
     angular = joint.type == mujoco.mjtJoint.mjJNT_HINGE
     return float(np.degrees(value)) if angular and spec.compiler.degree else value
 
@@ -361,7 +361,7 @@ class Spring(RobotEffect):
         if k <= 0 or any(joint.stiffness[0] for joint in joints):
             return False
         for joint in joints:
-            joint.stiffness[0], joint.springref = k, springref(spec, joint, torque / k)
+            joint.stiffness[0], joint.springref = k, in_file(spec, joint, torque / k)
         return True
 
 
@@ -372,7 +372,18 @@ class EncoderLatency(RobotEffect):
         return tau
 
 
-class EncoderOffset(RobotEffect):
+class Encoder(RobotEffect):
+    """The encoder shows a + b q of a position q, to the log and to servos of the joint alike."""
+
+    def closes(self, model: mujoco.MjModel, bias: np.ndarray, **values: np.ndarray) -> None:
+        at_0, at_1 = (self.seen(np.full((len(bias), 1), q), **values)[:, 0] for q in (0.0, 1.0))
+        for a in (a for dof in self.where.dofs for a in drives_of(model, dof)):
+            if model.actuator_biastype[a] == AFFINE and model.actuator_biasprm[a, 1] != 0:
+                bias[:, a, 0] += bias[:, a, 1] * model.actuator_gear[a, 0] * at_0
+                bias[:, a, 1:3] *= (at_1 - at_0)[:, None]
+
+
+class EncoderOffset(Encoder):
     """The encoder's zero is off by `q0`."""
 
     def seen(self, qpos: np.ndarray, *, q0: np.ndarray) -> np.ndarray:
@@ -381,8 +392,21 @@ class EncoderOffset(RobotEffect):
     def unseen(self, qpos: np.ndarray, *, q0: np.ndarray) -> np.ndarray:
         return qpos - q0
 
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, q0: float) -> bool:
+        """Let the joints count from where their encoders do."""
+        by_tendon = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_TENDON)
+        if spec.keys or np.any([*by_tendon, *model.tendon_limited, *model.tendon_stiffness]):
+            return False  # a keyframe's positions and tendons' lengths would be others
+        for dof in self.where.dofs:
+            joint = spec.joints[int(model.dof_jntid[dof])]
+            off = in_file(spec, joint, q0)
+            joint.ref, joint.springref = joint.ref + off, joint.springref + off
+            if joint.range[0] < joint.range[1]:
+                joint.range = joint.range + off
+        return True
 
-class EncoderScale(RobotEffect):
+
+class EncoderScale(Encoder):
     """The encoder shows 1 + k times the angle."""
 
     def seen(self, qpos: np.ndarray, *, k: np.ndarray) -> np.ndarray:

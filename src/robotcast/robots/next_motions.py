@@ -92,8 +92,8 @@ def motions(
         state = starts.at(index, first)
         assert state is not None  # nothing is missing in what was simulated
         windows.append(Window(index, first, first + n, index, *state[:4]))
-    effects = tuple(model.effects.values())
-    simulated = RobotModel(own, made, windows, noise, effects, model.rollout.threads, model.units)
+    simulated = RobotModel(own, made, windows, noise, (), model.rollout.threads, model.units)
+    simulated.effects = model.effects  # and what will be added to them
     nowhere = [
         replace(
             record, measured=np.full_like(record.measured, np.nan), factors={"motion": record.trial}

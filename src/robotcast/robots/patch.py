@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from robotcast.robots.effect import RobotEffect
-from robotcast.robots.effects import springref
+from robotcast.robots.effects import in_file
 from robotcast.robots.model_fields import OneModel
 from robotcast.robots.names import Address
 from robotcast.robots.robot_file import Moving, RobotFile, compiled, load_spec
@@ -58,7 +58,8 @@ def patched(
     spec = load_spec(robot.model_path)
     moving: Any = Moving(spec, robot.weld)
     left_out = []
-    for effect, values in acting:
+    zeros = [one for one in acting if one[0].acts_through("closes")]
+    for effect, values in (one for one in acting if one not in zeros):
         writes = effect.acts_through("write")
         if writes:
             effect.write(fields, **{name: np.array([[v]]) for name, v in values.items()})
@@ -66,6 +67,9 @@ def patched(
             left_out.append(effect.name)
     for at in fields.changed:
         _copy(fields.model, moving, at)
+    for effect, values in zeros:  # last, when all positions are written that move along
+        if not effect.patch(moving, robot.model, **values):
+            left_out.append(effect.name)
     compiled(spec, robot.model_path)
     return spec, left_out
 
@@ -82,7 +86,7 @@ def _copy(model: mujoco.MjModel, spec: mujoco.MjSpec, at: Address) -> None:
             joint = _joint(model, at.field, row)
             owner, name = spec.joints[joint], OF_JOINTS[at.field]
             if name == "springref":
-                owner.springref = springref(spec, owner, float(values[row]))
+                owner.springref = in_file(spec, owner, float(values[row]))
             elif name in ("damping", "stiffness"):
                 getattr(owner, name)[0] = values[row]
             else:

@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from robotcast.diagnosis.decision import Unexplained, strengths
-from robotcast.diagnosis.diagnose import Case, diagnose
+from robotcast.diagnosis.diagnose import Case, diagnose, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.library import library_at
 from robotcast.diagnosis.model import Axis, Record, Wording
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.robots.effects import TorqueField
@@ -30,8 +31,11 @@ from robotcast.robots.windows import GROUPS, LEAST_SAMPLES, StartStates, Window,
 from robotcast.running import Progress, silent
 
 LOSES = 0.5  # of how far a joint moves in a log: predictions that err by more have lost the trial
+MOVES = 20.0  # times the noise: what moves less stands still
+FAR_OFF = 2.0  # times the usual motion, from which a unit may be wrong
 LONGEST_S = 2.0
 LEAST_NOISE = 1e-9  # of a joint that never moves
+LOOKED_INTO = 20  # effects of single joints, where none of a group is named
 LOOKED_AT = 24  # starts from which the length of windows is judged
 
 
@@ -117,17 +121,23 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
     logs = read_logs(robot)
     noise = np.maximum(noise_of(robot, logs), LEAST_NOISE)
     starts = StartStates(robot, logs, noise)
-    length_s = robot.length_s or _length(robot, logs, starts, threads)
+    length_s = robot.length_s or _length(robot, logs, starts, noise, threads)
     windows = cut(robot, logs, starts, length_s)
     sizes = sizes_of(robot.model, logs, starts)
     effects = candidates(robot, sizes)
     model = RobotModel(robot, logs, windows, noise, effects, threads)
-    _refuse_diverging(robot, model)
+    missed = _nominal_miss(robot, model)
     repeated = _repeated_miss(robot, logs, model)
     known = model.perfect_miss(model.records) if repeated is None else repeated
     step = model.step_miss()
     floor = float(np.hypot(known, step))
     notes = _notes(robot, logs, windows, length_s)
+    if missed > FAR_OFF:
+        notes = (
+            f"Within {length_s:.2g} s the model as it is errs by {missed:.0f} times the usual "
+            "motion: look whether a unit, a sign or a column in robot.yaml is wrong.",
+            *notes,
+        )
     if step > known:
         notes = (
             *notes,
@@ -156,10 +166,13 @@ def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:
     }
 
 
-def _length(robot: RobotFile, logs: Sequence[Log], starts: StartStates, threads: int) -> float:
+def _length(
+    robot: RobotFile, logs: Sequence[Log], starts: StartStates, noise: np.ndarray, threads: int
+) -> float:
     """Return how long the nominal model's predictions hold, the median over some starts [s].
 
-    Longer windows show more of a small effect, until an error that grows has lost the trial.
+    Longer windows show more of a small effect, until an error that grows has lost the trial. Of a
+    joint that hardly moves that is one beyond its noise.
     """
     total_s = sum(log.times_s[-1] - log.times_s[0] for log in logs)
     shortest_s = min(log.times_s[-1] - log.times_s[0] for log in logs)
@@ -173,6 +186,7 @@ def _length(robot: RobotFile, logs: Sequence[Log], starts: StartStates, threads:
     found = rollout.simulate([Start(k, still) for k in range(len(windows))], times, (), nominal)[0]
     at = [k for k, signal in enumerate(robot.measured) if signal.kind == "position"]
     travel = np.nanstd(np.vstack([log.measured[:, at] for log in logs]), axis=0)
+    travel = np.maximum(travel, MOVES * noise[at])
     lost_s = []
     for path, window, times_s in zip(found, windows, times, strict=True):
         missed = path[: len(times_s), at] - logs[window.log].measured[window.first : window.end, at]
@@ -181,7 +195,8 @@ def _length(robot: RobotFile, logs: Sequence[Log], starts: StartStates, threads:
     return float(np.clip(np.median(lost_s), LEAST_SAMPLES * periods(logs), longest_s))
 
 
-def _refuse_diverging(robot: RobotFile, model: RobotModel) -> None:
+def _nominal_miss(robot: RobotFile, model: RobotModel) -> float:
+    """Return what the nominal model misses, in usual motions; refuse one that diverges."""
     nominal = np.array([[p.nominal for p in model.parameters]])
     found = model.predict(model.records, (), nominal)[0]
     lost = np.isnan(found[:, 0]).any(axis=-1)
@@ -190,6 +205,9 @@ def _refuse_diverging(robot: RobotFile, model: RobotModel) -> None:
             f"{robot.model_path}: the model diverges in {lost.sum()} of {len(lost)} windows: its "
             f"step of {robot.model.opt.timestep:g} s is too long for it, or a unit is wrong"
         )
+    pairs = zip(found, model.records, strict=True)
+    off = [np.linalg.norm(path[: len(r.times_s)] - r.measured, axis=1) for path, r in pairs]
+    return float(np.nanmedian([np.nanmean(one) for one in off])) / model.scale
 
 
 def _repeated_miss(robot: RobotFile, logs: Sequence[Log], model: RobotModel) -> float | None:
@@ -253,25 +271,55 @@ Tell = Callable[[dict[str, Any]], object]
 def diagnose_by_joint(
     case: RobotCase, question: Case, tell: Tell, progress: Progress = silent
 ) -> dict[str, Any]:
-    """Diagnose a robot; where an effect of a whole group is named, try each of its joints alone.
+    """Diagnose a robot, groups of joints first; then, where something is missing, single joints.
 
-    The group's effect competes with those of its joints: it is as simple as one of them, and
-    stays where all joints have it. Whatever else was named is tried beside them.
+    Where an effect of a whole group is named, it competes with those of its joints: it is as simple
+    as one of them, and stays where all joints have it. Whatever else was named is tried beside
+    them. Where nothing is named, of the effects of all joints those are tried that the slopes
+    promise most of.
     """
     found = diagnose(question, tell, progress)
-    effects = case.model.effects
-    named = [name for name in found["verdict"] if name in effects]
-    single = [one for name in named for one in within(case.robot, case.sizes, effects[name])]
+    effects, named = case.model.effects, found["verdict"]
+    wanted = [n for n in named if n in effects]
+    done = found["code"] == "none" and not found["unexplained"]
+    whole = wanted if wanted or done else question.candidates
+    single = [one for name in whole for one in within(case.robot, case.sizes, effects[name])]
     if not single:
         return found
-    case.model.effects = {**effects, **{one.name: one for one in single}}
-    candidates = [*named, *(one.name for one in single)]
-    again = diagnose(replace(question, candidates=candidates), tell, progress)
-    kept = again["code"] == "named" and set(again["verdict"]) != set(found["verdict"])
-    if not kept:
+    effects.update({one.name: one for one in single})
+    names, rule = [one.name for one in single], question.rule
+    if not wanted:
+        rule = replace(rule, level=rule.level * LOOKED_INTO / max(len(names), LOOKED_INTO))
+        names = _promising(case, question, found, names)
+    asked = replace(question, candidates=[*wanted, *names], rule=rule)
+    again = diagnose(asked, tell, progress)
+    if again["code"] != "named" or set(again["verdict"]) == set(named):
         tell(found)
         return found
-    note = f"First {' + '.join(named)} was named, of a group; then its joints were told apart."
+    note = (
+        f"First {' + '.join(wanted)} was named, of a group; then its joints were told apart."
+        if wanted
+        else "No effect of a group of joints explains the logs; of "
+        f"{len(single)} effects of single joints the {len(names)} that promise most were tried."
+    )
     again["notes"] = [note, *again["notes"]]
     tell(again)
     return again
+
+
+def _promising(
+    case: RobotCase, question: Case, found: dict[str, Any], names: Sequence[str]
+) -> list[str]:
+    """Return the effects that promise most beside the tuned model, by their slopes there."""
+    effort, fixed, model = question.effort, question.fixed, case.model
+    early = Inquiry(model, question.records, floor_and_noise(question)[1]).beginnings(
+        effort.early, effort.some
+    )
+    known = found["base"]["parameters"]
+    tuned = [
+        float(p.to_unit(np.asarray(known[p.name]["value"] if p.name in known else p.nominal)))
+        for p in early.parameters(fixed)
+    ]
+    begun = early.fit(fixed, np.array(tuned), 0)
+    best = library_at(early, fixed, names, begun).best(1, LOOKED_INTO, fixed)
+    return [effects[-1] for effects in best]

@@ -7,7 +7,7 @@ the samples about the start allow. It never moves by more than three of their de
 model can hide what it misses in it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from robotcast.diagnosis.model import Record
+from robotcast.fitting.least_squares import DIFFERENCE
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.logs import Log
@@ -69,7 +70,7 @@ class RobotModel:
         threads: int = 0,
         units: Units | None = None,
     ) -> None:
-        self.effects: Mapping[str, RobotEffect] = {effect.name: effect for effect in effects}
+        self.effects = {effect.name: effect for effect in effects}
         self.parameters = tuned_parameters(robot)
         self.units = units or Units.of(logs, windows, noise)
         self.scale = self.units.scale
@@ -137,19 +138,27 @@ class RobotModel:
         return other
 
     def step_miss(self) -> float:
-        """Return by how much the model errs because its step is no shorter, % of the scale."""
-        still = np.zeros((2, self.rollout.robot.model.nv))
-        starts = [Start(record.trial, still) for record in self.records]
-        nominal = np.array([[p.nominal for p in self.parameters]])
+        """Return by how much the model errs because its step is no shorter, % of the scale.
+
+        What the tuned parameters take up of it, by their slopes, is not missed.
+        """
+        starts = [
+            Start(record.trial, np.zeros((2, self.rollout.robot.model.nv)))
+            for record in self.records
+        ]
         times_s = [record.times_s for record in self.records]
-        coarse, exact = (
-            one.rollout.simulate(starts, times_s, (), nominal)[0] for one in (self, self.finer)
-        )
-        missed = []
-        for record, off in zip(self.records, (coarse - exact) / self.units.si, strict=True):
-            off = off[: len(record.times_s)]
-            off = off - self._start_shift(record, off[None])[0]
-            missed.append(np.linalg.norm(off, axis=-1).mean())
+        vectors = _about(self.parameters)
+        coarse = self.rollout.simulate(starts, times_s, (), vectors)
+        exact = self.finer.rollout.simulate(starts, times_s, (), vectors[:1])
+        moved = np.concatenate([coarse[:1] - exact, coarse[1:] - coarse[:1]]) / self.units.si
+        parts = []
+        for row, record in enumerate(self.records):
+            part = moved[:, row, : len(record.times_s)]
+            parts.append(part - self._start_shift(record, part))
+        flat = np.nan_to_num(np.concatenate([p.reshape(len(moved), -1) for p in parts], axis=1))
+        taken = np.linalg.lstsq(flat[1:].T, -flat[0], rcond=None)[0]
+        left = (part[0] + np.tensordot(taken, part[1:], 1) for part in parts)
+        missed = [np.linalg.norm(one, axis=-1).mean() for one in left]
         return 100 * float(np.nanmedian(missed)) / self.scale
 
     def _start_shift(self, record: Record, missed: np.ndarray) -> np.ndarray:
@@ -194,6 +203,20 @@ class RobotModel:
         found = rollout.simulate(starts, times_s, (), nominal)[0] / self.units.si
         found = found.reshape(len(self.records), 2 * nv + 1, *found.shape[1:])
         return np.nan_to_num(np.moveaxis(found[:, 1:] - found[:, :1], 1, -1))
+
+
+def _about(parameters: Sequence[Parameter]) -> np.ndarray:
+    """Return the nominal values (1 + n_free, n), and others with one of them a step away."""
+    nominal = np.array([p.nominal for p in parameters])
+    rows = [nominal]
+    for k, p in enumerate(parameters):
+        unit = float(p.to_unit(np.asarray(p.nominal)))
+        if not p.frozen:
+            there = unit + (DIFFERENCE if unit < 0.5 else -DIFFERENCE)
+            rows.append(
+                np.where(np.arange(len(nominal)) == k, p.from_unit(np.asarray(there)), nominal)
+            )
+    return np.array(rows)
 
 
 def tuned_parameters(robot: RobotFile) -> tuple[Parameter, ...]:

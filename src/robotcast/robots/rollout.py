@@ -121,6 +121,8 @@ class Rollout:
             parts = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
             load([self._payloads[s.window] for s in starts], *map(fields.field, parts))
         fields.finish()
+        for effect, own in _through("closes", acting):
+            effect.closes(self._model, batch.expand("actuator_biasprm"), **own)
         self._place(batch, starts, acting)
         n_steps = int(np.ceil(max(t[-1] for t in times_s) / self._step_s - 1e-9)) + 1
         drive = self._drive(starts, acting, n_steps)
@@ -207,9 +209,9 @@ class Rollout:
         channels = list(enumerate(self._channels))
         controls = [(c, at.actuator) for c, at in channels if at.actuator is not None]
         torques = [(c, at.dof) for c, at in channels if at.dof is not None]
-        acts = _Forces(self, batch, starts, acting)
         soft = list(_through("transmission", acting))
         between = Transmission(batch, soft, self.qpos_of_dof) if soft else None
+        acts = _Forces(self, batch, starts, acting)
         for k in range(n_steps):
             applied[:] = 0.0
             for channel, actuator in controls:

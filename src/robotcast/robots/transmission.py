@@ -5,15 +5,17 @@ Two masses, the rotor at θ with inertia J (the joint's `armature`) and the link
     J θ'' = u − τ,    M(q) q'' + … = τ,    τ = k (δ − clip(δ, −b, b)) + d δ'
 
 with compliance 1/k, retardation time d/k and half a gap b (Spong 1987, doi 10.1115/1.3143860). The
-drive u acts on the rotor and closes its loop there; encoders sit on it too. MuJoCo steps the link,
-the rotor is stepped here, and the two are coupled implicitly. With κ = d, or as much more as a
-step of dt needs to be stable, N = J + dt κ and s = dt κ / N, the force between them is
+drive u acts on the rotor and closes its loop there; encoders sit on it too, and the joint's damping
+and dry friction, which are mostly those of motor and gear, brake it. MuJoCo steps the link, the
+rotor is stepped here, and the two are coupled implicitly. With κ = d, or as much more as a step of
+dt needs to be stable, N = J + dt κ and s = dt κ / N, the force between them is
 
     τ = (1 − s) k δ + s (u + J (θ' − q') / dt) − s J q''
 
-so that the link carries s J as armature and the rest as an applied force. A soft spring has a small
-s, a stiff one s → 1; the limit is the rigid joint with its whole armature, no equation is stiff.
-No second joint is compiled, so that the whole library can be let in at once.
+so that the link carries s J as armature and the rest as an applied force. Damping and servos brake
+the rotor at the end of the step, as if it were heavier; dry friction is as soft as MuJoCo's. A soft
+spring has a small s, a stiff one s → 1; the limit is the rigid joint with its whole armature, no
+equation is stiff. No second joint is compiled, so that the whole library can be let in at once.
 """
 
 from collections.abc import Sequence
@@ -27,6 +29,7 @@ from robotcast.robots.effect import Acting
 LEAST_ROTOR = 0.02  # of a joint's inertia, taken from its link where the model gives no armature
 IMPLICIT = 2 / 3  # of a step, by which a spring that it does not resolve is damped
 SURE_SIDE = 0.1  # of the usual torque, from which it is known on which side of a gap a joint rests
+POWERS = np.arange(3)  # of the speed, by which a joint's damping grows
 FIXED_GAIN, AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
 
 
@@ -79,6 +82,7 @@ class Transmission:
         self._rate = np.zeros_like(self._twist)  # θ'
         self._set_up(acting)
         self._take_drives()
+        self._take_brakes()
 
     def _set_up(self, acting: Acting) -> None:
         """Add up what the effects say of every joint."""
@@ -99,7 +103,7 @@ class Transmission:
         for k, dof in enumerate(self.dofs):
             for a in drives_of(model, dof):
                 rotor[:, k] += model.actuator_armature[a] * model.actuator_gear[a, 0] ** 2
-        link = link_inertia(model, self.dofs)
+        self._link = link = link_inertia(model, self.dofs)
         self._rotor = np.maximum(rotor, LEAST_ROTOR * link)  # J
         both = self._rotor * link / (self._rotor + link)
         # teeth are as stiff as a step resolves; less where they would yield by more than the gap
@@ -131,6 +135,27 @@ class Transmission:
                 gain[self.soft[:, k], a] = 0.0
                 bias[self.soft[:, k], a] = 0.0
 
+    def _take_brakes(self) -> None:
+        """Take damping and dry friction of soft joints from MuJoCo, which would brake the links."""
+        model, expand = self._batch.model, self._batch.expand
+        of_joint = [expand(f"dof_{name}") for name in ("damping", "dampingpoly", "frictionloss")]
+        of_drive = [expand(f"actuator_{name}") for name in ("damping", "dampingpoly")]
+        damping, poly, self._dry = (some[:, self.dofs].copy() for some in of_joint)
+        # as a constraint of MuJoCo: so much of the force, and at which rate [1/s] it stops a joint
+        impedance, solref = model.dof_solimp[self.dofs], model.dof_solref[self.dofs]
+        relaxed_s = np.maximum(solref[:, 0], 2 * self._step_s)
+        rate = np.where(solref[:, 0] > 0, 2 / relaxed_s, -solref[:, 1])
+        self._held, self._stops = impedance[:, 0], rate / impedance[:, 1]
+        self._viscous = np.concatenate([damping[:, :, None], poly], axis=2)  # by |v| and v² too
+        for k, a, gear, *_ in self._drives:
+            own = np.column_stack([of_drive[0][:, a], of_drive[1][:, a]])
+            self._viscous[:, k] += gear**2 * own
+            for some in of_drive:
+                some[self.soft[:, k], a] = 0.0
+        for k, dof in enumerate(self.dofs):
+            for some in of_joint:
+                some[self.soft[:, k], dof] = 0.0
+
     def place(self, bends: np.ndarray) -> None:
         """Start where encoders show the rotors, the links behind them by the equation of these.
 
@@ -147,6 +172,7 @@ class Transmission:
         self._rate = self._rate - dt * acceleration
         twisting = (drive_rate - self._rotor * its_rate) / stiffness
         carried = drive - self._rotor * acceleration
+        carried -= np.clip(self._rotor * self._stops * self._rate, -self._dry, self._dry)
         spring = carried - stiffness * self._relaxed_s * twisting
         sure = SURE_SIDE * self._half_gap * stiffness
         side = np.clip(carried / np.where(sure > 0, sure, 1.0), -1, 1) * self._half_gap
@@ -156,6 +182,7 @@ class Transmission:
             (self._qvel, self.dofs, twisting),
         ):
             state[:, at] = np.where(self.soft, state[:, at] - away, state[:, at])
+        self._last = self._qvel[:, self.dofs], carried, np.zeros_like(carried)
 
     def show(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
         """Write what encoders show over positions (n_sim, nq) and velocities (n_sim, nv)."""
@@ -167,21 +194,29 @@ class Transmission:
         """Replace what drives soft joints by what reaches their links in the step that begins."""
         dt, rotor = self._step_s, self._rotor
         drive, brake = self._drive()
-        drive += brake * self._rate  # the brake acts at the end of the step
         stretched = self._twist - np.clip(self._twist, -self._half_gap, self._half_gap)
         touches = (self._half_gap == 0) | (stretched != 0)
         damping = np.where(touches, self._damping, 0.0)
-        whole = rotor + dt * (brake + damping)
-        share = dt * damping / whole  # s
         spring = self._stiffness * stretched
         speed = self._qvel[:, self.dofs]
+        # what else acts on the link, by its last step, and what of its inertia the rotor drags
+        before, carried, felt = self._last
+        other = (self._link + felt) * (speed - before) / dt - carried
+        drags = dt * damping * self._link / (self._link + dt * damping)
+        coming = speed + dt * (other + spring) / self._link
+        force = drive - spring + drags / dt * (coming - self._rate)
+        holds = self._held * (force + (rotor + drags) * self._stops * self._rate)
+        drive += brake * self._rate - np.clip(holds, -self._dry, self._dry)
+        whole = rotor + dt * (brake + damping)
+        share = dt * damping / whole  # s
         carried = (1 - share) * spring + share * (
             drive - brake * speed + rotor / dt * (self._rate - speed)
         )
-        felt = self._rigid - rotor + share * (rotor + dt * brake)
-        self._armature[:, self.dofs] = np.where(self.soft, felt, self._rigid)
+        felt = share * (rotor + dt * brake)
+        self._armature[:, self.dofs] = np.where(self.soft, self._rigid - rotor + felt, self._rigid)
         given = self._applied[:, self.dofs]
         self._applied[:, self.dofs] = np.where(self.soft, carried, given)
+        self._last = speed, carried, felt
         self._coming = (rotor * self._rate + dt * (drive - spring)) / whole, share
 
     def advance(self) -> None:
@@ -192,9 +227,10 @@ class Transmission:
         self._twist = self._twist + self._step_s * (self._rate - speed)
 
     def _drive(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return what drives the rotors now, and by how much their own speed brakes them."""
-        drive = self._applied[:, self.dofs].copy()
-        brake = np.zeros_like(drive)
+        """Return what drives the rotors but dry friction, and how their own speed brakes them."""
+        terms = self._viscous * np.abs(self._rate)[:, :, None] ** POWERS
+        drive = self._applied[:, self.dofs] - terms.sum(axis=2) * self._rate
+        brake = (terms * (1 + POWERS)).sum(axis=2)
         angle = self._qpos[:, self.qpos_at] + self._twist
         for k, a, gear, law, limits, ends in self._drives:
             force = law[:, 0] * np.clip(self._ctrl[:, a], *limits) + law[:, 1]
