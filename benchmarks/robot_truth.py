@@ -267,8 +267,9 @@ def log_next(case: str, folder: Path, asked: Sequence[Mapping[str, Any]]) -> Non
         mass_kg, name = motion["payload_kg"], f"log_next_{number}.csv"
         if mass_kg:
             body = spec.body(motion["fixed_to"])
-            weight = body.add_body(name="weight", pos=body.ipos)
+            weight = body.add_body(name="weight")
             weight.mass, weight.inertia, weight.explicitinertial = mass_kg, [1e-9] * 3, True
+            weight.ipos = list(body.ipos)
             loads = said.setdefault("payloads", {}).setdefault(f"body[{body.name}]", {})
             loads[name] = mass_kg
         truth = _Truth(spec, CASES[case], np.random.default_rng(number))
