@@ -46,6 +46,7 @@ NOTHING = Unexplained()
         (2.0, None, NOTHING, Code.NONE, True),  # above it, and nothing explains it
         (3.5, None, NOTHING, Code.UNKNOWN, True),  # too far above it
         (2.0, None, field(1.1, True), Code.UNKNOWN, True),  # a field explains it
+        (2.2, None, field(1.8, True), Code.NONE, True),  # explains a part, as honest models differ
         (1.4, None, field(1.1, True), Code.NONE, True),  # at the floor, but a field does better
         (3.0, 1.1, NOTHING, Code.NAMED, False),
         (5.0, 1.9, NOTHING, Code.NAMED, True),  # more is missing

@@ -186,7 +186,7 @@ def decide(
                 unfinished = floor.above(known.top.errors.waypoint[scales.usual], enough)
                 return Verdict(Code.NAMED, known.named, (), Unexplained() if unfinished else None)
             near = _near(more, rule)
-        if (left.enough and unfinished) or (far and not floor.is_least):
+        if (unfinished and _is_like_it(found, floor, left, rule)) or (far and not floor.is_least):
             return Verdict(Code.UNKNOWN, (), near, left)
         if far:  # above the sensors' noise, and repeats may differ by as much
             return Verdict(Code.CANNOT_TELL, (), near, left)
@@ -218,6 +218,21 @@ def _name_for(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> Foun
     known = replace(found, chosen=min(likely)[2])
     far = floor.above(known.top.errors.waypoint[scales.usual], rule.beyond)
     return None if far or _imitates(known, floor, left, rule) else known
+
+
+def _is_like_it(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> bool:
+    """Tell whether a field that pays explains most of what is missing.
+
+    It does where it comes down to the floor, or takes away more than half of what lies beyond it;
+    a smaller part may be what honest models differ by.
+    """
+    if not left.enough:
+        return False
+    assert found.scales is not None and left.rung is not None
+    errors = left.rung.errors.waypoint
+    saved = found.scales.gain(found.base.errors.waypoint, errors)
+    at_floor = not floor.above(errors[found.scales.usual], rule.at_floor)
+    return at_floor or saved.rest > rule.mostly
 
 
 def _imitates(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> bool:
