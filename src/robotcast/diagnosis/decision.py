@@ -186,7 +186,8 @@ def decide(
                 unfinished = floor.above(known.top.errors.waypoint[scales.usual], enough)
                 return Verdict(Code.NAMED, known.named, (), Unexplained() if unfinished else None)
             near = _near(more, rule)
-        if (unfinished and _is_like_it(found, floor, left, rule)) or (far and not floor.is_least):
+        shown = left.enough if far else unfinished and _is_like_it(found, floor, left, rule)
+        if shown or (far and not floor.is_least):
             return Verdict(Code.UNKNOWN, (), near, left)
         if far:  # above the sensors' noise, and repeats may differ by as much
             return Verdict(Code.CANNOT_TELL, (), near, left)
