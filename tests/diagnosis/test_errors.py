@@ -52,6 +52,12 @@ def test_what_makes_up_for_the_models_own_step_does_not_count() -> None:
     assert steps.gain(errors(2.5, 0), errors(0.1, 1)).pays(RULE, 20)
 
 
+def test_below_what_sensors_alone_leave_only_half_of_the_error_matters() -> None:
+    noise = scales(0.9, floor=Floor.known(1.0, 0.1, is_least=True))
+    assert not noise.gain(errors(0.9, 0), errors(0.6, 1)).pays(RULE, 1)
+    assert noise.gain(errors(0.9, 0), errors(0.2, 1)).pays(RULE, 1)
+
+
 def test_what_takes_away_most_of_the_rest_is_named_far_above_the_floor_only() -> None:
     far = scales(4.0, floor=Floor.known(0.25, 0.1))
     assert far.gain(errors(0.9, 0), errors(0.5, 1)).pays(RULE, 20)

@@ -88,6 +88,7 @@ class Gain:
     share : by how much the typical error falls, of the base model's.
     rest : of what the worse model misses beyond the floor; 0 where it stands at the floor.
     far : whether the worse model is farther above the floor than honest models differ by.
+    small : whether it misses no more than the sensors' noise.
     p_value : one-sided, over groups of trials.
     """
 
@@ -95,10 +96,14 @@ class Gain:
     rest: float
     p_value: float
     far: bool = False
+    small: bool = False
 
     def matters(self, rule: Rule, part: float = 1.0) -> bool:
         """Tell whether it is large enough, or a part of large enough, to be looked at."""
-        return self.share > part * rule.material or self.rest > part * rule.mostly
+        return self.share > part * self._least(rule) or self.rest > part * rule.mostly
+
+    def _least(self, rule: Rule) -> float:
+        return rule.mostly if self.small else rule.material
 
     def pays(self, rule: Rule, comparisons: int) -> bool:
         """Tell whether the gain is worth a name and beyond luck, one of so many looked at.
@@ -106,7 +111,7 @@ class Gain:
         It must matter beside what was there at first; beside what is left only where that is more
         than honest models differ by.
         """
-        worth = self.share > rule.material or (self.far and self.rest > rule.mostly)
+        worth = self.share > self._least(rule) or (self.far and self.rest > rule.mostly)
         return worth and self.p_value < rule.level / max(comparisons, 1)
 
     def promises(self, rule: Rule) -> bool:
@@ -143,7 +148,8 @@ class Scales:
         above = self.floor.percent is not None and first > self.rule.at_floor * self.floor.reach
         rest = (first - second) / (first - self.floor.reach) if above else 0.0
         far = above and first > self.rule.beyond * self.floor.reach
-        return Gain((first - second) / max(self.base, 1e-12), rest, p_value, far)
+        small = self.floor.is_least and first <= self.floor.reach
+        return Gain((first - second) / max(self.base, 1e-12), rest, p_value, far, small)
 
     def typical(self, errors: np.ndarray) -> float:
         """Return the typical error of usual trials."""
