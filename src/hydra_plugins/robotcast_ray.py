@@ -10,6 +10,8 @@ from hydra.plugins.launcher import Launcher
 from hydra.types import HydraContext, TaskFunction
 from omegaconf import DictConfig
 
+from robotcast import ONE_PATH
+
 
 class RayLauncher(Launcher):
     """Each job is a task of Ray; one whose machine went away runs again on another.
@@ -41,7 +43,8 @@ class RayLauncher(Launcher):
             os.chdir(here)
             return execute_job(number, overrides, *self.shared, state)
 
-        ray.init(address=self.address)
+        # a worker loads NumPy before it knows what the job imports
+        ray.init(address=self.address, runtime_env={"env_vars": ONE_PATH})
         task = ray.remote(num_cpus=self.cores, max_retries=-1)(job)
         jobs = enumerate(job_overrides, initial_job_idx)
         return ray.get([task.remote(number, list(overrides)) for number, overrides in jobs])

@@ -5,7 +5,7 @@ import platform
 
 # One path of arithmetic on every x86-64 processor with AVX2: libraries that choose wider
 # instructions where a processor has them round the last bits otherwise, and DVC's hashes with them.
-_ONE_PATH = {
+ONE_PATH = {
     "ATEN_CPU_CAPABILITY": "avx2",
     "MKL_CBWR": "AVX2",
     "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
@@ -13,5 +13,5 @@ _ONE_PATH = {
     "OPENBLAS_CORETYPE": "Haswell",
 }
 if platform.machine() in ("x86_64", "AMD64"):
-    for _name, _value in _ONE_PATH.items():
+    for _name, _value in ONE_PATH.items():
         os.environ.setdefault(_name, _value)
