@@ -88,7 +88,7 @@ class Gain:
     share : by how much the typical error falls, of the base model's.
     rest : of what the worse model misses beyond the floor; 0 where it stands at the floor.
     far : whether the worse model is farther above the floor than honest models differ by.
-    small : whether it misses no more than the sensors' noise.
+    small : whether it stands at the floor already, which only the sensors' noise tells.
     p_value : one-sided, over groups of trials.
     """
 
@@ -148,7 +148,7 @@ class Scales:
         above = self.floor.percent is not None and first > self.rule.at_floor * self.floor.reach
         rest = (first - second) / (first - self.floor.reach) if above else 0.0
         far = above and first > self.rule.beyond * self.floor.reach
-        small = self.floor.is_least and first <= self.floor.reach
+        small = self.floor.is_least and not above
         return Gain((first - second) / max(self.base, 1e-12), rest, p_value, far, small)
 
     def typical(self, errors: np.ndarray) -> float:
