@@ -186,7 +186,8 @@ class Selection:
         """
         named, early = self.found.named, self.found.early
         base = self.early.expected_error(self._fixed)
-        helps = len({type(self._inquiry.model.effects[name]) for name in named}) < 2
+        own = [self._inquiry.model.effects[name] for name in named]
+        helps = len({(type(e), *((p.name, p.unit) for p in e.parameters)) for e in own}) < 2
         for part in combinations(named, len(named) - 1) if not helps else ():
             effects = (*self._fixed, *part)
             if effects not in early:
