@@ -220,13 +220,17 @@ def draw_hidden(
     seed: int,
     *,
     names: Sequence[str],
-    moves_percent: float,
+    moves_percent: tuple[float, float],
 ) -> dict[str, Any]:
-    """Draw one of the named mechanisms, sized on these casts; return it as `seal` takes it."""
+    """Draw one of the named mechanisms, sized on these casts; return it as `seal` takes it.
+
+    `moves_percent` is the range of how far it moves the paths [% of cable length].
+    """
     random = np.random.default_rng(seed)
     name = str(random.choice(list(names)))
     place = MECHANISMS[name].place(random)
-    parameters, shift = Shift(rig, casts, PERIOD_S, pool).sized(name, place, moves_percent)
+    wanted_percent = float(random.uniform(*moves_percent))
+    parameters, shift = Shift(rig, casts, PERIOD_S, pool).sized(name, place, wanted_percent)
     return {"effects": [{"effect": name, "parameters": parameters, "shift_percent": shift}]}
 
 
