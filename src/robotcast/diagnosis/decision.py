@@ -239,9 +239,10 @@ def _is_like_it(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> bo
 def _imitates(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> bool:
     """Tell whether the chosen effects only imitate what is missing.
 
-    They do where a field alone takes away most of what they leave above the floor, or where they
-    stay above it and take away less than half of what they could: of what the base model misses
-    beyond the floor, or beyond what a field that pays leaves and honest models may differ by.
+    They do where a field alone takes away most of what they leave above the floor (at it, honest
+    models may differ by as much: there the field must pay over them), or where they stay above it
+    and take away less than half of what they could: of what the base model misses beyond the floor,
+    or beyond what a field that pays leaves and honest models may differ by.
     """
     scales = found.scales
     assert scales is not None
@@ -251,7 +252,8 @@ def _imitates(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> bool
         beside = scales.typical(left.rung.errors.waypoint)
         gain = scales.gain(top, left.rung.errors.waypoint)
         refuted = after - beside > rule.mostly * (after - reach)
-        if refuted and gain.p_value < rule.level / left.tried:
+        matters = gain.pays(rule, 1) or floor.above(top[scales.usual], rule.at_floor)
+        if refuted and matters and gain.p_value < rule.level / left.tried:
             return True
         if left.enough:
             reach = float(np.clip(beside, reach, rule.beyond * reach))

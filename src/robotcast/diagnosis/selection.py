@@ -109,17 +109,15 @@ class Selection:
         return own - whole > part * self._rule.material * least
 
     def _refit_size(self, size: int) -> None:
-        """Fit the likeliest sets of one size: one step each, then the best of them to the end."""
-        library = self._library
-        self._refit_from((library, *(library.starts if size == 1 else ())), size)
+        """Fit the likeliest sets of one size: one step each, then the best of them to the end.
 
-    def _refit_from(self, libraries: Sequence[Library], size: int) -> None:
-        """Fit the sets that the slopes of some libraries promise, most of them the first's."""
+        Those are what the library's slopes promise; of single effects also its starts', a few less.
+        """
         self._next(Step.BEGINNINGS, f"{size} effect{'s' * (size > 1)} more")
         looked: dict[Effects, Fit] = {}
-        most = self._effort.tried
-        for some in libraries:
-            n = most if some is libraries[0] else most - 2
+        library, most = self._library, self._effort.tried
+        for some in (library, *(library.starts if size == 1 else ())):
+            n = most if some is library else most - 2
             for effects in some.best(size, n, self._fixed):
                 vector, kept = some.start(effects)
                 for start in self.early.starts(effects, vector):
@@ -214,8 +212,8 @@ class Selection:
     def refit_singles(self, own: np.ndarray) -> Found:
         """Judge single effects, and choose none: a field has shown that something is missing.
 
-        The library's fit may have ended in a valley, so that none was tried. So they start from
-        the parameters beside which the field explains it, too.
+        Those that were tried may have ended in a valley, as the library's fit may have. So they
+        start from the parameters beside which the field explains it, and from nowhere else.
 
         Parameters
         ----------
@@ -226,7 +224,9 @@ class Selection:
         begun = self.early.inquiry.fit(self._fixed, own, 0)
         beside = library_at(self.early.inquiry, self._fixed, self._candidates, begun)
         before = dict(self.found.early)
-        self._refit_from((beside, self._library), 1)
+        self._next(Step.BEGINNINGS, "1 effect more")
+        for effects in beside.best(1, self._effort.tried, self._fixed):
+            self.early.fit(effects, beside.start(effects)[0])
         kept = {e: r for e, r in self.found.judged.items() if before[e] is self.found.early[e]}
         self.found = replace(self.found, judged=kept)
         for effects in self._finalists(1):

@@ -19,6 +19,7 @@ from robotcast.robots.sizes import Sizes
 
 FEW_JOINTS = 4  # up to as many, each is looked at alone; of more, groups of them
 FIELD_KNOTS = np.array([-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0])
+PLACES = 21  # of a field over the range of positions: ripple has several waves there
 PROBE, BOUND = 0.1, 2.0  # of a field, in usual torques
 
 
@@ -216,7 +217,7 @@ def _fields(joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:
         torque, unit = sizes.of("torque", where.dofs, ())
         speed, _ = sizes.of("speed", where.dofs, ())
         at = list(where.dofs)
-        span = np.linspace(sizes.lowest[at].min(), sizes.highest[at].max(), len(FIELD_KNOTS))
+        span = np.linspace(sizes.lowest[at].min(), sizes.highest[at].max(), PLACES)
         knots = {
             "speed": speed * FIELD_KNOTS,
             "position": span,
