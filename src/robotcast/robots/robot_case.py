@@ -36,6 +36,7 @@ FAR_OFF = 2.0  # times the usual motion, from which a unit may be wrong
 LONGEST_S = 2.0
 LEAST_NOISE = 1e-9  # of a joint that never moves
 LOOKED_INTO = 20  # effects of single joints, where none of a group is named
+LIKE = 2  # times as many sets are tried as of a cable: mass, inertia and armature are alike
 LOOKED_AT = 24  # starts from which the length of windows is judged
 
 
@@ -111,7 +112,7 @@ class RobotCase:
             floor_is_least=not self.repeated,
             numerical_error=self.step_percent,
             rule=replace(rule, blunder=np.inf),
-            effort=effort,
+            effort=replace(effort, tried=LIKE * effort.tried),
         )
 
 
