@@ -40,16 +40,15 @@ class ModelField(RobotEffect):
     def addresses(self, model: mujoco.MjModel) -> dict[str, list[Address]]:
         """Return what each parameter changes."""
         kind, numbers = self.objects(model)
-        names = names_of(model, kind) if kind != "option" else []
-        found: dict[str, list[Address]] = {}
-        for name, fields in self.writes.items():
-            texts = (
-                [f"option.{field}" for field in fields]
-                if kind == "option"
-                else [f"{kind}[{names[i]}].{field}" for field in fields for i in numbers]
-            )
-            found[name] = [address(model, text, self.name) for text in texts]
-        return found
+        names = names_of(model, kind)
+        return {
+            name: [
+                address(model, f"{kind}[{names[i]}].{field}", self.name)
+                for field in fields
+                for i in numbers
+            ]
+            for name, fields in self.writes.items()
+        }
 
     def objects(self, model: mujoco.MjModel) -> tuple[str, Sequence[int]]:
         """Return the kind and the numbers of what is changed."""
@@ -57,7 +56,7 @@ class ModelField(RobotEffect):
             return "joint", [int(model.dof_jntid[dof]) for dof in self.where.dofs]
         if self.part == "body":
             return "body", self.where.bodies
-        return ("actuator", self.where.actuators) if self.part == "drive" else ("option", ())
+        return "actuator", self.where.actuators
 
     def write(self, fields: ModelFields, **values: np.ndarray) -> None:
         for name, some in self.addresses(fields.model).items():
@@ -86,12 +85,6 @@ class BodyField(ModelField):
     """A number of bodies."""
 
     part = "body"
-
-
-class OptionField(ModelField):
-    """A number of the whole simulation."""
-
-    part = "robot"
 
 
 class ServoField(ModelField):
