@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -104,6 +105,16 @@ def _refit(search: Selection, slopes: Library, effects: Effects) -> None:
     search.early.fit(effects, vector)
 
 
+def _selected(search: Selection, method: Callable[..., Effects], library: Library) -> int:
+    """Select effects, and refit each part of them to see whether it would do; return how many."""
+    taken = method(search, library)
+    for size in range(len(taken) - 1, 0, -1):
+        for part in combinations(taken, size):
+            if part not in search.early.fits:
+                search.early.fit(part, search.early.of_larger(part))
+    return len(taken)
+
+
 METHODS: dict[str, Callable[[Selection, Library], Effects]] = {
     "sparse": sparse,
     "pursuit": pursuit,
@@ -132,7 +143,7 @@ def verdicts(
         own.early.fits = dict(common.early)
         own.found = replace(common, judged=dict(common.judged), early=own.early.fits)
         assert common.library is not None
-        size = len(METHODS[name](own, common.library)) if name in METHODS else own.shortlist()
+        size = _selected(own, METHODS[name], common.library) if name in METHODS else own.shortlist()
         own.judge(size)
         own.simplify()
         own.take_apart()
