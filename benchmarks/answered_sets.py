@@ -1,6 +1,6 @@
 """Diagnose measurement sets whose hidden effect is known, and count the right verdicts.
 
-python benchmarks/answered_sets.py ../shared/data/casting [--sets abc] [--output DIR] [--table FILE]
+python benchmarks/answered_sets.py DIR [--sets abc] [--output DIR] [--table FILE]
 
 The folder holds one set a folder, and answers.yaml: of every set what is hidden and the verdicts
 that are right. The diagnoses read the sets alone; what stands in the output is not done again.

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-MEASUREMENTS = ROOT.parent / "shared" / "data" / "casting" / "a"
+MEASUREMENTS = ROOT / "examples" / "hidden_effect"
 
 Standing = dict[str, str]
 """What of a stage's work is finished: its name → a digest of its bytes."""

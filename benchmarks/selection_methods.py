@@ -1,6 +1,6 @@
 """Compare ways to select the missing effects, on measurement sets whose hidden effect is known.
 
-python benchmarks/selection_methods.py ../shared/data/casting [--sets abc] [--table FILE]
+python benchmarks/selection_methods.py DIR [--sets abc] [--table FILE]
 
 All start from one fit of the base model and one of the whole library, and end by the same rule:
 what they select is refitted, judged on casts held out, and named if it pays.

@@ -53,7 +53,8 @@ NOTHING = Unexplained()
         (3.0, 2.4, NOTHING, Code.UNKNOWN, True),  # too little of it is explained
         (5.0, 1.9, field(1.2, True), Code.UNKNOWN, True),  # imitates what the field is like
         (5.0, 1.9, field(1.7, True), Code.NAMED, True),  # the field is only more flexible
-        (5.0, 1.4, field(1.05, True), Code.NAMED, False),  # at the floor, honest models differ so
+        (5.0, 1.4, field(1.1, True), Code.NAMED, False),  # at the floor, honest models differ so
+        (5.0, 1.4, field(0.9, True), Code.UNKNOWN, True),
     ],
 )
 def test_the_verdict_follows_from_the_errors(

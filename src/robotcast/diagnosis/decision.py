@@ -240,9 +240,9 @@ def _imitates(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> bool
     """Tell whether the chosen effects only imitate what is missing.
 
     They do where a field alone takes away most of what they leave above the floor (at it, honest
-    models may differ by as much: there the field must pay over them), or where they stay above it
-    and take away less than half of what they could: of what the base model misses beyond the floor,
-    or beyond what a field that pays leaves and honest models may differ by.
+    models may differ by as much: there it must be half of what matters), or where they stay above
+    it and take away less than half of what they could: of what the base model misses beyond the
+    floor, or beyond what a field that pays leaves and honest models may differ by.
     """
     scales = found.scales
     assert scales is not None
@@ -252,8 +252,7 @@ def _imitates(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> bool
         beside = scales.typical(left.rung.errors.waypoint)
         gain = scales.gain(top, left.rung.errors.waypoint)
         refuted = after - beside > rule.mostly * (after - reach)
-        matters = gain.pays(rule, 1) or floor.above(top[scales.usual], rule.at_floor)
-        if refuted and matters and gain.p_value < rule.level / left.tried:
+        if refuted and gain.matters(rule, rule.mostly) and gain.p_value < rule.level / left.tried:
             return True
         if left.enough:
             reach = float(np.clip(beside, reach, rule.beyond * reach))

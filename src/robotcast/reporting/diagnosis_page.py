@@ -34,7 +34,7 @@ _NOT_KNOWN: dict[str, Any] = {
     **dict.fromkeys(("casts", "actions", "noise_floor_percent", "comparison", "simulated_casts")),
     **dict.fromkeys(("unexplained", "robot", "patched")),
     **dict.fromkeys(("code", "sentence", "rig", "measurements", "output"), ""),
-    **dict.fromkeys(("verdict", "confusion_set", "nearest", "overrides", "notes"), ()),
+    **dict.fromkeys(("verdict", "confusion_set", "nearest", "overrides", "casts_on", "notes"), ()),
     **dict.fromkeys(("ladder", "ranking", "next_actions"), ()),
     "words": PLAIN.as_dict(0),
     "conclusive": True,

@@ -39,6 +39,12 @@ OR_THE_PLAN = " Or the arm did otherwise than planned: its log is missing."
 FURTHER = 150  # casts of the collected grid, of which the next to run are chosen
 
 
+def casts_on(measurements: Path, cable: str) -> list[str]:
+    """Return what collect must be told to add to a set of the pipeline, hidden effect and all."""
+    ours = measurements == Path("data/measurements") / cable
+    return [f"cable={cable}", f"hidden=data/hidden/{cable}.sealed"] if ours else []
+
+
 def diagnose_set(config: DictConfig) -> tuple[Path, dict[str, Any]]:
     """Diagnose the configured set; write JSON, page and next actions; return folder and JSON."""
     measured = measured_set(config.measurements)
@@ -51,6 +57,7 @@ def diagnose_set(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         "measurements": str(config.measurements),
         "output": str(config.output),
         "overrides": typed("simulator"),
+        "casts_on": casts_on(Path(config.measurements), measured.cable.name),
         "pipeline": True,
         "notes": [],
     }
