@@ -24,8 +24,8 @@ HEAD = """# Sets of casts whose hidden effect is known
 
 `python benchmarks/answered_sets.py DIR --table FILE`. Errors are typical errors on held-out casts,
 in % of cable length; `times` is the error after over the noise floor, `s` the seconds of a
-diagnosis, `casts` what it simulated. Right is any verdict that the answers accept: `none` too where what is
-hidden is too weak to show, a name of today too for what had none when the sets were made.
+diagnosis, `casts` what it simulated. Right is any verdict that the answers accept: `none` too where
+what is hidden is too weak to show, a name of today too for what had none when the sets were made.
 
 """
 
