@@ -20,7 +20,7 @@ from robotcast.reporting.diagnosis_page import diagnosis_page
 from robotcast.robots import robot_case, rollout
 from robotcast.robots.patch import write_patched
 from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
-from robotcast.robots.robot_file import write_parameters
+from robotcast.robots.robot_file import load_spec, write_parameters
 from robotcast.robots.rollout import Start
 from robotcast.robots.shown import shown
 from tests.robots.made_up_robot import ARM, PERIOD_S, QUANTUM, SLIDER, dry, write_folder
@@ -37,6 +37,25 @@ def slider(tmp_path_factory: pytest.TempPathFactory) -> RobotCase:
 def arm(tmp_path_factory: pytest.TempPathFactory) -> RobotCase:
     folder = tmp_path_factory.mktemp("arm")
     return read_case(write_folder(folder, ARM, logs=3, windows={"length_s": 0.3, "most": 6}))
+
+
+STANDING = """<mujoco><worldbody><geom type="box" pos="0.3 0 1" size="0.1 0.1 0.1"/>
+<body name="base" pos="0 0 1"><freejoint/><geom type="box" size="0.2 0.1 0.05"/>
+  <body pos="0 0.12 0"><joint name="hip" axis="1 0 0"/><geom name="leg" size="0.05"/>
+    <body pos="0 0 -0.3"><joint name="knee" axis="0 1 0"/><geom size="0.05"/></body></body>
+</body></worldbody></mujoco>"""
+
+
+def test_a_base_on_a_stand_collides_with_its_legs_no_more_than_before(tmp_path: Path) -> None:
+    (tmp_path / "robot.xml").write_text(STANDING)
+    free, welded = (load_spec(tmp_path / "robot.xml", weld).compile() for weld in ((), ("0",)))
+    found = []
+    for model in (free, welded):
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        found.append({tuple(sorted(pair)) for pair in data.contact.geom})
+    assert found[0] == {(0, 1)}  # with what stands in the way, where the base could still give way
+    assert found[1] == set()
 
 
 def all_by_steps(tune: object, effects: object, vectors: np.ndarray) -> np.ndarray:

@@ -26,7 +26,7 @@ from robotcast.robots.names import (
     to_si,
 )
 
-FILE = "robot.yaml"
+FILE, WORLD = "robot.yaml", "world"
 KEYS = {
     "model": "the MJCF or URDF file",
     "logs": "file names or patterns, from the folder",
@@ -106,7 +106,9 @@ def load_spec(path: Path, weld: Sequence[str] = ()) -> mujoco.MjSpec:
     """Return the model of an MJCF or URDF file, or refuse it with MuJoCo's own words.
 
     No body is compiled as a simple one, whose centre of mass could not be moved. Joints that are
-    welded are left out, with their actuators, sensors, and the keyframes.
+    welded are left out, with their actuators, sensors, and the keyframes. Bodies that a joint links
+    do not collide, and MuJoCo makes an exception of those on what is welded to the world: a base
+    that is put on a stand keeps the rule.
     """
     if not path.is_file():
         raise ValueError(f"{path}: there is no such model; give an MJCF or URDF file")
@@ -120,13 +122,33 @@ def load_spec(path: Path, weld: Sequence[str] = ()) -> mujoco.MjSpec:
         has = ", ".join(called(spec.joints))
         raise ValueError(f"{path}: weld: the model has no joint {unknown[0]!r}; it has {has}")
     moving = Moving(spec, weld)
+    linked = _linked(spec) if weld else []
     some = [*spec.sensors, *spec.actuators, *spec.joints]
     kept = [*moving.sensors, *moving.actuators, *moving.joints]
     for one in [one for one in some if not any(one is k for k in kept)]:
         spec.delete(one)
     for key in list(spec.keys) if weld else ():
         spec.delete(key)
+    for body, other in linked:
+        if _moving(body).name == WORLD:
+            spec.add_exclude(bodyname1=body.name, bodyname2=other.name)
     return spec
+
+
+def _linked(spec: mujoco.MjSpec) -> list[tuple[Any, Any]]:
+    """Return the pairs of bodies that a joint links, each with what is fixed to it; name them."""
+    for body, name in zip(spec.bodies, called(spec.bodies), strict=True):
+        body.name = name
+    bodies = [body for body in spec.bodies if _moving(body).name != WORLD]
+    above = {body.name: _moving(_moving(body).parent).name for body in bodies}
+    return [(a, b) for a in bodies for b in bodies if _moving(a).name == above[b.name]]
+
+
+def _moving(body: Any) -> Any:
+    """Return the body that a joint moves and this one is fixed to, or the world."""
+    while body.name != WORLD and not body.joints:
+        body = body.parent
+    return body
 
 
 def called(elements: Iterable[Any]) -> list[str]:
