@@ -128,7 +128,7 @@ class Library:
         columns, step, _ = self._solved(effects)
         vector = self._null.copy()
         vector[columns] += step
-        kept = [*range(self._own), *(k for name in effects for k in self.columns[name])]
+        kept = self._kept(effects)
         return np.clip(vector, EDGE, 1 - EDGE)[kept], np.array(kept)
 
     def look(self, effects: Sequence[str], start: np.ndarray, kept: np.ndarray) -> Fit:
@@ -139,6 +139,17 @@ class Library:
         residual = self.early.residuals(effects)(start[None], self.early.everything)[0]
         loss = float(trial_losses(residual).mean())
         return Fit(start, loss, residual, self.fit.jacobian[:, :, kept])
+
+    def again(self, effects: tuple[str, ...], part: Fit, effort: Effort) -> "Library":
+        """Return the whole fitted from where the model with a few of its effects was, if better."""
+        vector = self._null.copy()
+        vector[self._kept(effects)] = part.vector
+        fit = self.early.fit(self.effects, vector, effort.refit)
+        if fit.loss > (1 - effort.pays) * self.fit.loss:
+            return self
+        return replace(
+            self, fit=self.early.fit(self.effects, fit.vector, effort.library, known=fit)
+        )
 
     def step(self, effects: Sequence[str]) -> np.ndarray:
         """Return the step from all at null to the model with these effects, free ones' first."""
@@ -170,6 +181,10 @@ class Library:
     @property
     def _own(self) -> int:
         return len(self.early.model.parameters)
+
+    def _kept(self, effects: Sequence[str]) -> list[int]:
+        """Return which of the vector's entries the model with a few of the effects has."""
+        return [*range(self._own), *(k for name in effects for k in self.columns[name])]
 
     @cached_property
     def _null(self) -> np.ndarray:

@@ -98,15 +98,25 @@ class Selection:
         """Tell whether more effects predict the beginnings better by a part of what matters.
 
         Those are the whole library, or one more than these where its fit has ended in a valley.
-        Above the floor what matters is a part of what is left: it is worth a further look.
+        Above the floor what matters is a part of what is left: it is worth a further look, and
+        that the library does no better is only believed once it was fitted from there.
         """
-        library, early = self._library, self.found.early
+        early = self.found.early
         base, own = (self.early.expected_error(e) for e in (self._fixed, effects))
         more = [self.early.expected_error(e) for e in early if len(e) == len(effects) + 1]
-        whole = min([self.early.expected_error(library.effects, library.fit), *more])
-        reached = self._rule.at_floor * self._floor.reach
-        least = base if own <= reached or self._floor.percent is None else own
-        return own - whole > part * self._rule.material * least
+        above = own > self._rule.at_floor * self._floor.reach and self._floor.percent is not None
+        least = part * self._rule.material * (own if above else base)
+
+        def adds() -> bool:
+            library = self._library
+            whole = min([self.early.expected_error(library.effects, library.fit), *more])
+            return own - whole > least
+
+        if above and not adds():
+            self._next(Step.LIBRARY)
+            library = self._library.again(effects, early[effects], self._effort)
+            self.found = replace(self.found, library=library)
+        return adds()
 
     def _refit_size(self, size: int) -> None:
         """Fit the likeliest sets of one size: one step each, then the best of them to the end.

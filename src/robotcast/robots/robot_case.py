@@ -16,7 +16,7 @@ from robotcast.diagnosis.decision import Unexplained, strengths
 from robotcast.diagnosis.diagnose import Case, diagnose, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.library import library_at
-from robotcast.diagnosis.model import Axis, Record, Wording
+from robotcast.diagnosis.model import Axis, Wording
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.robots.effects import TorqueField
 from robotcast.robots.library import candidates, within
@@ -198,17 +198,14 @@ def _length(
 
 def _nominal_miss(robot: RobotFile, model: RobotModel) -> float:
     """Return what the nominal model misses, in usual motions; refuse one that diverges."""
-    nominal = np.array([[p.nominal for p in model.parameters]])
-    found = model.predict(model.records, (), nominal)[0]
-    lost = np.isnan(found[:, 0]).any(axis=-1)
+    found = model.nominal_misses
+    lost = np.array([np.isnan(one).all() for one in found])
     if lost.mean() > 0.5:
         raise ValueError(
             f"{robot.model_path}: the model diverges in {lost.sum()} of {len(lost)} windows: its "
             f"step of {robot.model.opt.timestep:g} s is too long for it, or a unit is wrong"
         )
-    pairs = zip(found, model.records, strict=True)
-    off = [np.linalg.norm(path[: len(r.times_s)] - r.measured, axis=1) for path, r in pairs]
-    return float(np.nanmedian([np.nanmean(one) for one in off])) / model.scale
+    return model.usual_miss(found) / 100
 
 
 def _repeated_miss(robot: RobotFile, logs: Sequence[Log], model: RobotModel) -> float | None:
@@ -218,27 +215,14 @@ def _repeated_miss(robot: RobotFile, logs: Sequence[Log], model: RobotModel) -> 
     of them differs only by what a run has that another has not.
     """
     index = {log.path.name: k for k, log in enumerate(logs)}
-    windows, records = model.rollout.windows, model.records
-    pairs: list[tuple[Record, Record]] = []
+    windows = zip(model.rollout.windows, model.nominal_misses, strict=True)
+    missed, apart = {(w.log, w.first): one for w, one in windows}, []
     for group in robot.repeats:
         for one, other in combinations([index[name] for name in group], 2):
-            at = {w.first: k for k, w in enumerate(windows) if w.log == other}
-            pairs += [
-                (records[k], records[at[w.first]])
-                for k, w in enumerate(windows)
-                if w.log == one and w.first in at
-            ]
-    if not pairs:
-        return None
-    nominal = np.array([[p.nominal for p in model.parameters]])
-    found = model.predict(records, (), nominal)[0]
-    apart = []
-    for one, other in pairs:
-        missed = [found[r.trial, : len(r.times_s)] - r.measured for r in (one, other)]
-        k = min(map(len, missed))
-        distance = np.linalg.norm(missed[0][:k] - missed[1][:k], axis=-1) / np.sqrt(2)
-        apart.append(np.nanmean(distance))
-    return 100 * float(np.median(apart)) / model.scale
+            for log, first in [at for at in missed if at[0] == one and (other, at[1]) in missed]:
+                k = min(len(missed[log, first]), len(missed[other, first]))
+                apart.append((missed[log, first][:k] - missed[other, first][:k]) / np.sqrt(2))
+    return model.usual_miss(apart) if apart else None
 
 
 def _notes(

@@ -7,7 +7,7 @@ the samples about the start allow. It never moves by more than three of their de
 model can hide what it misses in it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -112,6 +112,13 @@ class RobotModel:
                 found[:, row, :k] += self._start_shift(record, record.measured - found[:, row, :k])
         return found
 
+    @cached_property
+    def nominal_misses(self) -> list[np.ndarray]:
+        """Predicted − measured of every window, (k, d) each, NaN where a run diverged."""
+        nominal = np.array([[p.nominal for p in self.parameters]])
+        found = zip(self.predict(self.records, (), nominal)[0], self.records, strict=True)
+        return [path[: len(r.times_s)] - r.measured for path, r in found]
+
     def perfect_miss(self, records: Sequence[Record], seed: int = 0) -> float:
         """Return what noise and start states leave of a perfect model, % of the scale.
 
@@ -125,9 +132,8 @@ class RobotModel:
             shape = (DRAWS, *record.measured.shape)
             left = rng.normal(size=shape) * self.units.noise
             left += (rng.normal(size=(DRAWS, slopes.shape[1])) @ slopes.T).reshape(shape)
-            left -= self._start_shift(record, left)
-            missed.append(np.linalg.norm(left, axis=-1).mean())
-        return 100 * float(np.median(missed)) / self.scale
+            missed.append(left - self._start_shift(record, left))
+        return self.usual_miss(missed)
 
     @property
     def finer(self) -> "RobotModel":
@@ -142,10 +148,8 @@ class RobotModel:
 
         What the tuned parameters take up of it, by their slopes, is not missed.
         """
-        starts = [
-            Start(record.trial, np.zeros((2, self.rollout.robot.model.nv)))
-            for record in self.records
-        ]
+        still = np.zeros((2, self.rollout.robot.model.nv))
+        starts = [Start(record.trial, still) for record in self.records]
         times_s = [record.times_s for record in self.records]
         vectors = _about(self.parameters)
         coarse = self.rollout.simulate(starts, times_s, (), vectors)
@@ -157,9 +161,12 @@ class RobotModel:
             parts.append(part - self._start_shift(record, part))
         flat = np.nan_to_num(np.concatenate([p.reshape(len(moved), -1) for p in parts], axis=1))
         taken = np.linalg.lstsq(flat[1:].T, -flat[0], rcond=None)[0]
-        left = (part[0] + np.tensordot(taken, part[1:], 1) for part in parts)
-        missed = [np.linalg.norm(one, axis=-1).mean() for one in left]
-        return 100 * float(np.nanmedian(missed)) / self.scale
+        return self.usual_miss(part[0] + np.tensordot(taken, part[1:], 1) for part in parts)
+
+    def usual_miss(self, missed: Iterable[np.ndarray]) -> float:
+        """Return what is missed in the window in the middle, of (…, k, d) each, % of the scale."""
+        means = [np.nanmean(np.linalg.norm(one, axis=-1)) for one in missed]
+        return 100 * float(np.nanmedian(means)) / self.scale
 
     def _start_shift(self, record: Record, missed: np.ndarray) -> np.ndarray:
         """Return by how much a better start moves signals that miss by (n, k, d)."""
