@@ -50,7 +50,9 @@ NOTHING = Unexplained()
         (1.4, None, field(1.1, True), Code.NONE, True),  # at the floor, but a field does better
         (3.0, 1.1, NOTHING, Code.NAMED, False),
         (5.0, 1.9, NOTHING, Code.NAMED, True),  # more is missing
-        (3.0, 2.4, NOTHING, Code.UNKNOWN, True),  # too little of it is explained
+        (3.2, 2.6, NOTHING, Code.UNKNOWN, True),  # too little of it is explained
+        (2.0, 1.7, NOTHING, Code.NONE, True),  # so, but honest models differ by as much
+        (2.0, 1.7, field(1.1, True), Code.UNKNOWN, True),  # if it is not like the field
         (5.0, 1.9, field(1.2, True), Code.UNKNOWN, True),  # imitates what the field is like
         (5.0, 1.9, field(1.7, True), Code.NAMED, True),  # the field is only more flexible
         (5.0, 1.4, field(1.1, True), Code.NAMED, False),  # at the floor, honest models differ so

@@ -172,33 +172,37 @@ def decide(
     left = look()
     # what is a little above the sensors' noise alone may vary from run to run
     enough = rule.beyond if floor.is_least else rule.at_floor
-    if not named:
-        far, unfinished = (
-            floor.above(top.errors.waypoint[scales.usual], times)
-            for times in (rule.beyond, rule.at_floor)
-        )
-        if left.enough:
-            assert left.rung is not None
-            own = len(found.base.revision.fit.vector)
-            more = refit(left.rung.revision.fit.vector[:own])
-            known = _name_for(more, floor, left, rule)
-            if known:
-                unfinished = floor.above(known.top.errors.waypoint[scales.usual], enough)
-                return Verdict(Code.NAMED, known.named, (), Unexplained() if unfinished else None)
-            near = _near(more, rule)
-        shown = left.enough if far else unfinished and _is_like_it(found, floor, left, rule)
-        if shown or (far and not floor.is_least):
-            return Verdict(Code.UNKNOWN, (), near, left)
-        if far:  # above the sensors' noise, and repeats may differ by as much
-            return Verdict(Code.CANNOT_TELL, (), near, left)
-        return Verdict(Code.NONE, (), near, Unexplained() if unfinished or left.enough else None)
-    if found.inseparable or _imitates(found, floor, left, rule):
-        return Verdict(Code.UNKNOWN, (), (top,), left)
-    unfinished = floor.above(top.errors.waypoint[scales.usual], enough)
-    larger = [rung for rung in near if set(top.effects) < set(rung.effects)]
-    fewest = min((len(rung.effects) for rung in larger), default=0)
-    more = tuple(rung for rung in larger if len(rung.effects) == fewest)
-    return Verdict(Code.NAMED, named, more, Unexplained() if unfinished else None)
+    if found.inseparable:
+        return Verdict(Code.UNKNOWN, (), (_best(found),), left)
+    imitated = bool(named) and _imitates(found, floor, left, rule)
+    if named and not imitated:
+        unfinished = floor.above(top.errors.waypoint[scales.usual], enough)
+        larger = [rung for rung in near if set(top.effects) < set(rung.effects)]
+        fewest = min((len(rung.effects) for rung in larger), default=0)
+        more = tuple(rung for rung in larger if len(rung.effects) == fewest)
+        return Verdict(Code.NAMED, named, more, Unexplained() if unfinished else None)
+    far, unfinished = (
+        floor.above(found.base.errors.waypoint[scales.usual], times)
+        for times in (rule.beyond, rule.at_floor)
+    )
+    if imitated:
+        near = (_best(found),)
+    elif left.enough:
+        assert left.rung is not None
+        own = len(found.base.revision.fit.vector)
+        more = refit(left.rung.revision.fit.vector[:own])
+        known = _name_for(more, floor, left, rule)
+        if known:
+            unfinished = floor.above(known.top.errors.waypoint[scales.usual], enough)
+            return Verdict(Code.NAMED, known.named, (), Unexplained() if unfinished else None)
+        near = _near(more, rule)
+    shown = left.enough if far else unfinished and _is_like_it(found, floor, left, rule)
+    if shown or (far and (imitated or not floor.is_least)):
+        return Verdict(Code.UNKNOWN, (), near, left)
+    if far:  # above the sensors' noise, and repeats may differ by as much
+        return Verdict(Code.CANNOT_TELL, (), near, left)
+    lacks = unfinished or imitated or left.enough
+    return Verdict(Code.NONE, (), near, Unexplained() if lacks else None)
 
 
 def _name_for(found: Found, floor: Floor, left: Unexplained, rule: Rule) -> Found | None:
@@ -266,6 +270,14 @@ def _worth_a_look(found: Found, floor: Floor, rule: Rule) -> bool:
     scales, errors = found.scales, found.top.errors.waypoint
     assert scales is not None
     return floor.above(errors[scales.usual], 1 + rule.material)
+
+
+def _best(found: Found) -> Rung:
+    """Return the judged model with effects that predicts best."""
+    assert found.scales is not None
+    typical = found.scales.typical
+    some = [rung for rung in found.judged.values() if rung is not found.base]
+    return min(some, key=lambda rung: typical(rung.errors.waypoint))
 
 
 def _near(found: Found, rule: Rule) -> tuple[Rung, ...]:

@@ -162,7 +162,9 @@ class _Run:
         self._verdict = decide(
             self._found, self._floor, case.rule, self._look, selection.refit_singles
         )
-        self._found = selection.choose((*case.fixed, *(self._verdict.named or self._found.named)))
+        none = self._verdict.code is Code.NONE
+        shown = self._verdict.named or (() if none else self._found.named)
+        self._found = selection.choose((*case.fixed, *shown))
         self._screen(self._found.chosen)
 
     def look_only(self) -> None:
