@@ -65,6 +65,11 @@ AXIS = "joint[axis].position"
         ),
         (key("windows", "length", value=1), "no key is called 'length'; there are length_s, most"),
         (key("weld", value=["root"]), "weld: the model has no joint 'root'; it has axis"),
+        (
+            key("servos", value={"actuator[motor]": {"kp": 9}}),
+            "actuator.motor.: expected .kp",
+        ),
+        (key("servos", value={"actuator[a]": {"kp": 9, "kd": 1}}), "a. is none of actuator.motor"),
         (key("payloads", "body[table]", value={"log9.csv": 1}), "log9.csv is none of the logs"),
         (key("payloads", "body[table]", value={"log1.csv": "kg"}), "expected a number, got 'kg'"),
         (key("sysid", value="none.yaml"), "none.yaml: there is no such file; ParameterDict"),

@@ -92,6 +92,26 @@ def test_a_servo_that_is_commanded_far_more_than_its_joint_turns_is_so_in_degree
     assert yaml.safe_load(path.read_text())["drive"]["actuator[s]"]["unit"] == "deg"
 
 
+def test_a_motor_that_is_logged_by_commanded_positions_asks_for_the_gains_of_its_servo(
+    tmp_path: Path,
+) -> None:
+    folder = write_folder(tmp_path, ARM, logs=2)
+    wanted = read_case(folder).model
+    servo = '<position name="s" joint="shoulder" kp="25" kv="1.2"/>'
+    motor = '<motor name="s" joint="shoulder" gear="-50"/>'
+    (folder / "robot.xml").write_text(ARM.replace(servo, motor))
+    (folder / "robot.yaml").unlink()
+    path, said = describe(folder)
+    assert any("actuator[s]: motors of torque" in sentence for sentence in said)
+    with pytest.raises(ValueError, match=r"servos actuator.s.: expected .kp"):
+        read_case(folder)
+    path.write_text(path.read_text().replace("kp: , kd: ", "kp: 25, kd: 1.2 "))
+    found = read_case(folder).model
+    assert [one.tolist() for one in found.nominal_misses] == [
+        one.tolist() for one in wanted.nominal_misses
+    ]
+
+
 def test_a_joint_without_a_column_is_said(tmp_path: Path) -> None:
     folder = folder_with(tmp_path, {"q_shoulder": "shoulder_pos", "q_elbow": "spare"})
     _, said = describe(folder)

@@ -17,7 +17,8 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> RobotCase:
     folder = tmp_path_factory.mktemp("arm")
     tune = {"joint[*].damping": {"factor": [0.5, 3.0]}, "body[fore].mass": [0.1, 2.0]}
     windows = {"length_s": 0.4, "most": 4}
-    return read_case(write_folder(folder, ARM, logs=3, windows=windows, tune=tune))
+    more = {"windows": windows, "tune": tune, "servos": {"actuator[e]": {"kp": 2.0, "kd": 0.1}}}
+    return read_case(write_folder(folder, ARM, logs=3, **more))
 
 
 NATIVE = [

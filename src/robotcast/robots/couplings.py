@@ -1,10 +1,12 @@
-"""Friction between two joints, as of a cable or a differential that both move.
+"""What is put into a model before it is compiled: tendons between joints, and servos of motors.
 
-MuJoCo solves dry friction of a fixed tendon, so that every model gets two tendons for each pair of
-neighbouring joints, q₁ + q₂ and q₁ − q₂, without any friction: they change nothing until an effect
-gives them some.
+Friction between two joints, as of a cable or a differential that both move, MuJoCo solves as dry
+friction of a fixed tendon. So every model gets two tendons for each pair of neighbouring joints,
+q₁ + q₂ and q₁ − q₂, without any friction: they change nothing until an effect gives them some.
 """
 
+from collections.abc import Mapping
+from fnmatch import fnmatchcase
 from itertools import pairwise
 from typing import Any
 
@@ -26,6 +28,25 @@ def couple(spec: mujoco.MjSpec) -> mujoco.MjSpec:
             tendon = spec.add_tendon(name=_name(one, other, sign))
             tendon.wrap_joint(one, 1.0)
             tendon.wrap_joint(other, sign)
+    return spec
+
+
+def serve(spec: Any, servos: Mapping[str, tuple[float, float]], where: str) -> Any:
+    """Make position servos of motors, by name or pattern → kp, kd in N m/rad or N/m; return it.
+
+    The torques that a motor's control is limited to limit the servo's.
+    """
+    names = [f"actuator[{one.name or k}]" for k, one in enumerate(spec.actuators)]
+    for pattern, (kp, kd) in servos.items():
+        found = [n for n in names if fnmatchcase(n, pattern.replace("[", "[[]", 1))]
+        if not found:
+            raise ValueError(f"{where}: {pattern} is none of {', '.join(names) or 'no actuators'}")
+        for one in (spec.actuators[names.index(name)] for name in found):
+            ends = np.sort(np.array(one.ctrlrange) * one.gainprm[0] * one.gear[0])
+            one.set_to_position(kp=kp, kv=kd)
+            one.gear[0], one.ctrllimited = 1.0, mujoco.mjtLimited.mjLIMITED_FALSE
+            if ends.any():
+                one.forcerange, one.forcelimited = ends, mujoco.mjtLimited.mjLIMITED_TRUE
     return spec
 
 

@@ -31,6 +31,7 @@ SPELLED = {  # SI unit → how a column's name has a unit of its kind → the un
 }
 LENGTHS = {*SPELLED["rad"], *SPELLED["m"]}
 ANY = LENGTHS.union(*SPELLED.values()) - set(SPELLED["s"])
+AS_COMMANDED = 0.5  # of a joint's variance: what is nearer to it is the position that it follows
 MORE = 8.0  # times as far as the joint: its command, or speed, is in degrees
 PERIODS = (("ns", 2e4), ("us", 200.0), ("ms", 0.3))  # unit → least usual step in it
 
@@ -46,6 +47,7 @@ class Guess:
     measured: dict[str, tuple[str, str]] = field(default_factory=dict)
     unused: list[str] = field(default_factory=list)
     unmeasured: list[str] = field(default_factory=list)
+    servos: list[str] = field(default_factory=list)
 
 
 def describe(folder: Path) -> tuple[Path, list[str]]:
@@ -98,6 +100,7 @@ def _guessed(model: mujoco.MjModel, table: pl.DataFrame) -> Guess:
             guess.measured[f"joint[{joint}].{kind}"] = (column, unit)
     for target, column in _driven(model, by_kind, single).items():
         guess.drive[target] = (column, _drive_unit(model, target, table, column, guess))
+        guess.servos += [target] if _follows(model, target, table, column, guess) else []
     used = {column for column, _ in (*guess.drive.values(), *guess.measured.values())}
     for sensor, address in _sensors(model):
         if sensor in left and sensor not in used:
@@ -264,6 +267,23 @@ def _drive_unit(
     return "deg" if np.nanstd(_numbers(table, column)) > MORE * moved > 0 else ""
 
 
+def _follows(
+    model: mujoco.MjModel, target: str, table: pl.DataFrame, column: str, guess: Guess
+) -> bool:
+    """Tell whether what should be the torque of a motor is the position that its joint follows."""
+    kind, name = target[:-1].split("[", 1)
+    which = names_of(model, kind).index(name) if kind == "actuator" else -1
+    if kind != "actuator" or _control(model, which) not in ("N m", "N"):
+        return False
+    joint = joint_of_actuator(model, which)
+    on = "" if joint is None else names_of(model, "joint")[joint]
+    place, _ = guess.measured.get(f"joint[{on}].position", ("", ""))
+    if not place:
+        return False
+    measured, commanded = _numbers(table, place), _numbers(table, column)
+    return bool(np.nanvar(commanded - measured) < AS_COMMANDED * np.nanvar(measured))
+
+
 def _too_fast(model: mujoco.MjModel, joint: int, values: np.ndarray, times_s: np.ndarray) -> bool:
     """Tell whether neither gravity nor a drive could turn a joint like that, read in radians."""
     data, mass = mujoco.MjData(model), np.empty((model.nv, model.nv))
@@ -291,6 +311,10 @@ def _text(folder: Path, model_path: Path, logs: Sequence[Path], guess: Guess) ->
 
     joint = next(iter(guess.measured), "joint[NAME].position").rpartition(".")[0]
     weld = f"weld: [{', '.join(map(_quoted, guess.weld))}]  # stays where the model puts it\n"
+    servos = (
+        "servos:  # commanded positions: the gains kp, kd with which the robot follows them\n"
+        + "".join(f"  {_quoted(one)}: {{ kp: , kd: }}\n" for one in _shortest(guess))
+    )
     return (
         f"# Written by describe from {model_path.name} and {logs[0].name}: check columns, units.\n"
         f"model: {_quoted(model_path.name)}\n"
@@ -298,12 +322,16 @@ def _text(folder: Path, model_path: Path, logs: Sequence[Path], guess: Guess) ->
         f"time: {{ column: {_quoted(guess.time)}, unit: {guess.time_unit} }}\n"
         f"drive:  # what was commanded\n{lines(guess.drive)}\n"
         f"measured:\n{lines(guess.measured)}\n"
-        f"{weld if guess.weld else ''}"
+        f"{weld if guess.weld else ''}{servos if guess.servos else ''}"
         "# tune:  # parameters that the nominal fit may change, with bounds; others are trusted\n"
         f"#   {joint}.damping: [0.0, 1.0]\n"
         "#   body[*].mass: { factor: [0.8, 1.2] }\n"
         + (f"# not used: {', '.join(guess.unused)}\n" if guess.unused else "")
     )
+
+
+def _shortest(guess: Guess) -> list[str]:
+    return ["actuator[*]"] if guess.servos == list(guess.drive) else guess.servos
 
 
 def _quoted(text: str) -> str:
@@ -314,6 +342,11 @@ def _remarks(log: Path, guess: Guess) -> list[str]:
     said = [f"time is column {guess.time!r} in {guess.time_unit}"]
     for target, (column, unit) in {**guess.drive, **guess.measured}.items():
         said.append(f"{target} is column {column!r}{f' in {unit}' if unit else ''}")
+    if guess.servos:
+        said.append(
+            f"{' and '.join(_shortest(guess))}: motors of torque, but their columns are positions "
+            "that the joints follow: write the gains of the robot's controller below servos"
+        )
     if guess.weld:
         said.append(
             f"{', '.join(guess.weld)}: a free or a ball joint, which is not simulated; it is taken "

@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from robotcast.robots.couplings import serve
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import in_file
 from robotcast.robots.model_fields import OneModel
@@ -55,7 +56,7 @@ def patched(
     fields = OneModel(copy(robot.model))
     for one, value in zip(robot.tune, tuned, strict=True):
         (fields.multiply if one.factor else fields.set)(one.at, np.array([[value]]))
-    spec = load_spec(robot.model_path)
+    spec = serve(load_spec(robot.model_path), robot.servos, str(robot.path))
     moving: Any = Moving(spec, robot.weld)
     left_out = []
     zeros = [one for one in acting if one[0].acts_through("closes")]

@@ -12,7 +12,7 @@ import mujoco
 import yaml
 
 from robotcast.files import write_text
-from robotcast.robots.couplings import couple
+from robotcast.robots.couplings import couple, serve
 from robotcast.robots.model_fields import Payload
 from robotcast.robots.names import (
     Address,
@@ -33,6 +33,7 @@ KEYS = {
     "time": "column and unit",
     "drive": "what the columns drive",
     "measured": "what the columns measure",
+    "servos": "motors whose columns are commanded positions → kp, kd of the robot's controller",
     "weld": "joints that stay where the model puts them, a base on a stand",
     "tune": "parameters of the model that the nominal fit may change, with bounds",
     "sysid": "a ParameterDict of mujoco.sysid, as it saves it, for values and bounds of `tune`",
@@ -93,6 +94,7 @@ class RobotFile:
     drive: Mapping[Channel, Column]
     measured: Mapping[Signal, Column]
     weld: tuple[str, ...] = ()
+    servos: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     tune: tuple[Tunable, ...] = ()
     groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)  # joints' dofs
     payloads: Mapping[str, tuple[Payload, ...]] = field(default_factory=dict)  # by log
@@ -209,7 +211,9 @@ def read_robot(folder: Path) -> RobotFile:
         if not said.get(key):
             raise ValueError(f"{path}: {key!r} is missing: it names {KEYS[key]}")
     model_path, weld = folder / str(said.get("model")), tuple(said.names("weld"))
-    model = compiled(couple(load_spec(model_path, weld)), model_path)
+    servos = _servos(said.part("servos"))
+    spec = serve(couple(load_spec(model_path, weld)), servos, f"{path}: servos")
+    model = compiled(spec, model_path)
     if loose := [n for n, t in zip(names_of(model, "joint"), model.jnt_type, strict=True) if t < 2]:
         raise ValueError(
             f"{model_path}: {loose[0]} is a free or a ball joint; only hinges and slides are "
@@ -228,6 +232,7 @@ def read_robot(folder: Path) -> RobotFile:
         drive=_columns(said.part("drive"), channel, model),
         measured=_columns(said.part("measured"), signal, model),
         weld=weld,
+        servos=servos,
         tune=tuple(_tunables(said, known, model)),
         groups=_groups(said.part("groups"), model),
         payloads=_payloads(said.part("payloads"), model),
@@ -343,6 +348,22 @@ def _tunables(said: _Said, known: Mapping[str, Mapping[str, Any]], model: Any) -
             rule = f"expected bounds [least, most], or factor: [least, most] of the model's{also}"
             raise wrong(rule, how)
         found.append(Tunable(at, float(bounds[0]), float(bounds[1]), factor))
+    return found
+
+
+def _servos(said: _Said) -> dict[str, tuple[float, float]]:
+    found = {}
+    for target in said.values:
+        part = said.part(target)
+        part.allow("kp", "kd")
+        kp, kd = part.number("kp"), part.number("kd")
+        if kp is None or kd is None or not (kp > 0 and kd >= 0):
+            raise part.wrong(
+                "expected {kp: …, kd: …}, the gains with which the robot follows a position "
+                "[N m/rad, N m s/rad]",
+                part.values,
+            )
+        found[str(target)] = kp, kd
     return found
 
 
