@@ -57,6 +57,7 @@ def score(case: str, folder: Path, alone: bool) -> dict[str, Any]:
     row = {
         "case": case,
         "answer": sorted(answer),
+        "either": truth["either"],
         "said": said["verdict"] if said["code"] != "cannot tell" else ["cannot tell"],
         "confused": sorted(confused - told),
         "right": told == answer if not truth["either"] else told < answer <= told | confused,
@@ -212,7 +213,8 @@ def every(rows: Sequence[dict[str, Any]]) -> str:
         errors = " → ".join(
             f"{e:.2f}" for e in dict.fromkeys((row["errors"][0], row["errors"][-1]))
         )
-        hidden, confused = " + ".join(row["answer"]), ", ".join(row["confused"])
+        joined = " or " if row.get("either") else " + "
+        hidden, confused = joined.join(row["answer"]), ", ".join(row["confused"])
         shown = [row["case"], hidden, said, confused, errors, row["floor"], row["cpu_seconds"]]
         lines.append([str(one) for one in shown])
         if again := row.get("after_next"):

@@ -256,11 +256,9 @@ def _drive_unit(
     if kind == "joint":
         si = "N m" if is_hinge(model, which) else "N"
         return _named_unit(column, name, si) or si
-    joint, si = joint_of_actuator(model, which), _control(model, which)
-    on = "" if joint is None else names_of(model, "joint")[joint]
+    si, on, place, unit = _driving(model, which, guess)
     kinds = ("N m", "N") if si.startswith("N") else (si,) if si else ()
     named = _named_unit(column, f"{name} {on}", *kinds)
-    place, unit = guess.measured.get(f"joint[{on}].position", ("", ""))
     if named or si != "rad" or not place:
         return named
     moved = np.nanstd(_numbers(table, place)) * UNITS["rad"][unit]
@@ -271,17 +269,21 @@ def _follows(
     model: mujoco.MjModel, target: str, table: pl.DataFrame, column: str, guess: Guess
 ) -> bool:
     """Tell whether what should be the torque of a motor is the position that its joint follows."""
-    kind, name = target[:-1].split("[", 1)
-    which = names_of(model, kind).index(name) if kind == "actuator" else -1
-    if kind != "actuator" or _control(model, which) not in ("N m", "N"):
+    kind, name = target.removesuffix(".torque")[:-1].split("[", 1)
+    if kind == "joint":
         return False
-    joint = joint_of_actuator(model, which)
-    on = "" if joint is None else names_of(model, "joint")[joint]
-    place, _ = guess.measured.get(f"joint[{on}].position", ("", ""))
-    if not place:
+    si, _, place, _ = _driving(model, names_of(model, kind).index(name), guess)
+    if not place or si not in ("N m", "N"):
         return False
     measured, commanded = _numbers(table, place), _numbers(table, column)
     return bool(np.nanvar(commanded - measured) < AS_COMMANDED * np.nanvar(measured))
+
+
+def _driving(model: mujoco.MjModel, actuator: int, guess: Guess) -> tuple[str, str, str, str]:
+    """Return the unit of a control, the joint that it moves, and its position's column and unit."""
+    joint = joint_of_actuator(model, actuator)
+    on = "" if joint is None else names_of(model, "joint")[joint]
+    return _control(model, actuator), on, *guess.measured.get(f"joint[{on}].position", ("", ""))
 
 
 def _too_fast(model: mujoco.MjModel, joint: int, values: np.ndarray, times_s: np.ndarray) -> bool:

@@ -114,10 +114,14 @@ class RobotModel:
 
     @cached_property
     def nominal_misses(self) -> list[np.ndarray]:
-        """Predicted − measured of every window, (k, d) each, NaN where a run diverged."""
+        """What the model as it is misses of every window (see `misses`)."""
         nominal = np.array([[p.nominal for p in self.parameters]])
-        found = zip(self.predict(self.records, (), nominal)[0], self.records, strict=True)
-        return [path[: len(r.times_s)] - r.measured for path, r in found]
+        return self.misses(self.predict(self.records, (), nominal)[0])
+
+    def misses(self, paths: np.ndarray) -> list[np.ndarray]:
+        """Return predicted − measured of all windows, (k, d) each, NaN where a run diverged."""
+        pairs = zip(paths, self.records, strict=True)
+        return [path[: len(r.times_s)] - r.measured for path, r in pairs]
 
     def perfect_miss(self, records: Sequence[Record], seed: int = 0) -> float:
         """Return what noise and start states leave of a perfect model, % of the scale.

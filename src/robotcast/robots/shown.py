@@ -45,11 +45,7 @@ def _traces(case: RobotCase, before: np.ndarray, after: np.ndarray) -> dict[str,
     model, axes = case.model, case.wording.axes
     scale = np.array([axis.scale for axis in axes])
 
-    def missed(paths: np.ndarray) -> list[np.ndarray]:
-        pairs = zip(paths, model.records, strict=True)
-        return [path[: len(r.times_s)] - r.measured for path, r in pairs]
-
-    off, off_after = missed(before), missed(after)
+    off, off_after = model.misses(before), model.misses(after)
     size = [float(np.nanmean(np.linalg.norm(one, axis=1))) for one in off]
     order = np.argsort(np.nan_to_num(size, nan=np.inf), kind="stable")
     found = []
