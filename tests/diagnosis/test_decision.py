@@ -82,6 +82,13 @@ def test_without_repeats_nothing_is_called_fit() -> None:
     assert verdict.code is Code.CANNOT_TELL
 
 
+def test_a_set_that_only_imitates_hides_no_name() -> None:
+    before = found(2.9, rung(2.4, "tilt"), FLOOR)
+    known = found(2.9, None, FLOOR, rung(1.05, "drag"))
+    verdict = decide(before, FLOOR, RULE, lambda: field(1.2, True), lambda own: known)
+    assert verdict.named == ("drag",)
+
+
 @pytest.mark.parametrize(("level", "named"), [(1.15, ("drag",)), (1.45, ()), (1.6, ())])
 def test_a_name_is_said_where_it_does_as_well_as_a_field_that_pays(level, named) -> None:
     """Not where it leaves most of what the field explains, or stays above the floor."""

@@ -192,7 +192,7 @@ def test_two_effects_that_act_together_are_both_named() -> None:
 
 def test_a_small_effect_beside_a_large_one_comes_near() -> None:
     said = diagnosed(pushes(tilt=TILTED, late_clock=(0.05,)))
-    assert said["verdict"] == ["tilt"] and said["nearest"] == ["late_clock"]
+    assert said["verdict"] == ["tilt"] and said["nearest"] == [["late_clock"]]
     assert "It may be this too: the clock is late" in said["sentence"]
 
 

@@ -122,7 +122,7 @@ def pull_field() -> dict[str, Any]:
 def near() -> dict[str, Any]:
     """Nothing is confirmed, but two effects came near."""
     alike = confused()
-    pair = alike["confusion_set"][0]
+    pair = [[name] for name in alike["confusion_set"][0]]
     rows = [{**r, "status": r["status"].replace("confirmed", "refitted")} for r in alike["ranking"]]
     given = {"verdict": ["none"], "code": "none", "nearest": pair, "ranking": rows}
     sentence = "No effect of the library is confirmed. It may be one of two."

@@ -52,6 +52,7 @@ SERVO, MOTOR = (
     '<motor name="drive" joint="elbow"/>',
 )
 GEARED = '<motor name="drive" joint="elbow" gear="50"/>'
+MOTOR_OF_SHOULDER = '<motor name="s" joint="shoulder" gear="-5" ctrlrange="-40 40"/>'
 TENDON = '<motor name="drive" tendon="cable"/>'
 
 
@@ -92,24 +93,37 @@ def test_a_servo_that_is_commanded_far_more_than_its_joint_turns_is_so_in_degree
     assert yaml.safe_load(path.read_text())["drive"]["actuator[s]"]["unit"] == "deg"
 
 
+@pytest.mark.parametrize("unit", ["rad", "deg"])
 def test_a_motor_that_is_logged_by_commanded_positions_asks_for_the_gains_of_its_servo(
-    tmp_path: Path,
+    tmp_path: Path, unit: str
 ) -> None:
-    folder = write_folder(tmp_path, ARM, logs=2)
+    folder = write_folder(tmp_path, ARM.replace('<motor name="e" joint="elbow"/>', ""), logs=2)
     wanted = read_case(folder).model
+    text = (folder / "robot.xml").read_text()
     servo = '<position name="s" joint="shoulder" kp="25" kv="1.2"/>'
-    motor = '<motor name="s" joint="shoulder" gear="-50"/>'
-    (folder / "robot.xml").write_text(ARM.replace(servo, motor))
+    (folder / "robot.xml").write_text(text.replace(servo, MOTOR_OF_SHOULDER))
     (folder / "robot.yaml").unlink()
+    for log in folder.glob("*.csv"):
+        table = pl.read_csv(log)
+        table.with_columns(pl.col("u_s").degrees() if unit == "deg" else "u_s").write_csv(log)
     path, said = describe(folder)
     assert any("actuator[s]: motors of torque" in sentence for sentence in said)
+    assert yaml.safe_load(path.read_text())["drive"]["actuator[s]"]["unit"] == unit
     with pytest.raises(ValueError, match=r"servos actuator.s.: expected .kp"):
         read_case(folder)
     path.write_text(path.read_text().replace("kp: , kd: ", "kp: 25, kd: 1.2 "))
-    found = read_case(folder).model
-    assert [one.tolist() for one in found.nominal_misses] == [
-        one.tolist() for one in wanted.nominal_misses
-    ]
+    found = read_case(folder)
+    assert found.robot.model.actuator_forcerange[0].tolist() == [-40, 40]
+    for one, other in zip(found.model.nominal_misses, wanted.nominal_misses, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6)
+
+
+def test_a_torque_that_looks_like_its_joints_position_is_no_command(tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, {"u_e": "elbow_torque"})
+    for log in folder.glob("*.csv"):
+        pl.read_csv(log).with_columns(elbow_torque="q_elbow").write_csv(log)
+    path, _ = describe(folder)
+    assert "servos" not in yaml.safe_load(path.read_text())
 
 
 def test_a_joint_without_a_column_is_said(tmp_path: Path) -> None:

@@ -187,7 +187,7 @@ def decide(
     )
     if imitated:
         near = (_best(found),)
-    elif left.enough:
+    if left.enough:
         assert left.rung is not None
         own = len(found.base.revision.fit.vector)
         more = refit(left.rung.revision.fit.vector[:own])
@@ -195,7 +195,7 @@ def decide(
         if known:
             unfinished = floor.above(known.top.errors.waypoint[scales.usual], enough)
             return Verdict(Code.NAMED, known.named, (), Unexplained() if unfinished else None)
-        near = _near(more, rule)
+        near = near if imitated else _near(more, rule)
     shown = left.enough if far else unfinished and _is_like_it(found, floor, left, rule)
     if shown or (far and (imitated or not floor.is_least)):
         return Verdict(Code.UNKNOWN, (), near, left)

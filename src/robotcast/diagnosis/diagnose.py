@@ -162,9 +162,7 @@ class _Run:
         self._verdict = decide(
             self._found, self._floor, case.rule, self._look, selection.refit_singles
         )
-        none = self._verdict.code is Code.NONE
-        shown = self._verdict.named or (() if none else self._found.named)
-        self._found = selection.choose((*case.fixed, *shown))
+        self._found = selection.choose((*case.fixed, *self._verdict.named))
         self._screen(self._found.chosen)
 
     def look_only(self) -> None:
@@ -269,10 +267,10 @@ class _Run:
             "code": verdict.code.value if verdict else "",
             "sentence": self._sentence(verdict) if verdict else "",
             "confusion_set": report.confusion_set(found, near, verdict),
-            "nearest": [n for rung in near for n in rung.effects if n not in known],
+            "nearest": [[n for n in rung.effects if n not in known] for rung in near],
             "unexplained": report.unexplained(inquiry, left, case.draw),
             "notes": self._notes(base),
-            "ladder": report.ladder(found, verdict),
+            "ladder": report.ladder(found),
             "ranking": [
                 *report.ranking(
                     inquiry, found, self._screens, verdict, case.rule, slices, stability

@@ -251,7 +251,7 @@ def open_contests(
     rivals = [(name, rival) for name in verdict.named for rival in found.rivals.get(name, ())]
     if rivals:
         return [[_between(inquiry, found, *pair) for pair in rivals[:MOST_RIVALS]]]
-    top = found.top.revision if found.judged and verdict.named else base
+    top = found.top.revision if found.judged else base
     near = [rung.revision for rung in verdict.near]
     first = [*_which_of(near), *(_added(one, top) for one in near)]
     left = verdict.left

@@ -39,10 +39,9 @@ def sentence(
     assert found.scales is not None
     usual = found.scales.usual
     middle = {e: float(np.median(rung.errors.waypoint[usual])) for e, rung in found.judged.items()}
-    last = found.base if verdict.code is Code.UNKNOWN else found.top
-    before, after = middle[found.base.effects], middle[last.effects]
+    before, after = middle[found.base.effects], middle[found.top.effects]
     unit, trials = inquiry.model.error_unit, wording.trials
-    times = _times(last, found.scales, floor, after, wording)
+    times = _times(found.top, found.scales, floor, after, wording)
     blunders = _blunders(int((~usual).sum()), len(usual), wording)
     near = _nearest(inquiry, found, verdict, wording)
     if verdict.code in (Code.NONE, Code.CANNOT_TELL):
@@ -119,9 +118,8 @@ def _blunders(n: int, of: int, wording: Wording) -> str:
 def _nearest(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording) -> str:
     if not verdict.near or found.scales is None:
         return ""
-    known = found.chosen if verdict.named else found.base.effects
     texts = " or ".join(
-        " and ".join(inquiry.model.effects[n].text for n in rung.effects if n not in known)
+        " and ".join(inquiry.model.effects[n].text for n in rung.effects if n not in found.chosen)
         for rung in verdict.near
     )
     error = float(np.median(verdict.near[0].errors.waypoint[found.scales.usual]))
@@ -130,10 +128,7 @@ def _nearest(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording)
         return f" Of the effects with a name this comes nearest: {texts}, with {percent}."
     if verdict.named:
         return f" It may be this too: {texts}; the error would fall by little more, to {percent}."
-    return (
-        f" It may be this: {texts}. With it the error is {percent}, but these {wording.trials} "
-        "do not confirm it."
-    )
+    return f" It may be this: {texts}. With it the error is {percent}, not enough to name it."
 
 
 def sentence_on_too_few(inquiry: Inquiry, wording: Wording, rule: Rule) -> str:
@@ -176,11 +171,10 @@ def unexplained(
     }
 
 
-def ladder(found: Found, verdict: Verdict | None) -> list[dict[str, Any]]:
-    """Return the rungs of the error ladder: the base model alone where no effect is named."""
+def ladder(found: Found) -> list[dict[str, Any]]:
+    """Return the rungs of the error ladder."""
     usual = found.scales.usual if found.scales else slice(None)
-    rungs = found.ladder if verdict is None or verdict.named else found.ladder[:1]
-    return [_rung(rung, usual) for rung in rungs]
+    return [_rung(rung, usual) for rung in found.ladder]
 
 
 def _rung(rung: Rung, usual: np.ndarray | slice) -> dict[str, Any]:
@@ -208,8 +202,7 @@ def model_parameters(
     """Return the fitted parameters of the model with the named effects, theirs too."""
     if verdict is None or not found.judged:
         return {}
-    top = found.top if verdict.named else found.base
-    return fitted(inquiry, top.revision, top.errors.vectors, rule)
+    return fitted(inquiry, found.top.revision, found.top.errors.vectors, rule)
 
 
 def fitted(inquiry: Inquiry, revision: Revision, vectors: np.ndarray, rule: Rule) -> dict[str, Any]:

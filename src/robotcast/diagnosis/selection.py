@@ -112,10 +112,11 @@ class Selection:
             whole = min([self.early.expected_error(library.effects, library.fit), *more])
             return own - whole > least
 
-        if above and not adds():
-            self._next(Step.LIBRARY)
-            library = self._library.again(effects, early[effects], self._effort)
-            self.found = replace(self.found, library=library)
+        if effects == self._fixed or not above or adds():
+            return adds()
+        self._next(Step.LIBRARY)
+        library = self._library.again(effects, early[effects], self._effort)
+        self.found = replace(self.found, library=library)
         return adds()
 
     def _refit_size(self, size: int) -> None:

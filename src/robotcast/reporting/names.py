@@ -91,6 +91,11 @@ def effect_name(effect: str) -> str:
     return effect.replace("_", " ")
 
 
+def alternatives(sets: Iterable[Iterable[str]]) -> str:
+    """[board_tilt, air_drag], [tool_lag] → board tilt and air drag or tool lag."""
+    return " or ".join(" and ".join(map(effect_name, some)) for some in sets)
+
+
 def factor_name(name: str) -> str:
     """theta1 → θ₁; a name without a symbol stays."""
     return _FACTORS.get(name, name.replace("_", " "))

@@ -65,7 +65,7 @@ _TEMPLATES = Environment(
 )
 _WRITTEN = (
     "error", "number", "odds", "p_value", "quantity", "share", "thousands",
-    "cable_name", "effect_name", "policy_label", "rig_name", "rig_names",
+    "alternatives", "cable_name", "effect_name", "policy_label", "rig_name", "rig_names",
 )  # fmt: skip
 _TEMPLATES.globals.update({name: getattr(names, name) for name in _WRITTEN})
 _TEMPLATES.filters.update({name: getattr(names, name) for name in _WRITTEN})

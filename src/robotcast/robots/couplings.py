@@ -17,7 +17,14 @@ from robotcast.robots.effect import RobotEffect
 from robotcast.robots.model_fields import ModelFields
 from robotcast.robots.names import Address
 
+WORLD = "world"
 MOST_JOINTS = 4  # of a robot whose pairs of joints are looked at
+MOTOR = (
+    mujoco.mjtTrn.mjTRN_JOINT,
+    mujoco.mjtGain.mjGAIN_FIXED,
+    mujoco.mjtBias.mjBIAS_NONE,
+    mujoco.mjtDyn.mjDYN_NONE,
+)
 SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 
 
@@ -31,23 +38,34 @@ def couple(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     return spec
 
 
-def serve(spec: Any, servos: Mapping[str, tuple[float, float]], where: str) -> Any:
-    """Make position servos of motors, by name or pattern → kp, kd in N m/rad or N/m; return it.
+def serve(spec: Any, servos: Mapping[str, tuple[float, float]], where: str) -> None:
+    """Make position servos of motors, by name or pattern → kp, kd of the joint in SI units.
 
-    The torques that a motor's control is limited to limit the servo's.
+    The last pattern that fits counts. What a motor's control is limited to limits the servo's
+    torque. With a gear g its force f drives the joint by g f, and its length is g q.
     """
     names = [f"actuator[{one.name or k}]" for k, one in enumerate(spec.actuators)]
-    for pattern, (kp, kd) in servos.items():
+    wanted = {}
+    for pattern, gains in servos.items():
         found = [n for n in names if fnmatchcase(n, pattern.replace("[", "[[]", 1))]
         if not found:
             raise ValueError(f"{where}: {pattern} is none of {', '.join(names) or 'no actuators'}")
-        for one in (spec.actuators[names.index(name)] for name in found):
-            ends = np.sort(np.array(one.ctrlrange) * one.gainprm[0] * one.gear[0])
-            one.set_to_position(kp=kp, kv=kd)
-            one.gear[0], one.ctrllimited = 1.0, mujoco.mjtLimited.mjLIMITED_FALSE
-            if ends.any():
-                one.forcerange, one.forcelimited = ends, mujoco.mjtLimited.mjLIMITED_TRUE
-    return spec
+        wanted |= dict.fromkeys(found, gains)
+    for name, (kp, kd) in wanted.items():
+        one = spec.actuators[names.index(name)]
+        kinds = (one.trntype, one.gaintype, one.biastype, one.dyntype)
+        if kinds != MOTOR:
+            raise ValueError(
+                f"{where}: {name} is no motor of a joint, which a servo can be made of"
+            )
+        gear, ends = one.gear[0], np.sort(np.array(one.ctrlrange) * one.gainprm[0])
+        if one.ctrllimited != mujoco.mjtLimited.mjLIMITED_FALSE and ends.any():
+            if one.forcelimited != mujoco.mjtLimited.mjLIMITED_FALSE and np.any(one.forcerange):
+                ends = np.clip(ends, *one.forcerange)
+            one.forcerange, one.forcelimited = ends, mujoco.mjtLimited.mjLIMITED_TRUE
+        one.ctrllimited = mujoco.mjtLimited.mjLIMITED_FALSE
+        one.set_to_position(kp=kp / gear**2, kv=kd / gear**2)
+        one.gainprm[0] = kp / gear
 
 
 def coupled(model: mujoco.MjModel) -> list[tuple[str, str]]:
@@ -57,13 +75,18 @@ def coupled(model: mujoco.MjModel) -> list[tuple[str, str]]:
     return [(one, other) for one, other in found if one in names and other in names]
 
 
+def moved_by(body: Any) -> Any:
+    """Return the body that a joint moves and this one is fixed to, or the world."""
+    while body.name != WORLD and not body.joints:
+        body = body.parent
+    return body
+
+
 def _neighbours(spec: mujoco.MjSpec) -> list[tuple[str, str]]:
     """Return neighbouring joints of one kind."""
     found = []
     for body in spec.bodies[1:] if len(spec.joints) <= MOST_JOINTS else ():
-        above = body.parent
-        while above.name != "world" and not above.joints:
-            above = above.parent
+        above = moved_by(body.parent)
         found += [
             (one.name, other.name)
             for one, other in pairwise([*list(above.joints)[-1:], *body.joints])

@@ -98,9 +98,16 @@ def _guessed(model: mujoco.MjModel, table: pl.DataFrame) -> Guess:
         for joint, column in _assigned(by_kind[kind], {n: [n] for n in single}).items():
             unit = _unit(model, single[joint], table, column, kind, guess)
             guess.measured[f"joint[{joint}].{kind}"] = (column, unit)
+    follows = {}
     for target, column in _driven(model, by_kind, single).items():
         guess.drive[target] = (column, _drive_unit(model, target, table, column, guess))
-        guess.servos += [target] if _follows(model, target, table, column, guess) else []
+        follows[target] = _followed(model, target, table, column, guess)
+    guess.servos = [t for t, unit in follows.items() if unit is not None and any(follows.values())]
+    units = {unit for unit in follows.values() if unit}
+    for target in guess.servos:  # one that stood still has the unit of the others
+        unit = follows[target] or min(units)
+        guess.drive[target] = (guess.drive[target][0], unit)
+    guess.servos = ["actuator[*]"] if len(guess.servos) == model.nu > 1 else guess.servos
     used = {column for column, _ in (*guess.drive.values(), *guess.measured.values())}
     for sensor, address in _sensors(model):
         if sensor in left and sensor not in used:
@@ -265,18 +272,28 @@ def _drive_unit(
     return "deg" if np.nanstd(_numbers(table, column)) > MORE * moved > 0 else ""
 
 
-def _follows(
+def _followed(
     model: mujoco.MjModel, target: str, table: pl.DataFrame, column: str, guess: Guess
-) -> bool:
-    """Tell whether what should be the torque of a motor is the position that its joint follows."""
-    kind, name = target.removesuffix(".torque")[:-1].split("[", 1)
-    if kind == "joint":
-        return False
-    si, _, place, _ = _driving(model, names_of(model, kind).index(name), guess)
-    if not place or si not in ("N m", "N"):
-        return False
-    measured, commanded = _numbers(table, place), _numbers(table, column)
-    return bool(np.nanvar(commanded - measured) < AS_COMMANDED * np.nanvar(measured))
+) -> str | None:
+    """Return the unit of a motor's column that is no torque but the position its joint follows.
+
+    Nothing where it does not, and None where it can be no position.
+    """
+    if target.endswith(".torque"):
+        return None
+    name = target[:-1].split("[", 1)[1]
+    si, on, place, unit = _driving(model, names_of(model, "actuator").index(name), guess)
+    torque = guess.drive[target][1] or _tokens(column) & KINDS["torque"]
+    if si not in ("N m", "N") or torque or not place:
+        return None
+    length = "rad" if si == "N m" else "m"
+    named, to_si = _named_unit(column, f"{name} {on}", length), UNITS[length]
+    measured = _numbers(table, place) * to_si[unit]
+    for one in [named] if named else dict.fromkeys([unit, length, *(["deg"] * (length == "rad"))]):
+        off = _numbers(table, column) * to_si[one] - measured
+        if np.nanvar(off) < AS_COMMANDED * np.nanvar(measured):
+            return one
+    return ""
 
 
 def _driving(model: mujoco.MjModel, actuator: int, guess: Guess) -> tuple[str, str, str, str]:
@@ -315,7 +332,7 @@ def _text(folder: Path, model_path: Path, logs: Sequence[Path], guess: Guess) ->
     weld = f"weld: [{', '.join(map(_quoted, guess.weld))}]  # stays where the model puts it\n"
     servos = (
         "servos:  # commanded positions: the gains kp, kd with which the robot follows them\n"
-        + "".join(f"  {_quoted(one)}: {{ kp: , kd: }}\n" for one in _shortest(guess))
+        + "".join(f"  {_quoted(one)}: {{ kp: , kd: }}\n" for one in guess.servos)
     )
     return (
         f"# Written by describe from {model_path.name} and {logs[0].name}: check columns, units.\n"
@@ -332,10 +349,6 @@ def _text(folder: Path, model_path: Path, logs: Sequence[Path], guess: Guess) ->
     )
 
 
-def _shortest(guess: Guess) -> list[str]:
-    return ["actuator[*]"] if guess.servos == list(guess.drive) else guess.servos
-
-
 def _quoted(text: str) -> str:
     return text if re.fullmatch(r"[A-Za-z_][\w./-]*", text) else f'"{text}"'
 
@@ -346,7 +359,7 @@ def _remarks(log: Path, guess: Guess) -> list[str]:
         said.append(f"{target} is column {column!r}{f' in {unit}' if unit else ''}")
     if guess.servos:
         said.append(
-            f"{' and '.join(_shortest(guess))}: motors of torque, but their columns are positions "
+            f"{' and '.join(guess.servos)}: motors of torque, but their columns are positions "
             "that the joints follow: write the gains of the robot's controller below servos"
         )
     if guess.weld:

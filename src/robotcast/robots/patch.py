@@ -56,8 +56,9 @@ def patched(
     fields = OneModel(copy(robot.model))
     for one, value in zip(robot.tune, tuned, strict=True):
         (fields.multiply if one.factor else fields.set)(one.at, np.array([[value]]))
-    spec = serve(load_spec(robot.model_path), robot.servos, str(robot.path))
+    spec = load_spec(robot.model_path)
     moving: Any = Moving(spec, robot.weld)
+    serve(moving, robot.servos, str(robot.path))
     left_out = []
     zeros = [one for one in acting if one[0].acts_through("closes")]
     for effect, values in (one for one in acting if one not in zeros):

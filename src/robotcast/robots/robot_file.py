@@ -12,7 +12,7 @@ import mujoco
 import yaml
 
 from robotcast.files import write_text
-from robotcast.robots.couplings import couple, serve
+from robotcast.robots.couplings import WORLD, couple, moved_by, serve
 from robotcast.robots.model_fields import Payload
 from robotcast.robots.names import (
     Address,
@@ -26,7 +26,7 @@ from robotcast.robots.names import (
     to_si,
 )
 
-FILE, WORLD = "robot.yaml", "world"
+FILE = "robot.yaml"
 KEYS = {
     "model": "the MJCF or URDF file",
     "logs": "file names or patterns, from the folder",
@@ -132,25 +132,21 @@ def load_spec(path: Path, weld: Sequence[str] = ()) -> mujoco.MjSpec:
     for key in list(spec.keys) if weld else ():
         spec.delete(key)
     for body, other in linked:
-        if _moving(body).name == WORLD:
+        if moved_by(body).name == WORLD:
             spec.add_exclude(bodyname1=body.name, bodyname2=other.name)
     return spec
 
 
 def _linked(spec: mujoco.MjSpec) -> list[tuple[Any, Any]]:
     """Return the pairs of bodies that a joint links, each with what is fixed to it; name them."""
-    for body, name in zip(spec.bodies, called(spec.bodies), strict=True):
-        body.name = name
-    bodies = [body for body in spec.bodies if _moving(body).name != WORLD]
-    above = {body.name: _moving(_moving(body).parent).name for body in bodies}
-    return [(a, b) for a in bodies for b in bodies if _moving(a).name == above[b.name]]
-
-
-def _moving(body: Any) -> Any:
-    """Return the body that a joint moves and this one is fixed to, or the world."""
-    while body.name != WORLD and not body.joints:
-        body = body.parent
-    return body
+    if spec.option.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT:
+        return []
+    taken = {body.name for body in spec.bodies}
+    for k, body in enumerate(spec.bodies):
+        body.name = body.name or (f"{k}_" if str(k) in taken else str(k))
+    bodies = [body for body in spec.bodies if moved_by(body).name != WORLD]
+    above = {body.name: moved_by(moved_by(body).parent).name for body in bodies}
+    return [(a, b) for a in bodies for b in bodies if moved_by(a).name == above[b.name]]
 
 
 def called(elements: Iterable[Any]) -> list[str]:
@@ -212,7 +208,8 @@ def read_robot(folder: Path) -> RobotFile:
             raise ValueError(f"{path}: {key!r} is missing: it names {KEYS[key]}")
     model_path, weld = folder / str(said.get("model")), tuple(said.names("weld"))
     servos = _servos(said.part("servos"))
-    spec = serve(couple(load_spec(model_path, weld)), servos, f"{path}: servos")
+    spec = couple(load_spec(model_path, weld))
+    serve(spec, servos, f"{path}: servos")
     model = compiled(spec, model_path)
     if loose := [n for n, t in zip(names_of(model, "joint"), model.jnt_type, strict=True) if t < 2]:
         raise ValueError(

@@ -144,6 +144,7 @@ class RobotModel:
         """The same model with a shorter step."""
         assert len(self._slopes)  # of the start states, which both have in common
         other, known = copy(self), self.rollout
+        other.__dict__.pop("nominal_misses", None)
         other.rollout = Rollout(known.robot, known.logs, known.windows, known.threads, FINER)
         return other
 
