@@ -103,9 +103,8 @@ def _guessed(model: mujoco.MjModel, table: pl.DataFrame) -> Guess:
         guess.drive[target] = (column, _drive_unit(model, target, table, column, guess))
         follows[target] = _followed(model, target, table, column, guess)
     guess.servos = [t for t, unit in follows.items() if unit is not None and any(follows.values())]
-    units = {unit for unit in follows.values() if unit}
     for target in guess.servos:  # one that stood still has the unit of the others
-        unit = follows[target] or min(units)
+        unit = follows[target] or next(filter(None, follows.values()))
         guess.drive[target] = (guess.drive[target][0], unit)
     guess.servos = ["actuator[*]"] if len(guess.servos) == model.nu > 1 else guess.servos
     used = {column for column, _ in (*guess.drive.values(), *guess.measured.values())}
