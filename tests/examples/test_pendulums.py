@@ -1,0 +1,41 @@
+"""Real pendulums whose MJCF has no friction: docs/your_robot.md says what is found."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robotcast.diagnosis.diagnose import diagnose
+from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.robots.robot_case import read_case
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+def said_of(robot: str) -> tuple[dict[str, Any], list[float], dict[str, Any], set[frozenset[str]]]:
+    """Diagnose; return all that is said, the ladder's errors, the sizes, and what is confused."""
+    case = read_case(EXAMPLES / robot)
+    said = diagnose(case.question((), (), Rule(), Effort()), lambda known: None)
+    errors = [rung["heldout_typical_error_percent"] for rung in said["ladder"]]
+    sizes = {row["effect"]: row["parameters"] for row in said["ranking"]}
+    return said, errors, sizes, {frozenset(some) for some in said["confusion_set"]}
+
+
+@pytest.mark.slow
+def test_dry_friction_is_named_in_both_joints_and_not_the_richer_law_that_does_no_better() -> None:
+    said, errors, sizes, confused = said_of("double_pendulum")
+    found = {"dry_friction_shoulder", "dry_friction_elbow", "armature_elbow"}
+    assert set(said["verdict"]) == found
+    assert errors[-1] < 0.1 * errors[0]
+    torque = sizes["dry_friction_shoulder"]["torque"]
+    assert torque["low"] < 0.25 < torque["high"]  # N m in motion, as its makers identified it
+    assert {"dry_friction_elbow", "stribeck_friction_elbow"} in confused
+
+
+@pytest.mark.slow
+def test_dry_friction_is_named_in_a_joint_that_was_swung_up_once() -> None:
+    said, errors, sizes, _ = said_of("swing_up")
+    assert said["verdict"] == ["dry_friction_shoulder"]
+    assert errors[-1] < 1.5 * said["noise_floor_percent"] < errors[0]
+    torque = sizes["dry_friction_shoulder"]["torque"]
+    assert torque["low"] < 0.29 < torque["high"]  # N m in motion, as its makers identified it
