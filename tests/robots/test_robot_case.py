@@ -129,8 +129,14 @@ def test_noise_is_read_from_the_logs(tmp_path: Path) -> None:
     assert noise[0] == pytest.approx(3e-3, rel=0.3)
 
 
-def test_a_perfect_model_stands_at_its_floor(tmp_path: Path) -> None:
-    case = read_case(write_folder(tmp_path, noise=2e-3))
+REMEMBERS = ARM.replace('kv="1.2"', 'kv="1.2" timeconst="0.1"').replace(
+    'name="e"', 'name="e" delay="0.03" nsample="64"'
+)
+
+
+@pytest.mark.parametrize("xml", [SLIDER, REMEMBERS])
+def test_a_perfect_model_stands_at_its_floor(tmp_path: Path, xml: str) -> None:
+    case = read_case(write_folder(tmp_path, xml, noise=2e-3))
     model, records = case.model, case.model.records
     found = model.predict(records, (), np.zeros((1, 0)))[0]
     missed = [

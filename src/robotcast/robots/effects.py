@@ -157,9 +157,9 @@ class DeadTime(RobotEffect):
         return tau
 
     def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, tau: float) -> bool:
-        for i in self.where.actuators:
-            spec.actuators[i].delay = tau
-            spec.actuators[i].nsample = int(np.ceil(tau / model.opt.timestep)) + 2
+        for actuator in (spec.actuators[i] for i in self.where.actuators):
+            actuator.delay += tau
+            actuator.nsample = int(np.ceil(actuator.delay / model.opt.timestep)) + 2
         return bool(self.where.actuators)
 
 

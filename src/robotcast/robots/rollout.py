@@ -27,6 +27,7 @@ DIVERGED_RATE = 1e4  # rad/s or m/s: no robot moves like that
 INPUTS = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 STEPWISE = ("force", "friction", "transmission")  # hooks that are asked at every step
 LEAD_S = 0.3  # of commands before a window, for effects that remember them
+MEMORY_S = 1.0  # the same for actuators with a state of their own
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,16 @@ class Rollout:
         self._step_s = float(self._model.opt.timestep)
         self._channels = list(robot.drive)
         self._signals = list(robot.measured)
+        own_delay_s, own_latency_s = self._model.actuator_delay, self._model.sensor_delay
+        commanded = [at.actuator for at in self._channels]
+        self._own_delay_s = [0.0 if a is None else own_delay_s[a] for a in commanded]
+        of_data = np.repeat(own_latency_s, self._model.sensor_dim)
+        sensed = [s.index if s.kind == "sensor" else None for s in self._signals]
+        self._own_latency_s = [0.0 if k is None else of_data[k] for k in sensed]
+        own_delay_s[:], own_latency_s[:] = (
+            0.0,
+            0.0,
+        )  # MuJoCo's buffers are too short for finer steps
         self._drives = [_Drive(log) for log in logs]
         self._payloads = [robot.payloads.get(logs[w.log].path.name, ()) for w in windows]
         self.qpos_of_dof = self._model.jnt_qposadr[self._model.dof_jntid]
@@ -123,9 +134,11 @@ class Rollout:
         fields.finish()
         for effect, own in _through("closes", acting):
             effect.closes(self._model, batch.expand("actuator_biasprm"), **own)
-        self._place(batch, starts, acting)
         n_steps = int(np.ceil(max(t[-1] for t in times_s) / self._step_s - 1e-9)) + 1
-        drive = self._drive(starts, acting, n_steps)
+        before, drive = self._drive(starts, acting, n_steps)
+        if self._model.na:
+            self._recall(batch, starts, before)
+        self._place(batch, starts, acting)
         if by_steps:
             path = self._stepped(batch, starts, acting, drive)
         else:
@@ -149,10 +162,48 @@ class Rollout:
             qvel[:, dofs] += late_s * qacc
         batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos, qvel
 
-    def _drive(self, starts: Sequence[Start], acting: Acting, n_steps: int) -> np.ndarray:
-        """Return what drives every step, (n_sim, n_steps, n_channels)."""
-        lead = round(LEAD_S / self._step_s) if any(True for _ in _through("command", acting)) else 0
-        delay_s = np.zeros((len(starts), len(self._channels)))
+    def _recall(self, batch: Batch, starts: Sequence[Start], drive: np.ndarray) -> None:
+        """Bring the actuators' own states to where the time before the start leaves them.
+
+        It is simulated with the joints led along as they were measured. When a log begins, drives
+        are taken to be at rest: servos want to be where they are.
+        """
+        since_s = self._step_s * np.arange(-drive.shape[1], 0)
+        led = {s.window: self._led(self.windows[s.window], since_s) for s in starts}
+        qpos, logged = (np.array([led[s.window][k] for s in starts]) for k in (0, 1))
+        qvel = np.gradient(qpos[:, :, self.qpos_of_dof], self._step_s, axis=1)
+        model, ctrl, act = self._model, batch.bind("ctrl"), batch.bind("act")
+        controls = [(c, at.actuator) for c, at in enumerate(self._channels)]
+        own = np.flatnonzero(model.actuator_actnum == 1)
+        gain, bias = model.actuator_gainprm[own, 0], model.actuator_biasprm[own]
+        at, length = model.actuator_actadr[own], batch.bind("actuator_length")
+        for k in range(drive.shape[1]):
+            batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos[:, k], qvel[:, k]
+            for channel, actuator in controls:
+                if actuator is not None:
+                    ctrl[:, actuator] = drive[:, k, channel]
+            batch.step()
+            rest = -(bias[:, 0] + bias[:, 1] * length[:, own]) / gain
+            act[:, at] = np.where(logged[:, [k]] & (k > 0), act[:, at], rest)
+
+    def _led(self, window: Window, since_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return positions as measured (k, nq), and since when there are any (k,)."""
+        log = self.logs[window.log]
+        at_s = log.times_s[window.first] + since_s
+        qpos = np.tile(self._model.qpos0, (len(since_s), 1))
+        for k, signal in enumerate(self._signals):
+            if signal.kind == "position":
+                seen = np.isfinite(log.measured[:, k])
+                qpos[:, signal.index] = np.interp(at_s, log.times_s[seen], log.measured[seen, k])
+        return qpos, at_s >= log.times_s[0]
+
+    def _drive(
+        self, starts: Sequence[Start], acting: Acting, n_steps: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return what drives the steps before the start and those after, (n_sim, n, n_channels)."""
+        lead_s = LEAD_S if any(True for _ in _through("command", acting)) else 0.0
+        lead = round((MEMORY_S if self._model.na else lead_s) / self._step_s)
+        delay_s = np.tile(self._own_delay_s, (len(starts), 1))
         for effect, own in _through("delay_s", acting):
             delay_s[:, list(effect.where.channels)] += effect.delay_s(**own)
         since_s = self._step_s * np.arange(-lead, n_steps + 1)
@@ -168,7 +219,7 @@ class Rollout:
         for effect, own in _through("command", acting):
             at = list(effect.where.channels)
             drive[:, :, at] = effect.command(drive[:, :, at], self._step_s, **_deeper(own))
-        return drive[:, lead:]
+        return drive[:, :lead], drive[:, lead:]
 
     def _rolled(self, batch: Batch, drive: np.ndarray) -> np.ndarray:
         """Do what `_stepped` does where nothing is computed between steps, in one call."""
@@ -275,7 +326,7 @@ class Rollout:
 
     def _latency_s(self, n_sim: int, acting: Acting) -> np.ndarray:
         """Return by how much every signal comes late, (n_sim, n_signals)."""
-        late_s = np.zeros((n_sim, len(self._signals)))
+        late_s = np.tile(self._own_latency_s, (n_sim, 1))
         for effect, own in _through("latency_s", acting):
             late_s[:, [s.dof in effect.where.dofs for s in self._signals]] += effect.latency_s(
                 **own
