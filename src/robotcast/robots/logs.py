@@ -272,7 +272,8 @@ def _refuse_other_units(
 def _refuse_stuck(row: _Rows, at: Signal, column: Column, values: np.ndarray) -> None:
     """Refuse runs of equal samples between fast ones: no joint stops and starts like that.
 
-    A velocity may: a joint sticks. It is refused at the ends of what it reaches alone.
+    A joint may stick: then it goes on from where it was, while a sensor that froze jumps to where
+    the joint has got to. A velocity is refused at the ends of what it reaches alone.
     """
     known = _known(values)
     steps = np.abs(np.diff(values, prepend=np.nan, append=np.nan))
@@ -280,13 +281,13 @@ def _refuse_stuck(row: _Rows, at: Signal, column: Column, values: np.ndarray) ->
     if len(np.unique(known)) < 2 * PLATEAU or not len(moved):
         return
     fast = max(0.3 * float(np.median(moved)), 4 * float(np.quantile(moved, 0.01)))
-    ends = known.min(), known.max()
+    ends, usual = (known.min(), known.max()), float(np.quantile(moved, 0.95))
     for first, end in _runs(steps[1:-1] == 0):
         # of the steps into a run and out of it the first may be a part of one; they are NaN at
         # the ends of a log, where a robot may rest
         edges = (steps[max(first - 1, 0) : first + 1], steps[end + 1 : end + 3])
         clipped = values[first] in ends
-        if at.kind != "position" and not clipped:
+        if not clipped and (at.kind != "position" or edges[1].max() <= usual):
             continue
         n = int((values == values[first]).sum()) if clipped else end - first + 1
         if n >= PLATEAU and end - first > SHORT and all(edge.max() > fast for edge in edges):
