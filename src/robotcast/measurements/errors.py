@@ -39,17 +39,15 @@ class PredictionErrors:
     n_diverged: int
 
 
-def waypoint_distances(predicted_m: np.ndarray, trials: Sequence[Trial]) -> np.ndarray:
-    """Return the distance of every predicted waypoint from the measured one.
+def cast_errors(predicted_m: np.ndarray, trials: Sequence[Trial]) -> tuple[np.ndarray, np.ndarray]:
+    """Return every cast's average waypoint error and final error, each (n_casts,) [m].
+
+    Both are NaN for a cast whose prediction lacks one of its waypoints: its run diverged.
 
     Parameters
     ----------
     predicted_m : ndarray of shape (n_casts, k_max, 2); waypoint j of cast i belongs to
         `trials[i].waypoints_s[j]`, so frames lost by the tracker take no part.
-
-    Returns
-    -------
-    ndarray of shape (n_casts, k_max) [m]; NaN past a cast's waypoints and where a run diverged.
     """
     k_most = max((len(t.waypoints_s) for t in trials), default=0)
     if len(predicted_m) != len(trials) or predicted_m.shape[1] < k_most:
@@ -57,25 +55,11 @@ def waypoint_distances(predicted_m: np.ndarray, trials: Sequence[Trial]) -> np.n
             f"expected predictions for {len(trials)} casts with up to {k_most} waypoints, "
             f"got an array of shape {predicted_m.shape}"
         )
-    distance_m = np.full(predicted_m.shape[:2], np.nan)
-    for row, predicted, trial in zip(distance_m, predicted_m, trials, strict=True):
-        k = len(trial.waypoints_s)
-        row[:k] = np.linalg.norm(predicted[:k] - trial.waypoints_m, axis=-1)
-    return distance_m
-
-
-def cast_errors(predicted_m: np.ndarray, trials: Sequence[Trial]) -> tuple[np.ndarray, np.ndarray]:
-    """Return every cast's average waypoint error and final error, each (n_casts,) [m].
-
-    Both are NaN for a cast whose prediction lacks one of its waypoints: its run diverged.
-    """
-    distance_m = waypoint_distances(predicted_m, trials)
-    average_m = np.array(
-        [row[: len(t.waypoints_s)].mean() for row, t in zip(distance_m, trials, strict=True)]
-    )
-    final_m = np.array(
-        [row[len(t.waypoints_s) - 1] for row, t in zip(distance_m, trials, strict=True)]
-    )
+    average_m, final_m = np.empty((2, len(trials)))
+    for i, (predicted, trial) in enumerate(zip(predicted_m, trials, strict=True)):
+        away_m = predicted[: len(trial.waypoints_m)] - trial.waypoints_m
+        distance_m = np.linalg.norm(away_m, axis=-1)
+        average_m[i], final_m[i] = distance_m.mean(), distance_m[-1]
     return average_m, np.where(np.isnan(average_m), np.nan, final_m)
 
 

@@ -1,6 +1,6 @@
 """The rules of a measurement set as a whole, and what real cables, arms and cameras can do.
 
-rules.yaml says of each rule what it reads, does and says.
+rules.yaml says of each rule what it reads, what it says and what follows.
 """
 
 from dataclasses import dataclass
@@ -91,10 +91,15 @@ class Finding:
 
 
 @cache
-def _rules() -> dict[str, dict[str, str]]:
-    return yaml.safe_load(
-        (files("robotcast.measurements") / "rules.yaml").read_text(encoding="utf-8")
-    )
+def _rules() -> dict[str, tuple[str, str, str]]:
+    """Return what follows where a rule is broken, which table it names and what it says."""
+    text = (files("robotcast.measurements") / "rules.yaml").read_text(encoding="utf-8")
+    return {
+        name: (then, of, says)
+        for then, tables in yaml.safe_load(text).items()
+        for of, rules in tables.items()
+        for name, says in rules.items()
+    }
 
 
 class Findings(list[Finding]):
@@ -107,23 +112,23 @@ class Findings(list[Finding]):
     def of_set(self, name: str, likely: Any, possible: Any = True, **numbers: Any) -> None:
         """Note a rule that the set breaks: it is not `likely`, or not even `possible`."""
         if not (likely and possible):
-            rule = _rules()[name]
-            refused = rule["then"] == "refused" or not possible
+            then, of, says = _rules()[name]
+            refused = then == "refused" or not possible
             outcome = Outcome.REFUSED if refused else Outcome.WARNING
-            self.append(Finding(outcome, rule["of"], rule["says"].format(**numbers)))
+            self.append(Finding(outcome, of, says.format(**numbers)))
 
     def of_casts(self, name: str, bad: np.ndarray, **numbers: Any) -> None:
         """Note a rule that the casts break which are `bad` (n,), with numbers (n,) of each."""
         casts = np.flatnonzero(bad).tolist()
         if casts:
-            rule = _rules()[name]
-            outcome = Outcome[rule["then"].upper()]
+            then, of, says = _rules()[name]
+            outcome = Outcome[then.upper()]
             told = {k: v[casts[0]] if isinstance(v, np.ndarray) else v for k, v in numbers.items()}
             names = [str(self._trials[i].trial) for i in casts[:MOST_NAMED]]
             names += ["and more"] if len(casts) > MOST_NAMED else []
             likewise = f"; so {len(casts) - 1} more, {', '.join(names[1:])}" * (len(casts) > 1)
-            says = f"trial {names[0]}: {rule['says'].format(**told)}{likewise}; {outcome.value}"
-            self.append(Finding(outcome, rule["of"], says, tuple(casts)))
+            said = f"trial {names[0]}: {says.format(**told)}{likewise}; {outcome.value}"
+            self.append(Finding(outcome, of, said, tuple(casts)))
 
 
 def check(logs: Logs) -> Findings:
