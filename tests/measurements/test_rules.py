@@ -65,14 +65,7 @@ def both(*spoils: Spoil) -> Spoil:
 
 
 def hold(table: str, rows: pl.Expr, *names: str) -> Spoil:
-    """Let the first of `rows` stand for all of them, as a tracker or a logger that hangs."""
-    return change(
-        table, **{n: pl.when(rows).then(C(n).filter(rows).first()).otherwise(n) for n in names}
-    )
-
-
-def hold_each(table: str, rows: pl.Expr, *names: str) -> Spoil:
-    """The same in every trial."""
+    """Let a trial's first of `rows` stand for all of them, as a tracker or logger that hangs."""
     first = {n: C(n).filter(rows).first().over("trial") for n in names}
     return change(table, **{n: pl.when(rows).then(first[n]).otherwise(n) for n in names})
 
@@ -171,7 +164,7 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "nothing found is 0, 0": (lost_frames(0.0), "jumps to x = 0, y = 0 .* lost has no row"),
     "nothing found is -1, -1": (lost_frames(-1.0), "x = -1, y = -1 .* first in trial 0 at t = 0.3"),
     "every tracker hangs": (
-        hold_each("waypoints", C("t").is_between(0.2, 0.6), "x", "y"),
+        hold("waypoints", C("t").is_between(0.2, 0.6), "x", "y"),
         r"5 of 5 casts cannot be used; \S*waypoints.csv: trial 0: one place is repeated",
     ),
     "the tool taken for the end": (
