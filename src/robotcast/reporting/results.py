@@ -220,9 +220,9 @@ class Results:
     @property
     def rigs(self) -> tuple[str, ...]:
         """The rigs that any of the results come from."""
-        measured = [c.measured.rig for c in self.cables if c.measured]
-        found = [*measured, *(t.facts.get("rig", "") for t in self.tunings)]
-        return tuple(sorted({r for r in [*found, *(e.rig for e in self.evaluations)] if r}))
+        measured = {c.measured.rig for c in self.cables if c.measured}
+        tuned = {t.facts.get("rig", "") for t in self.tunings}
+        return tuple(sorted((measured | tuned | {e.rig for e in self.evaluations}) - {""}))
 
     def cable(self, name: str) -> CableData | None:
         """Return the data of one cable."""
@@ -236,8 +236,9 @@ class Results:
 
     def best_tuning(self, cable: str) -> Tuning | None:
         """Return the tuned simulator with the least average error on held-out casts of a cable."""
-        of = [(t.error("test", "waypoint_percent"), t) for t in self.tunings if t.cable == cable]
-        return _least(of)
+        return _least(
+            (t.error("test", "waypoint_percent"), t) for t in self.tunings if t.cable == cable
+        )
 
     def best_policy(self, cable: str) -> Evaluation | None:
         """Return the policy whose casts on a rig ended nearest to the targets, by the median."""

@@ -76,29 +76,27 @@ class Table:
     @property
     def written(self) -> list[tuple[Sequence[str], list[Cell]]]:
         """Labels and cells, row by row."""
-        columns, at = [], len(self.label_columns)
-        for index, group in enumerate(self.groups):
-            for first, _ in enumerate(group.columns):
-                kind = " ".join(["paper"] * (index >= self.reference) + ["first"] * (first == 0))
-                values = [row[at] for row in self.rows]
-                best = self._best(values) if group.contest else [False] * len(values)
-                columns.append(
-                    [Cell(percent(v), b, kind) for v, b in zip(values, best, strict=True)]
-                )
-                at += 1
-        labels = [row[: len(self.label_columns)] for row in self.rows]
-        return list(zip(labels, map(list, zip(*columns, strict=True)), strict=True))
+        labels = len(self.label_columns)
+        written = [(row[:labels], []) for row in self.rows]
+        columns = ((i, g, c) for i, g in enumerate(self.groups) for c in g.columns)
+        for at, (index, group, column) in enumerate(columns, start=labels):
+            first = column == group.columns[0]
+            kind = " ".join(["paper"] * (index >= self.reference) + ["first"] * first)
+            best = self._best(at) if group.contest else [False] * len(written)
+            for (_, cells), row, wins in zip(written, self.rows, best, strict=True):
+                cells.append(Cell(percent(row[at]), wins, kind))
+        return written
 
-    def _best(self, values: Sequence[float | None]) -> list[bool]:
-        """Tell of each value whether none is lower, as they are shown, in a contest of several."""
-        shown = [None if v is None else round(v, 1) for v in values]
-        pairs = list(zip(shown, self.contests, strict=True))
-
-        def wins(value: float | None, contest: str | None) -> bool:
-            rivals = [v for v, c in pairs if c == contest and v is not None]
-            return contest is not None and len(rivals) > 1 and value == min(rivals)
-
-        return [wins(*pair) for pair in pairs]
+    def _best(self, at: int) -> list[bool]:
+        """Tell of each number of a column whether none is lower, as shown, among its rivals."""
+        shown = [None if row[at] is None else round(row[at], 1) for row in self.rows]
+        rivals: dict[str | None, list[float]] = {}
+        for value, contest in zip(shown, self.contests, strict=True):
+            rivals.setdefault(contest, []).extend([] if value is None else [value])
+        return [
+            contest is not None and len(rivals[contest]) > 1 and value == min(rivals[contest])
+            for value, contest in zip(shown, self.contests, strict=True)
+        ]
 
     @property
     def _columns(self) -> list[str]:
@@ -295,7 +293,7 @@ def _beside_the_paper(
 ) -> Table:
     """Return quartiles with their interval and repeats, beside the paper's quartiles."""
     groups = (
-        Group(rig_names(tuple(sorted({e.rig for e in shown}))), QUARTILES, bool(contests)),
+        Group(rig_names(e.rig for e in shown), QUARTILES, bool(contests)),
         Group("Median", ("from", "to")),
         Group("Repeats", ("Scatter",)),
         Group(paper, QUARTILES, bool(contests)),
@@ -314,16 +312,13 @@ def parts_table(results: Results) -> Table:
     shown = [e for e in sorted(results.evaluations, key=place) if len(e.errors_percent)]
     rows = []
     for e in shown:
-        parts = e.parts
-        share = 100 * parts.repeatability_share if parts else None
+        parts, told = e.parts, (None,) * 4
+        if parts:
+            share = 100 * parts.repeatability_share
+            told = (parts.repeatability, parts.model, share, 100 - share)
+        covered = e.within_expected and 100 * e.within_expected
         rows.append(
-            (
-                *e.named,
-                *(e.median_percent, *_numbers(e)[5:]),
-                *((parts.repeatability, parts.model) if parts else (None, None)),
-                *((share, 100 - share) if share is not None else (None, None)),
-                *(e.expected_percent, e.within_expected and 100 * e.within_expected),
-            )
+            (*e.named, e.median_percent, *_numbers(e)[5:], *told, e.expected_percent, covered)
         )
     return Table(
         name="parts",
