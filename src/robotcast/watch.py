@@ -168,9 +168,7 @@ BOX, GAP, ROW = 128, 30, 66  # of the drawn pipeline, pixels
 def serve(root: Path, runs: Path, port: int) -> None:
     """Serve the page of what runs in `root`, to this machine alone, until it is interrupted.
 
-    Parameters
-    ----------
-    runs : where commands say how far they are.
+    Commands say in `runs` how far they are.
     """
     rendering, shown = asyncio.Lock(), ""
 

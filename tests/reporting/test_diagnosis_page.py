@@ -89,30 +89,24 @@ def test_a_clean_bill_names_no_effect_to_add() -> None:
     assert "4 of 4 effects would have been noticed" in screen
 
 
-def test_a_confused_pair_is_answered_with_trials_to_run() -> None:
+def test_confused_pairs_and_what_came_near_are_answered_with_trials_to_run() -> None:
     screen = first_screen(diagnosis_page(confused()))
     assert "hardly told from turn" in screen
     assert "shear and turn predict different paths" in screen
     assert "actions.csv" in screen and "speed" in screen
-
-
-def test_what_came_near_is_named_as_not_confirmed_with_trials_to_run() -> None:
     screen = first_screen(diagnosis_page(near()))
     assert "Not confirmed: shear or turn" in screen
     assert "actions.csv" in screen and "effects=[" not in screen
 
 
-def test_an_unknown_force_is_drawn_and_a_draft_of_an_effect_given() -> None:
-    page = diagnosis_page(unknown())
+def test_an_unknown_force_is_drawn_drafted_as_an_effect_and_said_to_be_the_missing_one() -> None:
+    explained = unknown()
+    page = diagnosis_page(explained)
     assert "fitted field" in page
     assert "(1.05, −0.250)" in text_of(page)
     assert "class MyEffect(Effect)" in page and "conf/effects.yaml" in page
-
-
-def test_a_field_that_explains_nothing_is_not_said_to_be_the_missing_force() -> None:
-    explained = unknown()
+    assert "What the missing force depends on: place" in page
     nearest = {**explained, "unexplained": {**explained["unexplained"], "explains": False}}
-    assert "What the missing force depends on: place" in diagnosis_page(explained)
     page = diagnosis_page(nearest)
     assert "What comes nearest to the missing force: place" in page
     assert "What the missing force depends on" not in page

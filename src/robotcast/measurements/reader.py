@@ -19,7 +19,7 @@ from robotcast.files import atomic_folder
 from robotcast.measurements.logs import Logs
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
 from robotcast.measurements.rows import Say, tidy_actions, tidy_log, unwrapped
-from robotcast.measurements.rules import Outcome, check, heading_off
+from robotcast.measurements.rules import check, heading_off
 
 MOST = 10.0  # m, kg or s, of every number
 MISTAKEN = {
@@ -169,11 +169,11 @@ def judged(measured: MeasurementSet, folder: Path) -> MeasurementSet:
         if not path.suffix:
             path = find_table(folder, found.where) or path.with_suffix(".csv")
         said.append(f"{path}: {found.sentence}")
-        if found.outcome is Outcome.REFUSED:
+        if found.then == "refused":
             raise ValueError(said[-1])
-        if found.outcome is Outcome.UNUSABLE:
+        if found.then == "unusable":
             lost |= set(found.casts)
-        elif found.outcome is Outcome.UNRESTED:
+        elif found.then == "unrested":
             unrested |= set(found.casts)
     if len(lost) > most:
         raise ValueError(

@@ -3,11 +3,9 @@
 rules.yaml says of each rule what it reads, what it says and what follows.
 """
 
-from dataclasses import dataclass
-from enum import Enum
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -71,20 +69,13 @@ AXES = "x goes along the board's axis, y to the left, not down, and angles are c
 UNITS = {1000: "millimetres", 100: "centimetres", 10: "decimetres", 39.37: "inches", 3.28: "feet"}
 
 
-class Outcome(Enum):
-    """What a broken rule does to the set, or to some casts."""
-
-    REFUSED = "the set is refused"
-    WARNING = "a warning"
-    UNUSABLE = "not used"
-    UNRESTED = "not counted as endpoints"
+SAID_OF_CASTS = {"unusable": "not used", "unrested": "not counted as endpoints"}
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """A rule that is broken, by the whole set or by some casts (their places in it)."""
 
-    outcome: Outcome
+    then: str  # "refused" or "warning" of the set, or a key of `SAID_OF_CASTS`
     where: str
     sentence: str
     casts: tuple[int, ...] = ()
@@ -114,21 +105,20 @@ class Findings(list[Finding]):
         if not (likely and possible):
             then, of, says = _rules()[name]
             refused = then == "refused" or not possible
-            outcome = Outcome.REFUSED if refused else Outcome.WARNING
-            self.append(Finding(outcome, of, says.format(**numbers)))
+            follows = "refused" if refused else "warning"
+            self.append(Finding(follows, of, says.format(**numbers)))
 
     def of_casts(self, name: str, bad: np.ndarray, **numbers: Any) -> None:
         """Note a rule that the casts break which are `bad` (n,), with numbers (n,) of each."""
         casts = np.flatnonzero(bad).tolist()
         if casts:
             then, of, says = _rules()[name]
-            outcome = Outcome[then.upper()]
             told = {k: v[casts[0]] if isinstance(v, np.ndarray) else v for k, v in numbers.items()}
             names = [str(self._trials[i].trial) for i in casts[:MOST_NAMED]]
             names += ["and more"] if len(casts) > MOST_NAMED else []
             likewise = f"; so {len(casts) - 1} more, {', '.join(names[1:])}" * (len(casts) > 1)
-            said = f"trial {names[0]}: {says.format(**told)}{likewise}; {outcome.value}"
-            self.append(Finding(outcome, of, said, tuple(casts)))
+            said = f"trial {names[0]}: {says.format(**told)}{likewise}; {SAID_OF_CASTS[then]}"
+            self.append(Finding(then, of, said, tuple(casts)))
 
 
 def check(logs: Logs) -> Findings:

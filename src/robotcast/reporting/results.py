@@ -321,11 +321,7 @@ def read_evaluation(path: Path) -> Evaluation:
     measured = table.drop_nulls("error_percent")
     unseen = table.join(measured, on="target", how="anti").unique("target", maintain_order=True)
     return Evaluation(
-        rig=first["rig"],
-        cable=first["cable"],
-        policy=first["policy"],
-        dataset=first["dataset"],
-        kind=first["kind"],
+        **{name: first[name] for name in ("rig", "cable", "policy", "dataset", "kind")},
         casts=measured,
         lost=len(table) - len(measured),
         targets=table["target"].n_unique(),

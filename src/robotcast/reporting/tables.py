@@ -140,6 +140,7 @@ class Table:
 PAPER_RIG = "paper’s robot"
 
 QUARTILES = ("Median", "Q1", "Q3", "Min", "Max")
+_NO_QUARTILES = (None,) * len(QUARTILES)
 
 # simulator → cable → (average waypoint error, median final error), % of cable length
 TUNING = {
@@ -246,9 +247,7 @@ def _methods(results: Results, found: _Found) -> list[_Method]:
         base, _ = found.get(((*of[:2], ()), cable), _NOT_RUN)
         return bool(of[2]) and error is not None and (base is None or error < base)
 
-    richer = {
-        method for (method, cable), errors in found.items() if helps(method, cable, errors[0])
-    }
+    richer = {of for (of, cable), (error, _) in found.items() if helps(of, cable, error)}
     return [*((s, o, ()) for s in simulators for o in optimizers), *sorted(richer)]
 
 
@@ -265,10 +264,9 @@ def policies_table(results: Results) -> Table:
         evaluated = {(e.policy, e.dataset) for e in of[cable]}
         pairs = [p for p in POLICIES if cable == "cable1" or p in evaluated]
         for pair in [*pairs, *sorted(evaluated - set(pairs))]:
-            e = results.evaluation(cable, *pair)
-            paper = POLICIES.get(pair) if cable == "cable1" else None
+            paper = POLICIES.get(pair, _NO_QUARTILES) if cable == "cable1" else _NO_QUARTILES
             labels = (cable_name(cable), policy_name(*pair), dataset_name(pair[1]))
-            rows.append((*labels, *_numbers(e), *(paper or [None] * 5)))
+            rows.append((*labels, *_numbers(results.evaluation(cable, *pair)), *paper))
     shown = [e for cable in blocks for e in of[cable]]
     contests = tuple(row[0] for row in rows)
     labels = ("Cable", "Model", "Dataset")
@@ -278,7 +276,7 @@ def policies_table(results: Results) -> Table:
 def cables_table(results: Results) -> Table:
     """Errors of π_R2S2R (paper, tab:results), one row a cable."""
     cast = {c: results.evaluation(c, "nn", "mixed") for c in _cables(results)}
-    rows = [(cable_name(c), *_numbers(e), *CABLES.get(c, [None] * 5)) for c, e in cast.items()]
+    rows = [(cable_name(c), *_numbers(e), *CABLES.get(c, _NO_QUARTILES)) for c, e in cast.items()]
     shown = [e for e in cast.values() if e]
     return _beside_the_paper("cables", ("Cable",), shown, PAPER_RIG, rows)
 
