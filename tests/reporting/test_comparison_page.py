@@ -27,10 +27,15 @@ def compared(made: MadeUp, notes: tuple[str, ...] = ()) -> dict[str, Any]:
         error_unit="% of cable length",
         wording=WORDS,
     )
-    given = {"rig": "virtual", "measurements": "sets/one", "model": "a tuned simulator"}
-    given["overrides"] = ["simulator=hybrid"]
+    given = {
+        "rig": "virtual",
+        "measurements": "sets/one",
+        "model": "a tuned simulator",
+        "overrides": ["simulator=hybrid"],
+        "notes": list(notes),
+    }
     # what the page gets has gone through a file
-    return json.loads(json.dumps({**given, "notes": list(notes), **found.as_dict()}))
+    return json.loads(json.dumps({**given, **found.as_dict()}))
 
 
 def one_component() -> MadeUp:

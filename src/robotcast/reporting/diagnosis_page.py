@@ -112,8 +112,8 @@ def _ladder(d: SimpleNamespace) -> Markup | None:
     above, before = None, None
     for entry in d.ladder:
         effects, reached = set(entry["effects"]), entry["heldout_typical_error_percent"]
-        added = before is not None and before < effects
-        names = " + ".join(map(effect_name, sorted(effects - before if added else effects)))
+        added = effects - before if before is not None and before < effects else set()
+        names = " + ".join(map(effect_name, sorted(added or effects)))
         name = f"{'+' if added else 'with'} {names}" if names else "base model"
         mean, final = (entry[f"heldout_{of}_error_percent"] for of in ("waypoint", "final"))
         whisker = spread(reached, entry["standard_error_percent"])

@@ -74,10 +74,10 @@ class Table:
     contests: tuple[str | None, ...] = ()
 
     @property
-    def written(self) -> list[tuple[Sequence[str], list[Cell]]]:
+    def written(self) -> list[tuple[tuple[str, ...], list[Cell]]]:
         """Labels and cells, row by row."""
         labels = len(self.label_columns)
-        written = [(row[:labels], []) for row in self.rows]
+        written: list[tuple[tuple[str, ...], list[Cell]]] = [(r[:labels], []) for r in self.rows]
         columns = ((i, g, c) for i, g in enumerate(self.groups) for c in g.columns)
         for at, (index, group, column) in enumerate(columns, start=labels):
             first = column == group.columns[0]
