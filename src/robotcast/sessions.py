@@ -279,7 +279,7 @@ def summed_robot_notes(session: Session) -> dict[str, Any]:
 
 def adopt_recorded_set(path: Path | None, folder: Path) -> MeasurementSet:
     """Validate the set in `path` and make `folder` a session that holds a copy of it."""
-    if path is None or not str(path):
+    if not path:
         raise ValueError("rig=recorded needs the folder of a measurement set: rig.path=DIR")
     if not path.is_dir():
         raise ValueError(f"rig.path={path}: no such folder; expected one with a measurement set")

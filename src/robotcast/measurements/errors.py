@@ -120,7 +120,7 @@ def noise_floor(measured: MeasurementSet) -> NoiseFloor:
         return NoiseFloor()
     to_percent = 100 / measured.cable.length_m
     ends_m = [np.array([t.endpoint_m for t in group if t.rested]) for group in groups]
-    final_m = np.concatenate([_deviations(e) for e in ends_m if len(e) > 1] or [[np.nan]])
+    final_m = np.concatenate([deviations(e) for e in ends_m if len(e) > 1] or [[np.nan]])
     final = float(np.median(final_m) * to_percent) if np.isfinite(final_m[0]) else None
     return NoiseFloor(float(average_m.mean() * to_percent), final)
 
@@ -131,12 +131,12 @@ def _average_deviations(group: Sequence[Trial], period_s: float) -> np.ndarray:
     times_s = np.arange(0.0, last_s + period_s / 2, max(period_s, last_s / (GRID * rows)))
     paths_m = np.stack([at_times(times_s, t.waypoints_s, t.waypoints_m, period_s) for t in group])
     shared = np.isfinite(paths_m[..., 0]).sum(axis=0) > 1
-    deviations_m = _deviations(paths_m[:, shared])
+    deviations_m = deviations(paths_m[:, shared])
     sharing = np.isfinite(deviations_m).any(axis=1)
     return np.nanmean(deviations_m[sharing], axis=1)
 
 
-def _deviations(repeats_m: np.ndarray) -> np.ndarray:
+def deviations(repeats_m: np.ndarray) -> np.ndarray:
     """Return corrected distances from the mean over axis 0: (n, ..., 2) → (n, ...), NaN kept."""
     n = np.isfinite(repeats_m[..., 0]).sum(axis=0)
     distance_m = np.linalg.norm(repeats_m - np.nanmean(repeats_m, axis=0), axis=-1)

@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 import yaml
 
-from robotcast.measurements.errors import NoiseFloor, noise_floor
+from robotcast.measurements.errors import NoiseFloor, deviations, noise_floor
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.datasets import Examples, read_simulated
@@ -121,11 +121,8 @@ class Evaluation:
     @property
     def scatter_percent(self) -> float | None:
         """Median distance of the repeats from their own mean, in % of cable length."""
-        away = [
-            np.linalg.norm(xy - xy.mean(axis=0), axis=1) * np.sqrt(len(xy) / (len(xy) - 1))
-            for _, _, xy in endpoints_by_target(self.casts)
-            if len(xy) > 1
-        ]
+        ends = [xy for _, _, xy in endpoints_by_target(self.casts)]
+        away = [deviations(xy) for xy in ends if len(xy) > 1]
         if not away or self.kind != "executed":
             return None
         return float(np.median(np.concatenate(away))) * self._per_metre
