@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from robotcast.casts.action import Action
-from robotcast.measurements.reader import read_measurement_set, write_measurement_set
+from robotcast.measurements.reader import write_measurement_set
 from robotcast.sessions import (
     CastRecord,
     adopt_recorded_set,
@@ -16,9 +16,6 @@ from robotcast.sessions import (
     write_frame_times,
 )
 from tests.good_casts import good_set
-
-SHARED_SET = Path(__file__).parents[2] / "shared/data/casting/a"
-
 
 ACTION = Action(0.5, 0.6, -0.5, 0.7, 0.2, 1.0)
 
@@ -53,29 +50,13 @@ def test_another_set_is_not_put_over_it(recorded, tmp_path):
         adopt_recorded_set(other, tmp_path / "session")
 
 
-def test_a_missing_path_and_a_missing_folder_are_named(tmp_path):
-    with pytest.raises(ValueError, match=r"rig\.path=DIR"):
-        adopt_recorded_set(None, tmp_path / "session")
-    with pytest.raises(ValueError, match="nowhere: no such folder"):
-        adopt_recorded_set(tmp_path / "nowhere", tmp_path / "session")
-    assert not (tmp_path / "session").exists()
-
-
-def test_a_broken_set_is_refused_before_anything_is_written(recorded, tmp_path):
+def test_no_set_and_a_broken_set_are_refused_before_anything_is_written(recorded, tmp_path):
     (recorded / "waypoints.csv").unlink()
-    with pytest.raises(ValueError, match="waypoints"):
-        adopt_recorded_set(recorded, tmp_path / "session")
+    wrong = {None: r"rig\.path=DIR", tmp_path / "nowhere": "no such folder", recorded: "waypoints"}
+    for path, said in wrong.items():
+        with pytest.raises(ValueError, match=said):
+            adopt_recorded_set(path, tmp_path / "session")
     assert not (tmp_path / "session").exists()
-
-
-@pytest.mark.skipif(
-    not SHARED_SET.is_dir(), reason="the reference sets are not beside the checkout"
-)
-def test_a_reference_set_is_passed_on_unchanged(tmp_path):
-    adopt_recorded_set(SHARED_SET, tmp_path)
-    copy = recorded_copy(tmp_path)
-    assert copy is not None
-    assert len(read_measurement_set(copy).trials) == len(read_measurement_set(SHARED_SET).trials)
 
 
 def test_a_folder_that_is_no_session_is_refused(tmp_path):

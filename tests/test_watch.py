@@ -50,6 +50,20 @@ def test_a_killed_command_does_not_run(tmp_path: Path) -> None:
     assert not run.runs and run.status is None
 
 
+TWO_STAGES = """
+stages:
+  first:
+    cmd: python src/first.py seed=1
+    deps: [src/first.py]
+    params: [{conf.yaml: [seed]}]
+    outs: [one]
+  second:
+    cmd: python src/second.py
+    deps: [conf.yaml, src/second.py, one]
+    outs: [two]
+"""
+
+
 @pytest.fixture
 def two_stages(tmp_path: Path) -> Path:
     """A pipeline of two stages, `first` run."""
@@ -57,23 +71,7 @@ def two_stages(tmp_path: Path) -> Path:
         "conf.yaml": "seed: 1",
         "src/first.py": "open('one', 'w').write('1')",
         "src/second.py": "open('two', 'w').write(open('one').read())",
-        "dvc.yaml": json.dumps(
-            {
-                "stages": {
-                    "first": {
-                        "cmd": "python src/first.py seed=1",
-                        "deps": ["src/first.py"],
-                        "params": [{"conf.yaml": ["seed"]}],
-                        "outs": ["one"],
-                    },
-                    "second": {
-                        "cmd": "python src/second.py",
-                        "deps": ["conf.yaml", "src/second.py", "one"],
-                        "outs": ["two"],
-                    },
-                }
-            }
-        ),
+        "dvc.yaml": TWO_STAGES,
     }.items():
         (tmp_path / path).parent.mkdir(exist_ok=True)
         (tmp_path / path).write_text(text)

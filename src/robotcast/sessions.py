@@ -125,17 +125,14 @@ def read_session(folder: Path) -> Session:
                 casts.append(_read_request(entry))
             except ValueError as error:
                 broken[entry.name] = str(error)
-    values = _load(path)
-    with _written_whole(path):
+    with _whole(path) as values:
         rig, cable = str(values.pop("rig")), Cable(**values.pop("cable"))
         r0_m = float(values.pop("r0_m"))
     return Session(folder, rig, cable, r0_m, facts=values, casts=tuple(casts), broken=broken)
 
 
 def _read_request(folder: Path) -> CastRequest:
-    path = folder / REQUEST_FILE
-    values = _load(path)
-    with _written_whole(path):
+    with _whole(folder / REQUEST_FILE) as values:
         action = _action(values["action"])
         request = CastRequest(int(values["number"]), int(values["action_id"]), action)
     if folder.name != request.folder_name:
@@ -189,9 +186,7 @@ def write_record(record: CastRequest | CastRecord, folder: Path) -> None:
 
 
 def read_record(folder: Path) -> CastRecord:
-    path = folder / CAST_FILE
-    values = _load(path)
-    with _written_whole(path):
+    with _whole(folder / CAST_FILE) as values:
         return CastRecord(action=_action(values.pop("action")), **values)
 
 
@@ -284,7 +279,7 @@ def summed_robot_notes(session: Session) -> dict[str, Any]:
 
 def adopt_recorded_set(path: Path | None, folder: Path) -> MeasurementSet:
     """Validate the set in `path` and make `folder` a session that holds a copy of it."""
-    if path is None or not str(path):
+    if not path:
         raise ValueError("rig=recorded needs the folder of a measurement set: rig.path=DIR")
     if not path.is_dir():
         raise ValueError(f"rig.path={path}: no such folder; expected one with a measurement set")
@@ -337,10 +332,11 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 @contextmanager
-def _written_whole(path: Path) -> Iterator[None]:
-    """Refuse values of `path` in which something is missing."""
+def _whole(path: Path) -> Iterator[dict[str, Any]]:
+    """Yield the values of a file; refuse it where something is missing."""
+    values = _load(path)
     try:
-        yield
+        yield values
     except (KeyError, TypeError, ValueError) as error:
         why = f": {error} is missing" if isinstance(error, KeyError) else ""
         raise ValueError(f"{path}: is cut, or was not written by collect{why}") from None

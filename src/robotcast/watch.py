@@ -12,14 +12,14 @@ import re
 import shlex
 import statistics
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -168,9 +168,7 @@ BOX, GAP, ROW = 128, 30, 66  # of the drawn pipeline, pixels
 def serve(root: Path, runs: Path, port: int) -> None:
     """Serve the page of what runs in `root`, to this machine alone, until it is interrupted.
 
-    Parameters
-    ----------
-    runs : where commands say how far they are.
+    Commands say in `runs` how far they are.
     """
     rendering, shown = asyncio.Lock(), ""
 
@@ -228,20 +226,19 @@ def watch_page(root: Path, runs: Path) -> str:
     )
 
 
-@dataclass(frozen=True)
-class Result:
-    """A page that a stage wrote: its title, its place below the root, when."""
+class Result(NamedTuple):
+    """A page that a stage wrote: when, its place below the root, its title."""
 
-    title: str
-    link: str
     written_s: float
+    link: str
+    title: str
 
 
 @lru_cache(maxsize=1)
 def _results(root: Path, moment: int) -> list[Result]:
     """Return the pages there are, the last one first."""
     found = [
-        Result(_title(path), path.relative_to(root).as_posix(), path.stat().st_mtime)
+        Result(path.stat().st_mtime, path.relative_to(root).as_posix(), _title(path))
         for path in _files(root, PAGES)
     ]
     return sorted(found, key=lambda result: -result.written_s)
@@ -295,8 +292,7 @@ def _picture(video: Path) -> str:
     return f"data:image/jpeg;base64,{base64.b64encode(coded).decode()}"
 
 
-@dataclass(frozen=True)
-class Box:
+class Box(NamedTuple):
     """All cells of one name, where they are drawn [pixels]."""
 
     name: str
@@ -307,24 +303,21 @@ class Box:
 
 def _drawing(cells: Sequence[Cell]) -> SimpleNamespace:
     """Place the stages in columns, each to the right of all that it needs, with arrows between."""
-    groups: dict[str, list[Cell]] = {}
-    above: dict[str, set[str]] = {}  # all that a stage needs, at whatever distance
-    direct: dict[str, set[str]] = {}
-    by_name = {cell.name: cell.stage for cell in cells}
+    stage_of = {cell.name: cell.stage for cell in cells}
+    groups: dict[str, list[Cell]] = defaultdict(list)
+    direct: dict[str, set[str]] = defaultdict(set)
     for cell in cells:
-        groups.setdefault(cell.stage, []).append(cell)
-        needs = {by_name[name] for name in cell.needs if name in by_name} - {cell.stage}
-        direct[cell.stage] = direct.get(cell.stage, set()) | needs
-    for stage in groups:
-        above[stage] = direct[stage].union(*(above.get(need, ()) for need in direct[stage]))
+        groups[cell.stage].append(cell)
+        direct[cell.stage] |= {stage_of[name] for name in cell.needs} - {cell.stage}
+    above: dict[str, set[str]] = {}  # all that a stage needs, at whatever distance
     column: dict[str, int] = {}
-    for stage in groups:
-        column[stage] = 1 + max((column.get(need, -1) for need in direct[stage]), default=-1)
-    rows = [0] * (1 + max(column.values(), default=0))
-    boxes = {}
+    boxes: dict[str, Box] = {}
+    rows = Counter[int]()  # in each column
     for stage, members in groups.items():
-        x = column[stage]
+        above[stage] = direct[stage].union(*(above.get(need, ()) for need in direct[stage]))
+        x = 1 + max((column.get(need, -1) for need in direct[stage]), default=-1)
         boxes[stage] = Box(stage, members, x * (BOX + GAP), rows[x] * ROW)
+        column[stage] = x
         rows[x] += 1
     arrows = [
         (boxes[need], boxes[stage])
@@ -332,7 +325,7 @@ def _drawing(cells: Sequence[Cell]) -> SimpleNamespace:
         for need in direct[stage]
         if not any(need in above[other] for other in direct[stage])
     ]
-    size = len(rows) * (BOX + GAP) - GAP, max(rows) * ROW
+    size = max(1, len(rows)) * (BOX + GAP) - GAP, max(rows.values(), default=0) * ROW
     return SimpleNamespace(boxes=boxes.values(), arrows=arrows, size=size, box=BOX, gap=GAP)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotcast.measurements.errors import prediction_errors, waypoint_distances
+from robotcast.measurements.errors import prediction_errors
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
 
@@ -45,17 +45,6 @@ def test_the_final_error_is_of_casts_that_rested(measured: MeasurementSet) -> No
     trials = [replace(t, rested=t.trial == 2) for t in measured.trials]
     errors = prediction_errors(padded(measured, [[0, 0, 0.5], [0.5], [0, 0.1]]), trials, 0.5)
     assert errors.final_m == pytest.approx(0.1)
-
-
-def test_a_perfect_prediction_has_no_error(measured: MeasurementSet) -> None:
-    perfect = padded(measured, [[0, 0, 0], [0], [0, 0]])
-    errors = prediction_errors(perfect, measured.trials, 0.5)
-    assert (errors.waypoint_m, errors.final_m) == (0, 0)
-
-
-def test_padding_stays_empty(measured: MeasurementSet) -> None:
-    distance_m = waypoint_distances(padded(measured, OFFSETS), measured.trials)
-    np.testing.assert_array_equal(np.isfinite(distance_m).sum(axis=1), [3, 1, 2])
 
 
 def test_a_diverged_run_costs_a_cable_length_and_is_counted(measured: MeasurementSet) -> None:

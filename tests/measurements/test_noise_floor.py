@@ -62,11 +62,8 @@ def test_gaps_match_by_time() -> None:
     assert after.waypoint_percent == pytest.approx(before.waypoint_percent, rel=0.1)
 
 
-def test_without_repeats_it_is_unknown() -> None:
+def test_it_is_unknown_without_repeats_and_from_repeats_that_never_overlap_in_time() -> None:
     assert noise_floor(scattered_set(5, 1)) == NoiseFloor(None, None)
-
-
-def test_repeats_that_never_overlap_in_time_say_nothing() -> None:
     pair = scattered_set(1, 2)
     apart = tuple(
         replace(t, waypoints_s=TIMES_S[i::2], waypoints_m=t.waypoints_m[i::2])

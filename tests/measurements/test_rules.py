@@ -25,12 +25,12 @@ LAST_S = float(CASTS.trials[3].waypoints_s[-1])
 TRIAL = {table: C("trial") == 3 for table in TABLES}
 
 
-def spoilt(tmp_path: Path, spoil: Spoil, rig: dict[str, str] | None = None) -> Path:
+def spoilt(tmp_path: Path, *spoils: Spoil, rig: dict[str, str] | None = None) -> Path:
     """Write the good set, spoil its tables and its rig.yaml, and return its folder."""
     folder = tmp_path / "set"
     write_measurement_set(CASTS, folder)
     tables = {name: pl.read_csv(folder / f"{name}.csv") for name in TABLES}
-    spoil(tables)
+    both(*spoils)(tables)
     for name, table in tables.items():
         table.write_csv(folder / f"{name}.csv")
     path = folder / "rig.yaml"
@@ -43,17 +43,11 @@ def spoilt(tmp_path: Path, spoil: Spoil, rig: dict[str, str] | None = None) -> P
 
 
 def change(table: str, **columns: pl.Expr) -> Spoil:
-    def spoil(tables: Tables) -> None:
-        tables[table] = tables[table].with_columns(**columns)
-
-    return spoil
+    return lambda tables: tables.update({table: tables[table].with_columns(**columns)})
 
 
 def keep(table: str, rows: pl.Expr) -> Spoil:
-    def spoil(tables: Tables) -> None:
-        tables[table] = tables[table].filter(rows)
-
-    return spoil
+    return lambda tables: tables.update({table: tables[table].filter(rows)})
 
 
 def both(*spoils: Spoil) -> Spoil:
@@ -65,14 +59,7 @@ def both(*spoils: Spoil) -> Spoil:
 
 
 def hold(table: str, rows: pl.Expr, *names: str) -> Spoil:
-    """Let the first of `rows` stand for all of them, as a tracker or a logger that hangs."""
-    return change(
-        table, **{n: pl.when(rows).then(C(n).filter(rows).first()).otherwise(n) for n in names}
-    )
-
-
-def hold_each(table: str, rows: pl.Expr, *names: str) -> Spoil:
-    """The same in every trial."""
+    """Let a trial's first of `rows` stand for all of them, as a tracker or logger that hangs."""
     first = {n: C(n).filter(rows).first().over("trial") for n in names}
     return change(table, **{n: pl.when(rows).then(first[n]).otherwise(n) for n in names})
 
@@ -85,10 +72,6 @@ def updated(name: str, every: int) -> pl.Expr:
 def later(table: str, name: str, since: pl.Expr, by: float) -> Spoil:
     """Shift a column of trial 3 by so much in the rows `since`."""
     return change(table, **{name: C(name) + by * (TRIAL[table] & since).cast(pl.Float64)})
-
-
-def nothing(tables: Tables) -> None:
-    pass
 
 
 def doubled(table: str, later_s: float) -> Spoil:
@@ -171,7 +154,7 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "nothing found is 0, 0": (lost_frames(0.0), "jumps to x = 0, y = 0 .* lost has no row"),
     "nothing found is -1, -1": (lost_frames(-1.0), "x = -1, y = -1 .* first in trial 0 at t = 0.3"),
     "every tracker hangs": (
-        hold_each("waypoints", C("t").is_between(0.2, 0.6), "x", "y"),
+        hold("waypoints", C("t").is_between(0.2, 0.6), "x", "y"),
         r"5 of 5 casts cannot be used; \S*waypoints.csv: trial 0: one place is repeated",
     ),
     "the tool taken for the end": (
@@ -207,7 +190,7 @@ RIG = {
 def test_values_that_are_impossible_together_are_refused(tmp_path: Path, case: str) -> None:
     old, new, said = RIG[case]
     with pytest.raises(ValueError, match=said):
-        read_measurement_set(spoilt(tmp_path, nothing, {old: new}))
+        read_measurement_set(spoilt(tmp_path, rig={old: new}))
 
 
 DOUBTFUL = {
@@ -225,7 +208,7 @@ DOUBTFUL = {
 @pytest.mark.parametrize("old", DOUBTFUL)
 def test_what_could_be_true_is_a_warning_with_both_numbers(tmp_path: Path, old: str) -> None:
     new, said = DOUBTFUL[old]
-    (notice,) = read_measurement_set(spoilt(tmp_path, nothing, {old: new})).notices
+    (notice,) = read_measurement_set(spoilt(tmp_path, rig={old: new})).notices
     with pytest.raises(ValueError, match=said):
         raise ValueError(notice)
 
@@ -249,7 +232,7 @@ def test_a_planned_motion_judges_no_waypoints(tmp_path: Path) -> None:
 
 
 def test_a_cable_may_have_no_weight_at_its_end(tmp_path: Path) -> None:
-    folder = spoilt(tmp_path, nothing, {"endpoint_mass_kg: 0.02": "endpoint_mass_kg: 0"})
+    folder = spoilt(tmp_path, rig={"endpoint_mass_kg: 0.02": "endpoint_mass_kg: 0"})
     assert read_measurement_set(folder).notices == ()
 
 
@@ -328,7 +311,7 @@ def test_an_end_that_was_not_seen_at_rest_is_no_endpoint(tmp_path: Path, case: s
 
 
 def read(tmp_path: Path, *spoils: Spoil) -> MeasurementSet:
-    return read_measurement_set(spoilt(tmp_path, both(*spoils)))
+    return read_measurement_set(spoilt(tmp_path, *spoils))
 
 
 @pytest.mark.parametrize("turn", [0.0, np.pi / 2, np.pi, -np.pi / 2])
@@ -441,7 +424,7 @@ def time_stamps(path: Path) -> None:
 def test_files_as_programs_write_them_are_read(
     tmp_path: Path, write: Callable[[Path], None], table: str
 ) -> None:
-    folder = spoilt(tmp_path, nothing)
+    folder = spoilt(tmp_path)
     write(folder / f"{table}.csv")
     measured = read_measurement_set(folder)
     assert measured.notices == ()
@@ -453,7 +436,7 @@ def test_files_as_programs_write_them_are_read(
 
 @pytest.mark.parametrize(("separator", "said"), [(";", "semicolons"), ("\t", "tabs")])
 def test_other_separators_are_named(tmp_path: Path, separator: str, said: str) -> None:
-    folder = spoilt(tmp_path, nothing)
+    folder = spoilt(tmp_path)
     path = folder / "tool.csv"
     path.write_text(path.read_text().replace(",", separator))
     with pytest.raises(ValueError, match=f"line 1: .* {said}, .* export with commas"):

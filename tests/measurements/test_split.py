@@ -36,20 +36,20 @@ def test_the_seed_alone_decides(measured: MeasurementSet) -> None:
     assert numbers(4) != numbers(5)
 
 
-def test_too_few_casts_are_refused(measured: MeasurementSet) -> None:
-    with pytest.raises(ValueError, match=r"needs 30 \+ 30 casts, the set has 52"):
-        split_by_action(measured, 30, 30, seed=0)
-
-
-def test_repeats_that_fit_no_side_are_refused(measured: MeasurementSet) -> None:
-    repeated = measured.select(t.trial for t in measured.trials if t.action_id < 6)
-    with pytest.raises(ValueError, match="repeats of an action together"):
-        split_by_action(repeated, 2, 2, seed=0)
-
-
-def test_an_empty_side_is_refused(measured: MeasurementSet) -> None:
-    with pytest.raises(ValueError, match="both sides"):
-        split_by_action(measured, 20, 0, seed=0)
+@pytest.mark.parametrize(
+    ("actions", "sides", "said"),
+    [
+        (40, (30, 30), r"needs 30 \+ 30 casts, the set has 52"),
+        (6, (2, 2), "repeats of an action together"),
+        (40, (20, 0), "both sides"),
+    ],
+)
+def test_what_cannot_be_split_is_refused(
+    measured: MeasurementSet, actions: int, sides: tuple[int, int], said: str
+) -> None:
+    some = measured.select(t.trial for t in measured.trials if t.action_id < actions)
+    with pytest.raises(ValueError, match=said):
+        split_by_action(some, *sides, seed=0)
 
 
 def test_a_spread_is_even_and_no_larger_than_the_set(measured: MeasurementSet) -> None:

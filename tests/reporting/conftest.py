@@ -40,26 +40,23 @@ def random_actions(count: int, rng: np.random.Generator) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-def write_data(folder: Path, *, rig: str = "virtual", repeats: int = 5) -> Path:
-    """Write measured, tuned, simulated, trained and evaluated results of three cables."""
+@pytest.fixture(scope="session")
+def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Measured, tuned, simulated, trained and evaluated results of three cables."""
+    folder = tmp_path_factory.mktemp("results") / "data"
     for number, (cable, length_m) in enumerate(LENGTHS_M.items()):
         rng = np.random.default_rng(number)
-        measured = _measured(cable, length_m, rig, rng)
+        measured = _measured(cable, length_m, rng)
         write_measurement_set(measured, folder / "measurements" / cable)
         (folder / "measurements" / cable / "tracking.json").write_text(
             '{"casts": 61, "lost": [{"trial": 7, "reason": "hidden"}]}'
         )
-        _write_tuned(folder / "tuned" / cable / "segmented-de", measured, rng)
+        _write_tuned(folder, measured, rng)
         _write_simulated(folder / "simulated" / cable, rng)
         for dataset in ("real", "simulated", "mixed") if cable == "cable1" else ("mixed",):
             _write_policy(folder / "policies" / cable / f"nn-{dataset}", dataset)
-            _write_evaluation(folder, measured, dataset, repeats, rng)
+            _write_evaluation(folder, measured, dataset, rng)
     return folder
-
-
-@pytest.fixture(scope="session")
-def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_data(tmp_path_factory.mktemp("results") / "data")
 
 
 @pytest.fixture(scope="session")
@@ -77,7 +74,7 @@ def optimizers(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> R
     return read_results(folder)
 
 
-def _measured(cable: str, length_m: float, rig: str, rng) -> MeasurementSet:
+def _measured(cable: str, length_m: float, rng) -> MeasurementSet:
     actions = random_actions(50, rng)
     action_ids = np.concatenate([np.arange(50), np.arange(10)])
     details = Cable(cable, length_m, 0.03, 0.01, 0.02)
@@ -85,30 +82,18 @@ def _measured(cable: str, length_m: float, rig: str, rng) -> MeasurementSet:
         good_trial(trial, action_id, Action.from_array(actions[action_id]), details)
         for trial, action_id in enumerate(action_ids.tolist())
     )
-    return MeasurementSet(details, 0.6, 0.1, 0.002, trials, rig)
+    return MeasurementSet(details, 0.6, 0.1, 0.002, trials, "virtual")
 
 
-def _write_tuned(folder: Path, measured: MeasurementSet, rng) -> None:
+def _write_tuned(data: Path, measured: MeasurementSet, rng) -> None:
+    cable = measured.cable.name
+    folder = data / "tuned" / cable / "segmented-de"
     folder.mkdir(parents=True)
-    rows = []
-    for trial in measured.trials[:30]:
-        away = rng.normal(0, 0.03, 2) * np.linspace(0, 1, len(trial.waypoints_s))[:, None]
-        simulated = trial.waypoints_m + away
-        rows += [
-            {
-                "split": "test",
-                "trial": trial.trial,
-                "t": t,
-                "x": x,
-                "y": y,
-                "x_predicted": xs,
-                "y_predicted": ys,
-            }
-            for t, (x, y), (xs, ys) in zip(
-                trial.waypoints_s, trial.waypoints_m, simulated, strict=True
-            )
-        ]
-    pl.DataFrame(rows).write_parquet(folder / "predictions.parquet")
+    waypoints = pl.read_csv(data / "measurements" / cable / "waypoints.csv")
+    away_m = pl.Series("away", rng.normal(0, 0.03, 30))[waypoints["trial"].clip(upper_bound=29)]
+    waypoints.with_columns(
+        split=pl.lit("test"), x_predicted=pl.col("x") + away_m * pl.col("t"), y_predicted="y"
+    ).filter(pl.col("trial") < 30).write_parquet(folder / "predictions.parquet")
     casts = np.arange(1, 31) * 480
     best = 2 + 14 * np.exp(-casts / 3000) + rng.uniform(0, 0.2)
     pl.DataFrame({"simulated_casts": casts, "best_percent": best}).write_csv(folder / "trace.csv")
@@ -121,15 +106,7 @@ def _write_tuned(folder: Path, measured: MeasurementSet, rng) -> None:
         "cable": asdict(measured.cable),
         "simulated_casts": int(casts[-1]),
         "errors": {"tune": error, "test": error},
-        "parameters": {
-            "planar_friction": {
-                "value": 0.5,
-                "unit": "-",
-                "lower": 0.05,
-                "upper": 0.5,
-                "at_bound": True,
-            }
-        },
+        "parameters": {"planar_friction": {"value": 0.5, "unit": "-", "at_bound": True}},
     }
     (folder / "tuned.yaml").write_text(yaml.safe_dump(facts))
 
@@ -158,41 +135,31 @@ def _write_policy(folder: Path, dataset: str) -> None:
     (folder / "policy.yaml").write_text(yaml.safe_dump(facts))
 
 
-def _write_evaluation(
-    data: Path, measured: MeasurementSet, dataset: str, repeats: int, rng
-) -> None:
+def _write_evaluation(data: Path, measured: MeasurementSet, dataset: str, rng) -> None:
     cable = measured.cable
     far = {"real": 0.08, "simulated": 0.06, "mixed": 0.03}[dataset]
     targets = smooth_endpoints(random_actions(16, np.random.default_rng(7)))
-    rows = []
-    for number, target in enumerate(targets):
-        centre = target + rng.normal(0, far, 2)
-        for repeat in range(repeats):
-            end = centre + rng.normal(0, 0.015, 2) @ np.array([[1.0, 0.5], [0.0, 0.6]])
-            error_m = float(np.linalg.norm(end - target))
-            action = dict(zip(ACTION_COLUMNS, random_actions(1, rng)[0], strict=True))
-            rows.append(
-                {
-                    "kind": "executed",
-                    "rig": measured.rig,
-                    "cable": cable.name,
-                    "policy": "nn",
-                    "dataset": dataset,
-                    "target": number,
-                    "target_x": target[0],
-                    "target_y": target[1],
-                    "repeat": repeat,
-                    **action,
-                    "predicted_x": target[0],
-                    "predicted_y": target[1],
-                    "spread_x": 0.03,
-                    "spread_y": 0.02,
-                    "x": end[0],
-                    "y": end[1],
-                    "error_m": error_m,
-                    "error_percent": 100 * error_m / cable.length_m,
-                }
-            )
+    number, repeat = (k.ravel() for k in np.indices((len(targets), 5)))
+    centres = targets + rng.normal(0, far, targets.shape)
+    scatter = rng.normal(0, 0.015, (len(number), 2)) @ np.array([[1.0, 0.5], [0.0, 0.6]])
+    (target_x, target_y), (x, y) = targets[number].T, (centres[number] + scatter).T
+    error_m = np.hypot(x - target_x, y - target_y)
+    rows = {
+        "target": number,
+        "target_x": target_x,
+        "target_y": target_y,
+        "repeat": repeat,
+        **dict(zip(ACTION_COLUMNS, random_actions(len(number), rng).T, strict=True)),
+        "predicted_x": target_x,
+        "predicted_y": target_y,
+        "x": x,
+        "y": y,
+        "error_m": error_m,
+        "error_percent": 100 * error_m / cable.length_m,
+    }
+    names = {"kind": "executed", "rig": measured.rig, "cable": cable.name, "policy": "nn"}
+    same = {**names, "dataset": dataset, "spread_x": 0.03, "spread_y": 0.02}
     folder = data / "evaluation" / cable.name / f"nn-{dataset}"
     folder.mkdir(parents=True)
-    pl.DataFrame(rows).write_csv(folder / "evaluation.csv")
+    table = pl.DataFrame(rows).with_columns(**{k: pl.lit(v) for k, v in same.items()})
+    table.write_csv(folder / "evaluation.csv")

@@ -79,6 +79,8 @@ def test_effects_go_by_readable_names() -> None:
     screen = first_screen(diagnosis_page(several()))
     assert "Add tilt and late clock" in screen
     assert "effects=[tilt,late_clock]" in screen and "effects=tilt+late_clock" in screen
+    for label in ("base model", "+ tilt", "+ late clock"):
+        assert f">{label}</text>" in diagnosis_page(several())
 
 
 def test_a_clean_bill_names_no_effect_to_add() -> None:
@@ -87,30 +89,24 @@ def test_a_clean_bill_names_no_effect_to_add() -> None:
     assert "4 of 4 effects would have been noticed" in screen
 
 
-def test_a_confused_pair_is_answered_with_trials_to_run() -> None:
+def test_confused_pairs_and_what_came_near_are_answered_with_trials_to_run() -> None:
     screen = first_screen(diagnosis_page(confused()))
     assert "hardly told from turn" in screen
     assert "shear and turn predict different paths" in screen
     assert "actions.csv" in screen and "speed" in screen
-
-
-def test_what_came_near_is_named_as_not_confirmed_with_trials_to_run() -> None:
     screen = first_screen(diagnosis_page(near()))
     assert "Not confirmed: shear or turn" in screen
     assert "actions.csv" in screen and "effects=[" not in screen
 
 
-def test_an_unknown_force_is_drawn_and_a_draft_of_an_effect_given() -> None:
-    page = diagnosis_page(unknown())
+def test_an_unknown_force_is_drawn_drafted_as_an_effect_and_said_to_be_the_missing_one() -> None:
+    explained = unknown()
+    page = diagnosis_page(explained)
     assert "fitted field" in page
     assert "(1.05, −0.250)" in text_of(page)
     assert "class MyEffect(Effect)" in page and "conf/effects.yaml" in page
-
-
-def test_a_field_that_explains_nothing_is_not_said_to_be_the_missing_force() -> None:
-    explained = unknown()
+    assert "What the missing force depends on: place" in page
     nearest = {**explained, "unexplained": {**explained["unexplained"], "explains": False}}
-    assert "What the missing force depends on: place" in diagnosis_page(explained)
     page = diagnosis_page(nearest)
     assert "What comes nearest to the missing force: place" in page
     assert "What the missing force depends on" not in page
@@ -157,9 +153,10 @@ def test_a_model_of_another_kind_is_spoken_of_in_its_own_words_and_unit() -> Non
     assert "on held-out pushes [cm]" in page
 
 
-def test_the_set_s_own_folder_stands_in_the_command_when_it_is_known() -> None:
-    screen = first_screen(diagnosis_page({**effect(), "measurements": "../sets/my set"}))
-    assert "paths.measurements='../sets/my set'" in screen
+def test_the_command_names_the_set_s_own_folder_and_the_diagnosis_whose_promise_is_kept() -> None:
+    known = {"measurements": "../sets/my set", "output": "data/diagnosis/cable1"}
+    screen = first_screen(diagnosis_page({**effect(), **known}))
+    assert "paths.measurements='../sets/my set' paths.diagnosis=data/diagnosis/cable1" in screen
     assert "DIR" not in screen and "paths.tuned=outputs/my_set/tilt" in screen
 
 
@@ -171,23 +168,9 @@ def test_where_the_base_model_fails_is_shown_and_trials_play_once_it_has_finishe
     assert "Where the base model fails" in reloading and "<script" not in reloading
 
 
-def test_the_command_hands_the_diagnosis_to_tuning_so_that_its_promise_is_kept() -> None:
-    screen = first_screen(diagnosis_page({**effect(), "output": "data/diagnosis/cable1"}))
-    assert "paths.diagnosis=data/diagnosis/cable1" in screen
-
-
-def test_a_ladder_names_what_each_rung_adds() -> None:
-    page = diagnosis_page(several())
-    assert all(f">{label}</text>" in page for label in ("base model", "+ tilt", "+ late clock"))
-
-
 def test_effects_fixed_in_advance_are_in_the_base_and_in_the_command() -> None:
     given = [["air_drag"], ["air_drag", "tilt"]]
     ladder = [{**rung, "effects": e} for rung, e in zip(effect()["ladder"], given, strict=True)]
     page = diagnosis_page({**effect(), "ladder": ladder})
     assert ">with air drag</text>" in page and ">+ tilt</text>" in page
     assert "effects=[air_drag,tilt]" in page
-
-
-def test_an_empty_diagnosis_reads_as_nothing_known() -> None:
-    assert "Too few data" in text_of(diagnosis_page({}))

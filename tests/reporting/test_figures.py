@@ -22,12 +22,6 @@ def results(data_folder) -> Results:
     return read_results(data_folder)
 
 
-def drawn(figure) -> str:
-    content = svg(figure)
-    ET.fromstring(content)
-    return content.decode()
-
-
 def test_the_same_results_give_the_same_bytes(results) -> None:
     def once() -> bytes:
         with style():
@@ -51,7 +45,7 @@ def test_axes_have_units_and_the_rig_is_named(results) -> None:
         assert any("virtual rig" in t for t in texts)
         labels = [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()]
         assert labels and all("[" in label for label in labels)
-        drawn(figure)
+        ET.fromstring(svg(figure))
 
 
 def test_the_overlay_runs_from_the_best_to_the_worst_cast(results) -> None:
@@ -84,11 +78,3 @@ def test_two_repeats_make_no_ellipse(results) -> None:
         none = targets_figure([few], [None])
     assert len(many.findobj(Ellipse)) == 16
     assert len(none.findobj(Ellipse)) == 0
-
-
-def test_every_optimizer_has_a_trace(optimizers: Results) -> None:
-    (legend,) = trace_figure(optimizers.tunings, {"cable1": 0.8}).legends
-    assert {text.get_text() for text in legend.get_texts()} == {
-        *(f"Segmented, {name}" for name in ("DE", "BO", "Gauss–Newton")),
-        "noise floor",
-    }

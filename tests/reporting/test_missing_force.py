@@ -58,14 +58,18 @@ def two_cables() -> CableMotion:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("depends_on", ["place", "speed", "heading", "time", "bending", "endpoint"])
-def test_a_drafted_effect_works_and_does_nothing_at_its_null(depends_on: str) -> None:
-    code, settings = drafts({"depends_on": depends_on, "field": None}).values()
+def drafted(depends_on: str, field: Field | None) -> Effect:
+    """Return the effect that is drafted, as its two texts make it."""
+    code, settings = drafts({"depends_on": depends_on, "field": field}).values()
     room: dict = {}
     exec(code, room)
     plain = yaml.safe_load(settings)["effects"]["my_effect"]
-    effect: Effect = room["MyEffect"]("my_effect", plain["text"], plain["parameters"])
-    cable = two_cables()
+    return room["MyEffect"]("my_effect", plain["text"], plain["parameters"])
+
+
+@pytest.mark.parametrize("depends_on", ["place", "speed", "heading", "time", "bending", "endpoint"])
+def test_a_drafted_effect_works_and_does_nothing_at_its_null(depends_on: str) -> None:
+    effect, cable = drafted(depends_on, None), two_cables()
     hook = effect.bending_moment if depends_on == "bending" else effect.force
     at_null = {p.name: np.full((2, 1), p.nominal) for p in effect.parameters}
     assert not np.any(hook(cable, **at_null))
@@ -88,13 +92,9 @@ def test_a_draft_starts_where_the_arrows_point_and_acts_on_what_they_act_on() ->
 def test_a_resistance_over_the_board_drafts_a_brake_where_it_is_strongest() -> None:
     points, values = [[0.5, 0.0], [0.9, -0.2], [1.1, 0.3]], [[0.1], [1.4], [-0.2]]
     field = {"axes": ["x [m]", "y [m]"], "unit": "m/s²", "points": points, "values": values}
-    code, settings = drafts({"depends_on": "place", "field": field}).values()
-    room: dict = {}
-    exec(code, room)
-    plain = yaml.safe_load(settings)["effects"]["my_effect"]
-    effect: Effect = room["MyEffect"]("my_effect", plain["text"], plain["parameters"])
-    assert plain["parameters"]["x0"]["nominal"] == pytest.approx(0.9)
-    cable = two_cables()
+    effect, cable = drafted("place", field), two_cables()
+    (x0,) = (p.nominal for p in effect.parameters if p.name.endswith("x0"))
+    assert x0 == pytest.approx(0.9)
     probed = {p.name: np.full((2, 1), abs(p.probes[0])) for p in effect.parameters}
     x, y = effect.force(cable, **probed)
     assert (x * cable.vx + y * cable.vy <= 0).all() and np.any(x)

@@ -1,23 +1,31 @@
 import re
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import polars as pl
 import pytest
 
 from robotcast.reporting.figures import trace_figure
-from robotcast.reporting.report import RunFacts, glance, make_report, write_report
+from robotcast.reporting.report import RunFacts, glance, write_report
 from robotcast.reporting.results import Results, read_results
-from robotcast.tuning.tuned import ModelRevision, keep_revision
+from robotcast.tuning.tuned import keep_revision
+from tests.tuning.some_revisions import BASE, TILT
 
 ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
 FACTS = RunFacts("demo", 0, (("Trained", "at most 200 epochs"),))
 
 
+def written(results: Results, folder: Path) -> str:
+    """Write a report and return its page."""
+    write_report(results, FACTS, folder)
+    return (folder / "index.html").read_text()
+
+
 @pytest.fixture(scope="module")
 def report(data_folder, tmp_path_factory):
     folder = tmp_path_factory.mktemp("reports")
-    write_report(read_results(data_folder), FACTS, folder)
+    written(read_results(data_folder), folder)
     return folder
 
 
@@ -32,22 +40,19 @@ def test_tables_come_in_three_forms_and_figures_as_svg(report) -> None:
     assert {"tuning_trace", "errors", "targets", "overlay_cable1_segmented-de"} <= figures
 
 
-def test_the_page_needs_nothing_else(report) -> None:
+def test_the_page_needs_nothing_else_and_says_that_the_virtual_rig_is_no_robot(report) -> None:
     page = (report / "index.html").read_text()
     outside = re.findall(r'(?:src|href)="(?!data:)[^"]*"|url\((?!data:)', page)
     assert not outside
     assert "<script" not in page
-
-
-def test_the_page_says_that_the_virtual_rig_is_not_a_robot(report) -> None:
-    assert "The virtual rig is not a robot" in (report / "index.html").read_text()
+    assert "The virtual rig is not a robot" in page
 
 
 def test_the_same_results_give_the_same_page(data_folder, tmp_path) -> None:
     for room in ROOMS:
         shutil.copytree(data_folder / room / "cable2", tmp_path / room / "cable2")
-    pages = [make_report(read_results(tmp_path), FACTS).html() for _ in range(2)]
-    assert pages[0] == pages[1]
+    first, second = (written(read_results(tmp_path), tmp_path / name) for name in ("r1", "r2"))
+    assert first == second
 
 
 def test_a_policy_that_lost_every_cast_is_reported_without_numbers(data_folder, tmp_path) -> None:
@@ -56,37 +61,27 @@ def test_a_policy_that_lost_every_cast_is_reported_without_numbers(data_folder, 
     folder = tmp_path / "data" / "evaluation" / "cable1" / "nn-mixed"
     folder.mkdir(parents=True)
     lost.write_csv(folder / "evaluation.csv")
-    write_report(read_results(tmp_path / "data"), FACTS, tmp_path / "reports")
-    page = (tmp_path / "reports" / "index.html").read_text()
+    page = written(read_results(tmp_path / "data"), tmp_path / "reports")
     assert "lost in tracking: 80 of Cable 1, " in page
 
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_a_report_is_written_from_whatever_is_there(data_folder, room, tmp_path) -> None:
     shutil.copytree(data_folder / room / "cable1", tmp_path / "data" / room / "cable1")
-    write_report(read_results(tmp_path / "data"), FACTS, tmp_path / "reports")
-    page = (tmp_path / "reports" / "index.html").read_text()
-    assert "Cable 1" in page
+    assert "Cable 1" in written(read_results(tmp_path / "data"), tmp_path / "reports")
 
 
-def test_the_ladder_of_revisions_is_drawn_from_base_to_effects(data_folder, tmp_path) -> None:
+def test_the_ladder_of_revisions_is_drawn_from_base_to_effects(
+    data_folder, report, tmp_path
+) -> None:
     shutil.copytree(data_folder / "tuned" / "cable1", tmp_path / "data" / "tuned" / "cable1")
     tuned = tmp_path / "data" / "tuned" / "cable1" / "segmented-de"
-    base = ModelRevision(
-        cable="cable1", rig="virtual", split="aaaa", tuning_casts=20, heldout_casts=30,
-        simulator="segmented", optimizer="de", effects=(), tuning_waypoint_error_percent=2.4,
-        heldout_waypoint_error_percent=3.1, heldout_final_error_percent=4.0,
-        standard_error_percent=0.2, noise_floor_percent=0.8, simulated_casts=14000,
-    )  # fmt: skip
-    keep_revision(tuned, base)
-    keep_revision(tuned, replace(base, effects=("air_drag",), heldout_waypoint_error_percent=1.2))
-    write_report(read_results(tmp_path / "data"), FACTS, tmp_path / "reports")
+    for revision in (BASE, TILT):
+        keep_revision(tuned, revision)
+    page = written(read_results(tmp_path / "data"), tmp_path / "reports")
     figure = (tmp_path / "reports" / "figures" / "revisions_cable1.svg").read_text()
-    assert figure.index("base model") < figure.index("+ air drag")
-    assert "fall from revision to revision" in (tmp_path / "reports" / "index.html").read_text()
-
-
-def test_without_revisions_the_report_has_no_ladder(report) -> None:
+    assert figure.index("base model") < figure.index("+ board tilt")
+    assert "fall from revision to revision" in page
     assert "fall from revision to revision" not in (report / "index.html").read_text()
 
 
@@ -96,8 +91,7 @@ def test_it_names_the_policy_with_the_lowest_median(data_folder) -> None:
     assert mixed is not None
     halved = mixed.casts.with_columns(mixed.casts["error_percent"] / 2)
     better = replace(mixed, policy="residual", casts=halved)
-    rows = glance(replace(results, evaluations=(*results.evaluations, better)))
-    row = rows[1]
+    row = glance(replace(results, evaluations=(*results.evaluations, better)))[1]
     assert row["Cable"] == "Cable 2"
     assert row["π_R2S2R median"] == f"{mixed.median_percent:.1f}%"
     assert row["Best policy median"] == f"Residual {better.median_percent:.1f}%"
@@ -107,23 +101,23 @@ def test_it_names_the_policy_with_the_lowest_median(data_folder) -> None:
 def test_a_cable_without_casts_on_a_rig_has_no_best_policy(data_folder) -> None:
     results = read_results(data_folder)
     predicted = tuple(replace(e, kind="predicted") for e in results.evaluations)
-    rows = glance(replace(results, evaluations=predicted))
-    row = rows[0]
+    row = glance(replace(results, evaluations=predicted))[0]
     assert row["Best policy median"] == row["Its repeats scatter"] == "–"
 
 
-def test_the_run_says_what_to_doubt_and_with_which_effects(optimizers: Results) -> None:
+def test_the_run_says_what_to_doubt_and_with_which_effects(
+    optimizers: Results, tmp_path: Path
+) -> None:
     base = next(t for t in optimizers.tunings if (t.cable, t.optimizer) == ("cable1", "de"))
     better = {"test": {**base.facts["errors"]["test"], "waypoint_percent": 0.1}}
     facts = {**base.facts, "effects": ["board_tilt"], "errors": {**base.facts["errors"], **better}}
     both = replace(optimizers, tunings=(*optimizers.tunings, replace(base, facts=facts)))
     (legend,) = trace_figure(both.tunings, {}).legends
     drawn = {text.get_text() for text in legend.get_texts()}
-    assert {"Segmented, DE", "Segmented, DE + board tilt"} < drawn
-    report = make_report(both, RunFacts("demo", 0, ()))
-    figures = {figure.name for of in report.figures.values() for figure in of}
-    assert "overlay_cable1_segmented-de-board_tilt" in figures
-    page = report.html()
+    methods = ("DE", "BO", "Gauss–Newton", "DE + board tilt")
+    assert drawn == {f"Segmented, {method}" for method in methods}
+    page = written(both, tmp_path)
+    assert (tmp_path / "figures" / "overlay_cable1_segmented-de-board_tilt.svg").is_file()
     assert "<dd>Segmented, DE + board tilt: " in page
     (newton,) = re.findall("<dd>Segmented, Gauss–Newton: (.*)</dd>", page)
     assert "12 diverged" in newton

@@ -18,35 +18,21 @@ def test_an_empty_folder_is_refused(tmp_path) -> None:
         read_results(tmp_path)
 
 
-def test_a_lost_cast_counts_as_lost_and_not_as_an_error(tmp_path, data_folder) -> None:
+def test_lost_casts_are_no_errors_and_a_target_that_lost_all_is_still_known(
+    tmp_path, data_folder
+) -> None:
     source = data_folder / "evaluation" / "cable1" / "nn-mixed" / "evaluation.csv"
-    lost = pl.read_csv(source).with_row_index()
-    for column in ("x", "y", "error_m", "error_percent"):
-        lost = lost.with_columns(
-            pl.when(pl.col("index") == 3).then(None).otherwise(pl.col(column)).alias(column)
-        )
+    table, (target, repeat) = pl.read_csv(source), (pl.col("target"), pl.col("repeat"))
+    lost = (target == 0) | ((target == 3) & (repeat == 1))
     folder = tmp_path / "evaluation" / "cable1" / "nn-mixed"
     folder.mkdir(parents=True)
-    lost.drop("index").write_csv(folder / "evaluation.csv")
-    evaluation = read_results(tmp_path).evaluations[0]
-    assert evaluation.lost == 1
-    assert len(evaluation.errors_percent) == 79
-
-
-def test_a_target_whose_casts_are_all_lost_is_still_known(tmp_path, data_folder) -> None:
-    source = data_folder / "evaluation" / "cable1" / "nn-mixed" / "evaluation.csv"
-    table = pl.read_csv(source)
-    hit = pl.col("target") == table["target"][0]
-    measured = [
-        pl.when(hit).then(None).otherwise(pl.col(name)).alias(name)
+    table.with_columns(
+        pl.when(lost).then(None).otherwise(pl.col(name)).alias(name)
         for name in ("x", "y", "error_m", "error_percent")
-    ]
-    folder = tmp_path / "evaluation" / "cable1" / "nn-mixed"
-    folder.mkdir(parents=True)
-    table.with_columns(measured).write_csv(folder / "evaluation.csv")
+    ).write_csv(folder / "evaluation.csv")
     evaluation = read_results(tmp_path).evaluations[0]
+    assert (evaluation.lost, len(evaluation.errors_percent), evaluation.targets) == (6, 74, 16)
     assert evaluation.unseen_m == (tuple(table.select("target_x", "target_y").row(0)),)
-    assert evaluation.targets == 16
     legend = targets_figure([evaluation], [None]).legends[0]
     assert "all casts lost in tracking" in {text.get_text() for text in legend.get_texts()}
 

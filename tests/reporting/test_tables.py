@@ -3,6 +3,7 @@ import io
 import shutil
 import subprocess
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from robotcast.reporting.tables import (
     policies_table,
     tuning_table,
 )
-from robotcast.tuning.tuned import ModelRevision
+from tests.tuning.some_revisions import TILT
 
 TABLE = Table(
     name="errors",
@@ -54,15 +55,12 @@ def test_markdown_of_any_rows_has_one_decimal_and_no_minus_before_zero() -> None
     assert table == "| a | b | c |\n| --- | --- | --- |\n| 1 | 2.3 | 0.0 |\n"
 
 
-def test_latex_has_one_cell_for_every_column() -> None:
+def test_latex_has_one_cell_for_every_column_and_the_papers_symbols() -> None:
     text = TABLE.latex()
     bodies = [line for line in text.splitlines() if line.startswith(r"  $\pi_")]
     assert [line.count("&") for line in bodies] == [4, 4]
     assert r"\textbf{8.1\%}" in text
     assert r"\cmidrule(lr){2-3} \cmidrule(lr){4-5}" in text
-
-
-def test_latex_writes_the_papers_symbols() -> None:
     assert to_latex("π_R2S2R ∪ 5%") == r"$\pi_\mathrm{R2S2R}$ $\cup$ 5\%"
     assert to_latex("a_b & c") == r"a\_b \& c"
 
@@ -99,22 +97,13 @@ def row_of(table: Table, *labels: str) -> dict[str, str]:
     return dict(zip(names, (c.text for c in cells), strict=True))
 
 
-def test_tuning_shows_the_papers_simulators_run_or_not(results) -> None:
+def test_tuning_shows_the_papers_simulators_run_or_not_and_the_noise_floor(results) -> None:
     table = tuning_table(results)
-    assert [row[0] for row in table.rows] == [
-        "PyBullet, DE",
-        "Hybrid, DE",
-        "Segmented, DE",
-        "Noise floor (repeats)",
-    ]
     assert row_of(table, "PyBullet, DE")["virtual rig, Cable 1: Wayp."] == "–"
     segmented = row_of(table, "Segmented, DE")
     assert segmented["virtual rig, Cable 1: Last"] == "3.1%"
     assert segmented["paper’s robot, Cable 1: Wayp."] == "9%"
-
-
-def test_the_noise_floor_stands_under_the_errors(results) -> None:
-    floor = row_of(tuning_table(results), "Noise floor (repeats)")
+    floor = row_of(table, "Noise floor (repeats)")
     measured = results.cables[0].floor
     assert measured is not None and measured.final_percent is not None
     assert floor["virtual rig, Cable 1: Last"] == f"{measured.final_percent:.1f}%"
@@ -123,13 +112,8 @@ def test_the_noise_floor_stands_under_the_errors(results) -> None:
 
 def test_policies_have_the_papers_five_rows_with_its_values(results) -> None:
     table = policies_table(results)
-    assert [row[1] for row in table.rows] == [
-        "Cast and Pull",
-        "Gaussian Proc.",
-        "π_RD",
-        "π_SD",
-        "π_R2S2R",
-    ]
+    names = ["Cast and Pull", "Gaussian Proc.", "π_RD", "π_SD", "π_R2S2R"]
+    assert [row[1] for row in table.rows] == names
     mixed = row_of(table, "Cable 1", "π_R2S2R", "D_real ∪ D_sim")
     assert mixed["paper’s robot, Cable 1: Max"] == "105%"
     evaluation = results.evaluation("cable1", "nn", "mixed")
@@ -164,13 +148,9 @@ def test_cables_has_one_row_a_cable(results) -> None:
     assert row_of(table, "Cable 2")["paper’s robot: Median"] == "12%"
 
 
-def test_every_caption_names_the_rig_and_the_paper(results) -> None:
+def test_captions_name_the_rig_and_the_paper_and_count_targets_and_repeats(results) -> None:
     for table in (tuning_table(results), policies_table(results), cables_table(results)):
-        assert "virtual rig" in table.caption
-        assert "paper’s robot" in table.caption
-
-
-def test_captions_count_targets_and_repeats(results) -> None:
+        assert "virtual rig" in table.caption and "paper’s robot" in table.caption
     assert "16 targets × 5 casts each" in cables_table(results).caption
 
 
@@ -197,31 +177,16 @@ def test_parts_tell_repeatability_from_the_models_share(results) -> None:
 
 
 def test_every_simulator_has_a_row_for_every_optimizer(optimizers: Results) -> None:
-    labels = [row[0] for row in tuning_table(optimizers).rows]
-    assert labels == [
-        *(
-            f"{s}, {o}"
-            for s in ("PyBullet", "Hybrid", "Segmented")
-            for o in ("DE", "BO", "Gauss–Newton")
-        ),
-        "Noise floor (repeats)",
-    ]
-
-
-REVISION = ModelRevision(
-    cable="cable1", rig="virtual", split="a", tuning_casts=20, heldout_casts=30,
-    simulator="segmented", optimizer="de", effects=("board_tilt",),
-    tuning_waypoint_error_percent=2.0, heldout_waypoint_error_percent=2.0,
-    heldout_final_error_percent=2.0, standard_error_percent=None, noise_floor_percent=None,
-    simulated_casts=100,
-)  # fmt: skip
+    *labels, last = (row[0] for row in tuning_table(optimizers).rows)
+    pairs = product(("PyBullet", "Hybrid", "Segmented"), ("DE", "BO", "Gauss–Newton"))
+    assert labels == [f"{s}, {o}" for s, o in pairs] and last == "Noise floor (repeats)"
 
 
 def test_a_row_with_an_effect_stands_where_it_helps(optimizers: Results) -> None:
     first = optimizers.cables[0]
     base = next(t for t in optimizers.tunings if (t.cable, t.optimizer) == (first.name, "de"))
     error = base.error("test", "waypoint_percent") or 0.0
-    helps = replace(REVISION, cable=first.name, heldout_waypoint_error_percent=error - 0.5)
+    helps = replace(TILT, cable=first.name, heldout_waypoint_error_percent=error - 0.5)
     hurts = replace(helps, effects=("air_drag",), heldout_waypoint_error_percent=error + 0.5)
     cables = (replace(first, revisions=(helps, hurts)), *optimizers.cables[1:])
     rows = {row[0]: row[1:] for row in tuning_table(replace(optimizers, cables=cables)).rows}

@@ -39,17 +39,15 @@ class PredictionErrors:
     n_diverged: int
 
 
-def waypoint_distances(predicted_m: np.ndarray, trials: Sequence[Trial]) -> np.ndarray:
-    """Return the distance of every predicted waypoint from the measured one.
+def cast_errors(predicted_m: np.ndarray, trials: Sequence[Trial]) -> tuple[np.ndarray, np.ndarray]:
+    """Return every cast's average waypoint error and final error, each (n_casts,) [m].
+
+    Both are NaN for a cast whose prediction lacks one of its waypoints: its run diverged.
 
     Parameters
     ----------
     predicted_m : ndarray of shape (n_casts, k_max, 2); waypoint j of cast i belongs to
         `trials[i].waypoints_s[j]`, so frames lost by the tracker take no part.
-
-    Returns
-    -------
-    ndarray of shape (n_casts, k_max) [m]; NaN past a cast's waypoints and where a run diverged.
     """
     k_most = max((len(t.waypoints_s) for t in trials), default=0)
     if len(predicted_m) != len(trials) or predicted_m.shape[1] < k_most:
@@ -57,25 +55,11 @@ def waypoint_distances(predicted_m: np.ndarray, trials: Sequence[Trial]) -> np.n
             f"expected predictions for {len(trials)} casts with up to {k_most} waypoints, "
             f"got an array of shape {predicted_m.shape}"
         )
-    distance_m = np.full(predicted_m.shape[:2], np.nan)
-    for row, predicted, trial in zip(distance_m, predicted_m, trials, strict=True):
-        k = len(trial.waypoints_s)
-        row[:k] = np.linalg.norm(predicted[:k] - trial.waypoints_m, axis=-1)
-    return distance_m
-
-
-def cast_errors(predicted_m: np.ndarray, trials: Sequence[Trial]) -> tuple[np.ndarray, np.ndarray]:
-    """Return every cast's average waypoint error and final error, each (n_casts,) [m].
-
-    Both are NaN for a cast whose prediction lacks one of its waypoints: its run diverged.
-    """
-    distance_m = waypoint_distances(predicted_m, trials)
-    average_m = np.array(
-        [row[: len(t.waypoints_s)].mean() for row, t in zip(distance_m, trials, strict=True)]
-    )
-    final_m = np.array(
-        [row[len(t.waypoints_s) - 1] for row, t in zip(distance_m, trials, strict=True)]
-    )
+    average_m, final_m = np.empty((2, len(trials)))
+    for i, (predicted, trial) in enumerate(zip(predicted_m, trials, strict=True)):
+        away_m = predicted[: len(trial.waypoints_m)] - trial.waypoints_m
+        distance_m = np.linalg.norm(away_m, axis=-1)
+        average_m[i], final_m[i] = distance_m.mean(), distance_m[-1]
     return average_m, np.where(np.isnan(average_m), np.nan, final_m)
 
 
@@ -136,7 +120,7 @@ def noise_floor(measured: MeasurementSet) -> NoiseFloor:
         return NoiseFloor()
     to_percent = 100 / measured.cable.length_m
     ends_m = [np.array([t.endpoint_m for t in group if t.rested]) for group in groups]
-    final_m = np.concatenate([_deviations(e) for e in ends_m if len(e) > 1] or [[np.nan]])
+    final_m = np.concatenate([deviations(e) for e in ends_m if len(e) > 1] or [[np.nan]])
     final = float(np.median(final_m) * to_percent) if np.isfinite(final_m[0]) else None
     return NoiseFloor(float(average_m.mean() * to_percent), final)
 
@@ -147,12 +131,12 @@ def _average_deviations(group: Sequence[Trial], period_s: float) -> np.ndarray:
     times_s = np.arange(0.0, last_s + period_s / 2, max(period_s, last_s / (GRID * rows)))
     paths_m = np.stack([at_times(times_s, t.waypoints_s, t.waypoints_m, period_s) for t in group])
     shared = np.isfinite(paths_m[..., 0]).sum(axis=0) > 1
-    deviations_m = _deviations(paths_m[:, shared])
+    deviations_m = deviations(paths_m[:, shared])
     sharing = np.isfinite(deviations_m).any(axis=1)
     return np.nanmean(deviations_m[sharing], axis=1)
 
 
-def _deviations(repeats_m: np.ndarray) -> np.ndarray:
+def deviations(repeats_m: np.ndarray) -> np.ndarray:
     """Return corrected distances from the mean over axis 0: (n, ..., 2) → (n, ...), NaN kept."""
     n = np.isfinite(repeats_m[..., 0]).sum(axis=0)
     distance_m = np.linalg.norm(repeats_m - np.nanmean(repeats_m, axis=0), axis=-1)

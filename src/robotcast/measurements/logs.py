@@ -120,16 +120,12 @@ class Logs:
     def away_m(self, turn: np.ndarray | None = None, shift: int = 0) -> np.ndarray:
         """Return how far the free end is from the held point at every waypoint, (M,).
 
-        Parameters
-        ----------
-        turn : (2, 2), that the free end is turned by.
-        shift : how many casts later the held point is taken from.
+        The free end turned by `turn` (2, 2); the held point that of the cast `shift` later.
         """
         end_m = self.end.values if turn is None else self.end.values @ turn.T
-        if not shift:
-            return np.linalg.norm(end_m - self.held_m, axis=1)
         cast = (self.end.cast + shift) % len(self.trials)
-        return np.linalg.norm(end_m - self.tool.at(self.end.t_s, cast)[:, :2], axis=1)
+        held_m = self.tool.at(self.end.t_s, cast)[:, :2] if shift else self.held_m
+        return np.linalg.norm(end_m - held_m, axis=1)
 
     @cached_property
     def digit_m(self) -> float:

@@ -4,7 +4,7 @@ import math
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from robotcast.files import atomic_folder
 from robotcast.measurements.logs import Logs
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
 from robotcast.measurements.rows import Say, tidy_actions, tidy_log, unwrapped
-from robotcast.measurements.rules import Outcome, check, heading_off
+from robotcast.measurements.rules import check, heading_off
 
 MOST = 10.0  # m, kg or s, of every number
 MISTAKEN = {
@@ -30,19 +30,8 @@ MISTAKEN = {
 MAY_BE_ZERO = ("cable.endpoint_mass_kg", "camera.noise_m")
 
 
-@dataclass(frozen=True)
-class RigFacts:
-    """What rig.yaml says; the fields are those of `MeasurementSet`."""
-
-    cable: Cable
-    r0_m: float
-    period_s: float
-    noise_m: float | None
-    rig: str
-
-
-def read_rig_file(path: Path) -> RigFacts:
-    """Read and check rig.yaml; messages name the key, since the file is short."""
+def _rig_file(path: Path) -> MeasurementSet:
+    """Read and check rig.yaml: a set without casts yet. Messages name the key of the short file."""
     facts = _mapping(path)
     names = ("length_m", "mass_kg", "radius_m", "endpoint_mass_kg")
     sizes = {name: _number(path, facts, f"cable.{name}") for name in names}
@@ -52,23 +41,24 @@ def read_rig_file(path: Path) -> RigFacts:
             f"{sizes['length_m']:g}; millimetres where metres are expected?"
         )
     noise_known = _find(facts, "camera.noise_m") is not None
-    return RigFacts(
+    return MeasurementSet(
         cable=Cable(name=_name(path, facts, "cable.name"), **sizes),
         r0_m=_number(path, facts, "robot.r0_m"),
         period_s=_number(path, facts, "camera.period_s"),
         noise_m=_number(path, facts, "camera.noise_m") if noise_known else None,
+        trials=(),
         rig=_name(path, facts, "rig") if "rig" in facts else "recorded",
     )
 
 
-def rig_file_text(facts: RigFacts) -> str:
-    """Return rig.yaml for `facts`, numbers with all their digits."""
-    cable = {k: v if k == "name" else float(v) for k, v in asdict(facts.cable).items()}
-    camera = {"period_s": float(facts.period_s)}
-    if facts.noise_m is not None:
-        camera["noise_m"] = float(facts.noise_m)
-    robot = {"r0_m": float(facts.r0_m)}
-    content = {"rig": facts.rig, "cable": cable, "robot": robot, "camera": camera}
+def _rig_file_text(measured: MeasurementSet) -> str:
+    """Return rig.yaml of a set, numbers with all their digits."""
+    cable = {k: v if k == "name" else float(v) for k, v in asdict(measured.cable).items()}
+    camera = {"period_s": float(measured.period_s)}
+    if measured.noise_m is not None:
+        camera["noise_m"] = float(measured.noise_m)
+    robot = {"r0_m": float(measured.r0_m)}
+    content = {"rig": measured.rig, "cable": cable, "robot": robot, "camera": camera}
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
 
 
@@ -125,22 +115,17 @@ def _said(value: Any) -> str:
     return "nothing" if value is None else repr(value)
 
 
-DEFAULT_LIMITS = PlanLimits()
 NO_TOOL = "the set has no tool.csv; the planned motion of its actions stands in for it"
 TURNED_RAD = 0.3  # about a quarter turn, in which the cable lies at the start of nearly all casts
 NEARLY_ALL = 0.8
 
 
-def read_measurement_set(folder: Path, limits: PlanLimits = DEFAULT_LIMITS) -> MeasurementSet:
+def read_measurement_set(folder: Path) -> MeasurementSet:
     """Read a measurement set, its tables as CSV or Parquet.
 
     What was put right on reading, what is doubtful and which casts are left out, or have no
-    endpoint, stands in its `notices`.
-
-    Parameters
-    ----------
-    limits : how a cast is planned; a set without a tool table falls back on the planned motion
-        of its actions.
+    endpoint, stands in its `notices`. Without a tool table, the planned motion of the actions
+    stands in for it.
 
     Raises
     ------
@@ -153,19 +138,15 @@ def read_measurement_set(folder: Path, limits: PlanLimits = DEFAULT_LIMITS) -> M
     rig_path = folder / "rig.yaml"
     if not rig_path.is_file():
         raise ValueError(f"{folder}: rig.yaml is missing; a measurement set needs it")
-    facts, notices = read_rig_file(rig_path), []
+    bare, notices = _rig_file(rig_path), []
     actions = tidy_actions(_needed_table(folder, "actions"), notices.append)
     waypoints = _needed_table(folder, "waypoints")
     waypoints = tidy_log(waypoints, actions, 1, "waypoints", notices.append)
     logged = _logged_tools(folder, actions, notices.append)
-    tools = logged or _planned(actions, facts.r0_m, limits)
-    read = MeasurementSet(
-        cable=facts.cable,
-        r0_m=facts.r0_m,
-        period_s=facts.period_s,
-        noise_m=facts.noise_m,
+    tools = logged or _planned(actions, bare.r0_m)
+    read = replace(
+        bare,
         trials=_trials(actions, waypoints, tools),
-        rig=facts.rig,
         tool_planned=logged is None,
         notices=(*([] if logged else [NO_TOOL]), *notices),
     )
@@ -188,11 +169,11 @@ def judged(measured: MeasurementSet, folder: Path) -> MeasurementSet:
         if not path.suffix:
             path = find_table(folder, found.where) or path.with_suffix(".csv")
         said.append(f"{path}: {found.sentence}")
-        if found.outcome is Outcome.REFUSED:
+        if found.then == "refused":
             raise ValueError(said[-1])
-        if found.outcome is Outcome.UNUSABLE:
+        if found.then == "unusable":
             lost |= set(found.casts)
-        elif found.outcome is Outcome.UNRESTED:
+        elif found.then == "unrested":
             unrested |= set(found.casts)
     if len(lost) > most:
         raise ValueError(
@@ -251,11 +232,11 @@ def _logged_tools(folder: Path, actions: Table, say: Say) -> list[ToolMotion] | 
     ]
 
 
-def _planned(actions: Table, r0_m: float, limits: PlanLimits) -> list[ToolMotion]:
+def _planned(actions: Table, r0_m: float) -> list[ToolMotion]:
     planned = []
     for index, action in enumerate(_actions(actions)):
         try:
-            planned.append(plan_action(action, r0_m=r0_m, limits=limits).tool)
+            planned.append(plan_action(action, r0_m=r0_m, limits=PlanLimits()).tool)
         except ValueError as error:
             raise ValueError(
                 f"{actions.place(index)}: without tool.csv the motion is planned, "
@@ -326,11 +307,8 @@ def write_measurement_set(measured: MeasurementSet, folder: Path) -> None:
         )
     if not measured.trials:
         raise ValueError(f"{folder}: a measurement set without casts is not written")
-    facts = RigFacts(
-        measured.cable, measured.r0_m, measured.period_s, measured.noise_m, measured.rig
-    )
     with atomic_folder(folder) as unfinished:
-        (unfinished / "rig.yaml").write_text(rig_file_text(facts), encoding="utf-8")
+        (unfinished / "rig.yaml").write_text(_rig_file_text(measured), encoding="utf-8")
         for name, columns in _tables(measured).items():
             pl.DataFrame(columns).write_csv(unfinished / f"{name}.csv")
 

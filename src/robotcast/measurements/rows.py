@@ -7,6 +7,7 @@ said: rows that stand there twice, angles that jump by 2π, equal actions under 
 from collections.abc import Callable
 
 import numpy as np
+import polars as pl
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
@@ -25,8 +26,7 @@ def tidy_actions(actions: Table, say: Say) -> Table:
     if len(actions.rows) == 0:
         raise ValueError(f"{actions.path}: holds no casts")
     trials = actions.columns["trial"]
-    _, first = np.unique(trials, return_index=True)
-    again = ~np.isin(np.arange(len(trials)), first)
+    again = ~pl.Series(trials).is_first_distinct().to_numpy()
     actions.refuse_where(again, lambda i: f"trial {trials[i]} stands there twice")
     _refuse_mixed_repeats(actions)
     columns = dict(actions.columns)

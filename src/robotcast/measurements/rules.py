@@ -1,13 +1,11 @@
 """The rules of a measurement set as a whole, and what real cables, arms and cameras can do.
 
-rules.yaml says of each rule what it reads, does and says.
+rules.yaml says of each rule what it reads, what it says and what follows.
 """
 
-from dataclasses import dataclass
-from enum import Enum
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
@@ -71,30 +69,28 @@ AXES = "x goes along the board's axis, y to the left, not down, and angles are c
 UNITS = {1000: "millimetres", 100: "centimetres", 10: "decimetres", 39.37: "inches", 3.28: "feet"}
 
 
-class Outcome(Enum):
-    """What a broken rule does to the set, or to some casts."""
-
-    REFUSED = "the set is refused"
-    WARNING = "a warning"
-    UNUSABLE = "not used"
-    UNRESTED = "not counted as endpoints"
+SAID_OF_CASTS = {"unusable": "not used", "unrested": "not counted as endpoints"}
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """A rule that is broken, by the whole set or by some casts (their places in it)."""
 
-    outcome: Outcome
+    then: str  # "refused" or "warning" of the set, or a key of `SAID_OF_CASTS`
     where: str
     sentence: str
     casts: tuple[int, ...] = ()
 
 
 @cache
-def _rules() -> dict[str, dict[str, str]]:
-    return yaml.safe_load(
-        (files("robotcast.measurements") / "rules.yaml").read_text(encoding="utf-8")
-    )
+def _rules() -> dict[str, tuple[str, str, str]]:
+    """Return what follows where a rule is broken, which table it names and what it says."""
+    text = (files("robotcast.measurements") / "rules.yaml").read_text(encoding="utf-8")
+    return {
+        name: (then, of, says)
+        for then, tables in yaml.safe_load(text).items()
+        for of, rules in tables.items()
+        for name, says in rules.items()
+    }
 
 
 class Findings(list[Finding]):
@@ -107,23 +103,22 @@ class Findings(list[Finding]):
     def of_set(self, name: str, likely: Any, possible: Any = True, **numbers: Any) -> None:
         """Note a rule that the set breaks: it is not `likely`, or not even `possible`."""
         if not (likely and possible):
-            rule = _rules()[name]
-            refused = rule["then"] == "refused" or not possible
-            outcome = Outcome.REFUSED if refused else Outcome.WARNING
-            self.append(Finding(outcome, rule["of"], rule["says"].format(**numbers)))
+            then, of, says = _rules()[name]
+            refused = then == "refused" or not possible
+            follows = "refused" if refused else "warning"
+            self.append(Finding(follows, of, says.format(**numbers)))
 
     def of_casts(self, name: str, bad: np.ndarray, **numbers: Any) -> None:
         """Note a rule that the casts break which are `bad` (n,), with numbers (n,) of each."""
         casts = np.flatnonzero(bad).tolist()
         if casts:
-            rule = _rules()[name]
-            outcome = Outcome[rule["then"].upper()]
+            then, of, says = _rules()[name]
             told = {k: v[casts[0]] if isinstance(v, np.ndarray) else v for k, v in numbers.items()}
             names = [str(self._trials[i].trial) for i in casts[:MOST_NAMED]]
             names += ["and more"] if len(casts) > MOST_NAMED else []
             likewise = f"; so {len(casts) - 1} more, {', '.join(names[1:])}" * (len(casts) > 1)
-            says = f"trial {names[0]}: {rule['says'].format(**told)}{likewise}; {outcome.value}"
-            self.append(Finding(outcome, rule["of"], says, tuple(casts)))
+            said = f"trial {names[0]}: {says.format(**told)}{likewise}; {SAID_OF_CASTS[then]}"
+            self.append(Finding(then, of, said, tuple(casts)))
 
 
 def check(logs: Logs) -> Findings:

@@ -106,7 +106,7 @@ def where_blocks(comparison: Comparison) -> dict[str, Markup]:
         "map": Markup(""),
         "factors": Markup(""),
     }
-    if _in_plane(c):
+    if c["words"]["plane"]:
         moving = inline(_residual_map(c, "moving"), "Errors while it moves")
         rest = inline(_residual_map(c, "rest"), "Errors where it ends")
         blocks["map"] = block(_BLOCKS, "map", c, moving, rest)
@@ -293,11 +293,6 @@ def _mean_arrows(axes: Axes, row: np.ndarray, start: np.ndarray, end: np.ndarray
         axes.plot(tails[:, 1], tails[:, 0], "o", color=INK, ms=3.8, mew=0)
 
 
-def _in_plane(comparison: Comparison) -> bool:
-    """Tell whether the signal is a place in a plane."""
-    return comparison["words"]["plane"]
-
-
 @style(on_page=True)
 def _player(comparison: Comparison) -> tuple[Figure, list[dict[str, Any]]]:
     """Return the frame of all paths, and every trial's paths in pixels of it, lane by lane."""
@@ -307,7 +302,7 @@ def _player(comparison: Comparison) -> tuple[Figure, list[dict[str, Any]]]:
     def lanes(some: Mapping[str, Any], of: str) -> list[list[list[float]]]:
         path = np.array(some[of], dtype=float)
         pairs = [path[:, ::-1]]
-        if not _in_plane(comparison):
+        if not comparison["words"]["plane"]:
             pairs = [np.stack([some["times_s"], signal], axis=1) for signal in path.T]
         places = [axes.transData.transform(pair) for pair in pairs]
         return [np.round(np.stack([p[:, 0], height - p[:, 1]], axis=1), 1).tolist() for p in places]
@@ -340,7 +335,7 @@ def _frame(comparison: Comparison, width: float, key: float = 0) -> tuple[Figure
         + (f", larger {axis['above']}" if axis["above"] else "")
         for axis in named
     ]
-    if _in_plane(comparison):
+    if comparison["words"]["plane"]:
         return board_canvas(low, high, width, labels, above=8 + key)
     figure, axes = canvas(width, 0.62 * width + key, 50, 8, 8 + key, 42)
     first, last = min(t["times_s"][0] for t in trials), max(t["times_s"][-1] for t in trials)

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from markupsafe import Markup
 
-from robotcast.diagnosis.model import PLAIN, parameter_name
+from robotcast.diagnosis.model import parameter_name
 from robotcast.reporting.comparison_page import casts_block, where_blocks
 from robotcast.reporting.missing_force import drafts, field_figure, focus, robot_block, strongest
 from robotcast.reporting.names import (
@@ -30,25 +30,18 @@ from robotcast.reporting.style import Bar, Row, bars, fall, inline, spread
 
 State = Literal["running", "too-few", "unknown", "none", "near", "open", "confused", "found"]
 
-_NOT_KNOWN: dict[str, Any] = {
-    **dict.fromkeys(("casts", "actions", "noise_floor_percent", "comparison", "simulated_casts")),
-    **dict.fromkeys(("unexplained", "robot", "patched")),
-    **dict.fromkeys(("code", "sentence", "rig", "measurements", "output"), ""),
-    **dict.fromkeys(("verdict", "confusion_set", "nearest", "overrides", "casts_on", "notes"), ()),
-    **dict.fromkeys(("ladder", "ranking", "next_actions"), ()),
-    "words": PLAIN.as_dict(0),
-    "conclusive": True,
+# what a stage adds to what a diagnosis tells
+_BY_STAGE: dict[str, Any] = {
+    **dict.fromkeys(("rig", "measurements", "output"), ""),
+    **dict.fromkeys(("overrides", "casts_on"), ()),
+    **dict.fromkeys(("robot", "patched")),
     "pipeline": False,
-    "error_unit": "%",
-    "base": {},
-    "finished": True,
-    "doing": "starting",
 }
 _NOT_ACTIONS = ("separates", "difference_percent", "why")
 
 
 def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
-    """Return the page of a diagnosis, whole or while it runs; keys it lacks are not known."""
+    """Return the page of a diagnosis, whole or while it runs, with what its stage adds, if any."""
     d = _read(diagnosis)
     c, keys = d.comparison, dict.fromkeys(key for trial in d.next_actions for key in trial)
     factors = [name for name in keys if name not in _NOT_ACTIONS]
@@ -67,9 +60,8 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
         outputs=_outputs(d),
         where=_where(json.dumps(c)) if c else None,
         robot=robot_block(d.robot, d.patched) if d.robot else "",
-        casts=casts_block(c)
-        if c and d.finished and not d.robot
-        else None,  # what reloads itself cannot play
+        # what reloads itself cannot play
+        casts=casts_block(c) if c and d.finished and not d.robot else None,
         rig=rig_name(d.rig),
         parameter_name=parameter_name,
     )
@@ -85,8 +77,7 @@ def _read(diagnosis: Mapping[str, Any]) -> SimpleNamespace:
 
     And with `effects`, all of its last model; `unit` and `error_name`, "%" and "of cable length".
     """
-    d = SimpleNamespace(**_NOT_KNOWN)
-    vars(d).update((key, value) for key, value in diagnosis.items() if value is not None)
+    d = SimpleNamespace(**{**_BY_STAGE, **diagnosis})
     d.unit, _, d.error_name = d.error_unit.partition(" ")
     d.found = [v for v in d.verdict if v not in ("none", "unknown")]
     d.effects = list(dict.fromkeys([*(d.ladder[-1]["effects"] if d.ladder else ()), *d.found]))
@@ -115,30 +106,24 @@ def _rivals(d: SimpleNamespace) -> list[str]:
 
 def _ladder(d: SimpleNamespace) -> Markup | None:
     """Draw the models, and last the fitted field, which no model has climbed yet."""
+    if not d.ladder:
+        return None
     rows: list[Row] = []
     above, before = None, None
     for entry in d.ladder:
-        effects, reached = entry["effects"], entry["heldout_typical_error_percent"]
-        added = before is not None and set(before) < set(effects)
-        shown = set(effects) - set(before or ()) if added else effects
-        names = " + ".join(map(effect_name, sorted(shown)))
+        effects, reached = set(entry["effects"]), entry["heldout_typical_error_percent"]
+        added = effects - before if before is not None and before < effects else set()
+        names = " + ".join(map(effect_name, sorted(added or effects)))
         name = f"{'+' if added else 'with'} {names}" if names else "base model"
         mean, final = (entry[f"heldout_{of}_error_percent"] for of in ("waypoint", "final"))
-        bar = Bar(
-            reached,
-            "before" if before is None else "model",
-            fall(above, reached),
-            spread(reached, entry["standard_error_percent"]),
-        )
+        whisker = spread(reached, entry["standard_error_percent"])
+        bar = Bar(reached, "before" if before is None else "model", fall(above, reached), whisker)
         detail = f"mean {error(mean, d.unit)}, final {error(final, d.unit)}"
         rows.append(Row(name, (bar,), detail))
         above, before = reached, effects
-    if not rows:
-        return None
-    left = d.unexplained or {}
-    reached = left.get("heldout_typical_error_percent")
-    if reached is not None:
-        detail = f"any force by {left.get('depends_on') or 'anything'}"
+    left = d.unexplained
+    if left and (reached := left["heldout_typical_error_percent"]) is not None:
+        detail = f"any force by {left['depends_on']}"
         rows.append(Row("fitted field", (Bar(reached, "open", fall(above, reached)),), detail))
     axis = f"typical error on held-out {d.words['trials']} [{d.error_unit}]"
     drawn = bars(rows, axis, d.noise_floor_percent, d.unit)
@@ -158,15 +143,15 @@ def _slices(slices: list[dict[str, Any]], unit: str) -> Markup:
 
 def _missing(d: SimpleNamespace) -> dict[str, Any] | None:
     """Draw the missing force, if it was fitted as a field."""
-    field = d.unexplained.get("field") if d.unexplained else None
-    if not field or not field["points"]:
+    field = d.unexplained["field"] if d.unexplained else None
+    if not field:
         return None
     aimed = focus(field)
     place = ", ".join(number(float(v)) for v in aimed[0]) if aimed else ""
     return {
         "figure": inline(field_figure(field), "The missing force"),
         "strongest": strongest(field),
-        "acts_on": field.get("acts_on") or "the model",
+        "acts_on": field["acts_on"],
         "place": place,
         "towards": aimed is not None and aimed[1],
     }
@@ -178,12 +163,7 @@ def _sizes(parameters: Mapping[str, Mapping[str, Any]] | None) -> list[dict[str,
 
 
 def _size(
-    name: str,
-    value: float,
-    low: float | None = None,
-    high: float | None = None,
-    unit: str | None = None,
-    null: float | None = None,
+    name: str, value: float, low: float | None, high: float | None, unit: str, null: float | None
 ) -> dict[str, Any]:
     shown, least, most = with_interval(value, low, high)
     # where value, ends of the interval and null lie across a whisker, in pixels
@@ -193,8 +173,8 @@ def _size(
     scale, start = 112 / (1.16 * wide), min(ends) - 0.08 * wide
     return {
         "name": name,
-        "unit": unit or "",
-        "value": with_unit(shown, unit or ""),
+        "unit": unit,
+        "value": with_unit(shown, unit),
         "interval": "" if low is None or high is None else f"[{least}, {most}]",
         "null": null,
         "places": [m if m is None else round(4 + scale * (m - start), 2) for m in marks],

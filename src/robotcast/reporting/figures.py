@@ -34,7 +34,6 @@ from robotcast.reporting.style import (
 )
 
 _QUANTILES = {"best": 0.0, "quarter": 0.25, "median": 0.5, "three quarters": 0.75, "worst": 1.0}
-_LEAST, _MOST = 1.0, 100.0  # ends of the colours in % of cable length
 _BESIDE_M = 0.25  # what is shown beyond the axis of symmetry
 _UNSEEN: dict[str, Any] = {"mfc": "none", "mew": 0.8}
 _MEASURED: dict[str, Any] = {"color": BLACK, "marker": "o", "ms": 3, "lw": 1.0}
@@ -45,12 +44,9 @@ _CHI2_95 = 5.991  # 95 % quantile of χ² with two degrees of freedom
 def trace_figure(tunings: Sequence[Tuning], floors: dict[str, float | None]) -> Figure:
     """Draw the best error found against the casts simulated: a panel a cable, a line a tuning.
 
-    Parameters
-    ----------
-    floors : cable → noise floor of the average waypoint error in % of cable length.
+    `floors` : cable → noise floor of the average waypoint error in % of cable length.
     """
-    cables = sorted({t.cable for t in tunings})
-    methods = sorted({t.method for t in tunings})
+    cables, methods = sorted({t.cable for t in tunings}), sorted({t.method for t in tunings})
     figure = Figure(figsize=(7.2, 3.8))
     panels = figure.subplots(1, len(cables), sharex=True, sharey=True, squeeze=False)[0]
     shown = {}
@@ -69,24 +65,20 @@ def trace_figure(tunings: Sequence[Tuning], floors: dict[str, float | None]) -> 
         axes.xaxis.set_major_formatter(lambda value, _: thousands(value))
     panels[0].set_ylim(bottom=0)
     panels[0].set_ylabel("best average waypoint error\non tuning casts [% of cable length]")
-    rigs = tuple(sorted({t.facts.get("rig", "") for t in tunings} - {""}))
-    figure.suptitle(f"Tuned to casts of the {rig_names(rigs)}", fontsize=9.5)
+    rigs = rig_names(t.facts.get("rig", "") for t in tunings)
+    figure.suptitle(f"Tuned to casts of the {rigs}", fontsize=9.5)
     place = {"loc": "outside lower center", "ncols": min(4, len(shown))}
     figure.legend(shown.values(), shown.keys(), **place)
     return figure
 
 
 def overlay_figure(tuning: Tuning, paths: pl.DataFrame, length_m: float) -> Figure:
-    """Draw measured and simulated paths of the casts at the quartiles of the average error.
-
-    Parameters
-    ----------
-    paths : the tuning's `test_paths`.
-    """
+    """Draw measured and simulated `test_paths` of the casts at the quartiles of the error."""
     x, y = ((pl.col(k) - pl.col(f"{k}_predicted")).pow(2) for k in "xy")
     error = (100 / length_m * (x + y).sqrt().mean()).alias("error")
     casts = paths.group_by("trial").agg(error).sort("error", "trial")
-    figure, panels = _boards(len(_QUANTILES), 11 / len(_QUANTILES), columns=len(_QUANTILES))
+    count = len(_QUANTILES)
+    figure, panels = _boards(count, 11 / count, columns=count)
     for panel, (label, quantile) in zip(panels, _QUANTILES.items(), strict=True):
         cast = casts.row(round(quantile * (len(casts) - 1)), named=True)
         path = paths.filter(pl.col("trial") == cast["trial"]).sort("t")
@@ -142,9 +134,7 @@ def _key(marker: str, label: str, color: str = "#374151", size: float = 4, **loo
 def errors_figure(evaluations: Sequence[Evaluation], floors: dict[str, float | None]) -> Figure:
     """Draw every cast's error, with quartiles, one column an evaluation, grouped by cable.
 
-    Parameters
-    ----------
-    floors : cable → noise floor of the final distance in % of cable length.
+    `floors` : cable → noise floor of the final distance in % of cable length.
     """
     cables = list(dict.fromkeys(e.cable for e in evaluations))
     figure = Figure(figsize=(max(5.0, 1.15 * len(evaluations) + 2.2), 4.0))
@@ -170,7 +160,7 @@ def errors_figure(evaluations: Sequence[Evaluation], floors: dict[str, float | N
     labels = [f"{policy_label(e.policy, e.dataset)}\n{cable_name(e.cable)}" for e in evaluations]
     axes.set_xticks(range(len(labels)), [math_text(n.replace(", ", "\n")) for n in labels])
     axes.set_ylabel("final distance to target\n[% of cable length]")
-    axes.set_title(f"Errors on the {rig_names(tuple(sorted({e.rig for e in evaluations})))}")
+    axes.set_title(f"Errors on the {rig_names(e.rig for e in evaluations)}")
     handles = [
         _key("o", "one cast", BLUE, alpha=0.6),
         Line2D([], [], color=BLACK, lw=1.8, label="median"),
@@ -255,15 +245,15 @@ def _draw_target(panel: Axes, target: np.ndarray, ends: np.ndarray, color: str) 
 
 
 def _handles(ellipses: bool, unseen: bool) -> list:
-    """What the legend explains; without `ellipses` no target has repeats enough for one."""
-    drawn = [
+    """Return what the legend explains."""
+    ellipse = Polygon([(0, 0)], fc="#374151", alpha=0.25, label="95 % ellipse of the repeats")
+    lost = _key("*", "all casts lost in tracking", size=10, **_UNSEEN)
+    return [
         _key("*", "target", size=10),
         _key("o", "where the free end came to rest"),
-        Polygon([(0, 0)], fc="#374151", alpha=0.25, label="95 % ellipse of the repeats"),
+        *([ellipse] if ellipses else []),
         Line2D([], [], color="#374151", ls="--", lw=1, label="mean endpoint to target"),
         Polygon([(0, 0)], fc="#e5e7eb", ec="#9ca3af", label="reachable by the free end"),
         Polygon([(0, 0)], fc="#fde68a", ec=ORANGE, label="swept by the robot’s hand"),
+        *([lost] if unseen else []),
     ]
-    if unseen:
-        drawn.append(_key("*", "all casts lost in tracking", size=10, **_UNSEEN))
-    return drawn if ellipses else [*drawn[:2], *drawn[3:]]

@@ -33,13 +33,12 @@ _AIMED = 0.9  # mean cosine from which arrows are said to point at one place
 @style(on_page=True)
 def field_figure(field: Field) -> Figure:
     """Draw the field: over two coordinates as arrows or discs on the board, over one as curves."""
-    points, values = _finite(field)
-    return _curves(field, points, values) if points.shape[1] == 1 else _board(field, points, values)
+    return _curves(field) if len(field["axes"]) == 1 else _board(field)
 
 
 def strongest(field: Field) -> str:
     """Return where the field is strongest, in words."""
-    points, values = _finite(field)
+    points, values = _arrays(field)
     sizes = np.linalg.norm(values, axis=1)
     at = int(sizes.argmax())
     axes = (axis.partition("[") for axis in field["axes"])  # "x [m]"
@@ -56,7 +55,7 @@ def focus(field: Field) -> tuple[np.ndarray, bool] | None:
     The place is the one nearest to all the lines that the arrows lie on, strong arrows counting
     most. None when the arrows do not point at one place.
     """
-    points, values = _finite(field)
+    points, values = _arrays(field)
     if points.shape[1] != 2 or values.shape != points.shape or len(points) < 4:
         return None
     sizes = np.linalg.norm(values, axis=1)
@@ -75,17 +74,15 @@ def focus(field: Field) -> tuple[np.ndarray, bool] | None:
     return (place, aim > 0) if abs(aim) > _AIMED and near else None
 
 
-def _finite(field: Field) -> tuple[np.ndarray, np.ndarray]:
+def _arrays(field: Field) -> tuple[np.ndarray, np.ndarray]:
     """Return the points (n, d) at which the field is known, and its components there, (n, k)."""
-    points, values = np.array(field["points"], float), np.array(field["values"], float)
-    values = values.reshape(len(points), -1)
-    known = np.isfinite(points).all(axis=1) & np.isfinite(values).all(axis=1)
-    return points[known], values[known]
+    return np.array(field["points"], float), np.array(field["values"], float)
 
 
-def _board(field: Field, points: np.ndarray, values: np.ndarray) -> Figure:
+def _board(field: Field) -> Figure:
+    points, values = _arrays(field)
     chosen = np.linspace(0, len(points) - 1, min(len(points), _ARROWS)).astype(int)
-    points, values = points[chosen, :2], values[chosen]
+    points, values = points[chosen], values[chosen]
     margin = 0.06 * np.ptp(points, axis=0).max() or 0.1
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     figure, axes = board_canvas(low, high, 640, field["axes"], above=26)
@@ -121,7 +118,8 @@ def _spacing(points: np.ndarray) -> float:
     return float(np.median(nearest)) if np.isfinite(nearest).all() else 0.1
 
 
-def _curves(field: Field, points: np.ndarray, values: np.ndarray) -> Figure:
+def _curves(field: Field) -> Figure:
+    points, values = _arrays(field)
     order = np.argsort(points[:, 0], kind="stable")
     at, values = points[order, 0], values[order]
     figure, axes = canvas(640, 296, 64, 12, 12, 46)
@@ -142,8 +140,8 @@ def drafts(unexplained: Mapping[str, Any]) -> dict[str, str]:
 
     Numbers over the board are a resistance, arrows a force.
     """
-    field, law = unexplained.get("field"), unexplained["depends_on"] or "place"
-    if field and len(field["axes"]) == 2 and _finite(field)[1].shape[1] == 1:
+    field, law = unexplained["field"], unexplained["depends_on"] or "place"
+    if field and len(field["axes"]) == 2 and _arrays(field)[1].shape[1] == 1:
         law = "resistance of place"
     at_end = law == "endpoint" or bool(field and field.get("endpoint"))
     settings = block("drafts.txt", "settings", law, *_place(field))
@@ -155,11 +153,13 @@ def drafts(unexplained: Mapping[str, Any]) -> dict[str, str]:
 
 def _place(field: Field | None) -> tuple[float, float]:
     """Return the place that arrows point at, or where numbers are largest."""
-    points, values = _finite(field) if field else (np.empty((0, 0)), np.empty((0, 0)))
-    if points.shape[1] == 2 and values.shape[1] == 1:
-        return tuple(points[values[:, 0].argmax()].tolist())
-    aimed = focus(field) if field else None
-    return (float(aimed[0][0]), float(aimed[0][1])) if aimed else (0.9, 0.0)
+    if field:
+        points, values = _arrays(field)
+        if points.shape[1] == 2 and values.shape[1] == 1:
+            return tuple(points[values[:, 0].argmax()].tolist())
+        if aimed := focus(field):
+            return tuple(aimed[0].tolist())
+    return 0.9, 0.0
 
 
 Robot = Mapping[str, Any]  # `robot` of diagnosis.json
@@ -187,13 +187,10 @@ def traces_figure(signals: list[Mapping[str, str]], window: Mapping[str, Any]) -
     columns = 2 if n in (2, 4) else min(n, 3)
     rows = -(-n // columns)
     figure = Figure(figsize=(4.2 * columns, 3.4 * rows), layout="constrained")
-    times_s = np.array(window["times_s"], float)
-    measured, base, model = (
-        np.array(window[name], float) for name in ("measured", "base", "model")
-    )
-    for k, (signal, part) in enumerate(
-        zip(signals, figure.subfigures(rows, columns, squeeze=False).flat, strict=False)
-    ):
+    shown = (np.array(window[name]) for name in ("times_s", "measured", "base", "model"))
+    times_s, measured, base, model = shown
+    parts = figure.subfigures(rows, columns, squeeze=False).flat
+    for k, (signal, part) in enumerate(zip(signals, parts, strict=False)):
         above, below = part.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         above.plot(times_s, measured[:, k], color=INK, lw=2.2)
         below.axhline(0, color=INK, lw=0.8)
@@ -208,7 +205,7 @@ def traces_figure(signals: list[Mapping[str, str]], window: Mapping[str, Any]) -
 
 @style(on_page=True)
 def torque_figure(joints: list[Mapping[str, Any]], of: str) -> Figure:
-    """Draw for joints what each was driven by less what it needed, with medians.
+    """Draw what joints were driven by less what they needed, with medians.
 
     Over the speed, or over the position, one curve for each direction.
     """

@@ -76,9 +76,9 @@ def rig_name(rig: str) -> str:
     return {"virtual": "virtual rig", "recorded": "recorded set"}.get(rig, rig)
 
 
-def rig_names(rigs: tuple[str, ...]) -> str:
-    """Join the names of several rigs."""
-    return " and ".join(rig_name(r) for r in rigs) or "no rig"
+def rig_names(rigs: Iterable[str]) -> str:
+    """Join the names of several rigs, each once; "" is none."""
+    return " and ".join(rig_name(r) for r in sorted({*rigs} - {""})) or "no rig"
 
 
 def thousands(number: float) -> str:
@@ -172,13 +172,12 @@ def with_interval(value: float, low: float | None, high: float | None) -> tuple[
     """Return a number and its interval with the decimals that the interval's width deserves."""
     if low is None or high is None or not high > low:
         return number(value), number(low), number(high)
-    power = math.floor(math.log10((high - low) / 2))
     largest = max(abs(value), abs(low), abs(high))
     if largest < 1e-4 or largest >= 1e5:
         return number(value), number(low), number(high)
-    decimals = max(1 - power, 0)
-    low_text, middle, high_text = (f"{v:.{decimals}f}" for v in (low, value, high))
-    return tuple(t.replace("-", _MINUS) for t in (middle, low_text, high_text))  # type: ignore
+    decimals = max(1 - math.floor(math.log10((high - low) / 2)), 0)
+    shown, least, most = (f"{v:.{decimals}f}".replace("-", _MINUS) for v in (value, low, high))
+    return shown, least, most
 
 
 def replaced(text: str, written: Mapping[str, str]) -> str:

@@ -43,9 +43,7 @@ def to_latex(text: str) -> str:
 def markdown(columns: Sequence[str], rows: Sequence[Sequence[object]], labels: int = 99) -> str:
     """Return a table in Markdown; numbers get one decimal, and no zero a minus.
 
-    Parameters
-    ----------
-    labels : so many columns stand on the left, the others on the right.
+    The first `labels` columns stand on the left, the others on the right.
     """
 
     def text(cell: object) -> str:

@@ -5,10 +5,10 @@ model of one cable fails, what it lacks, and what adding that is worth.
 """
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import polars as pl
 from markupsafe import Markup
@@ -57,7 +57,6 @@ from robotcast.reporting.style import (
 )
 from robotcast.reporting.tables import (
     MISSING,
-    Table,
     cables_table,
     parts_table,
     percent,
@@ -92,49 +91,33 @@ class Loop:
     @property
     def falls(self) -> tuple[float, float]:
         """Average waypoint error on held-out casts before and after, in % of cable length."""
-        before, after = (t.facts["errors"]["test"]["waypoint_percent"] for t in self._models)
+        models = (self.before, self.after)
+        before, after = (t.facts["errors"]["test"]["waypoint_percent"] for t in models)
         return before, after
-
-    @property
-    def _models(self) -> tuple[Tuning, Tuning]:
-        return self.before, self.after
 
 
 def read_loop(folder: Path, results: Results, hidden: Mapping[str, Any] | None) -> Loop | None:
-    """Read data/loop; None where its stages have not run.
-
-    Parameters
-    ----------
-    hidden : the opened answer of the cable's rig, None where nobody sealed one.
-    """
+    """Read data/loop, None where its stages have not run; `hidden` is the rig's opened answer."""
     tuned = folder / "tuned" / "tuned.yaml"
     if not tuned.is_file():
         return None
     after = read_tuning(tuned)
     pair = (after.cable, after.simulator, after.optimizer)
     before = next(t for t in results.tunings if (t.cable, t.simulator, t.optimizer) == pair)
-    evaluation, first = folder / "evaluation" / "evaluation.csv", None
-    revised = None
+    evaluation, policies = folder / "evaluation" / "evaluation.csv", None
     if evaluation.is_file():
         revised = read_evaluation(evaluation)
         first = results.evaluation(revised.cable, revised.policy, revised.dataset)
+        policies = (first, revised) if first else None
     cable = results.cable(after.cable)
-    measured = cable.measured if cable else None
-    assert measured is not None
-    found = {e["effect"]: e["parameters"] for e in hidden["effects"]} if hidden else None
-    return Loop(
-        before,
-        after,
-        _read(folder / "comparison" / "comparison.json"),
-        _read(folder / "diagnosis" / "diagnosis.json"),
-        (first, revised) if first and revised else None,
-        found,
-        {trial.trial: trial.action_id for trial in measured.trials},
+    assert cable is not None and cable.measured is not None
+    comparison, diagnosis = (
+        json.loads((folder / name / f"{name}.json").read_text(encoding="utf-8"))
+        for name in ("comparison", "diagnosis")
     )
-
-
-def _read(path: Path) -> dict[str, Any]:
-    return json.loads(path.read_text(encoding="utf-8"))
+    found = {e["effect"]: e["parameters"] for e in hidden["effects"]} if hidden else None
+    actions = {trial.trial: trial.action_id for trial in cable.measured.trials}
+    return Loop(before, after, comparison, diagnosis, policies, found, actions)
 
 
 def loop_block(loop: Loop) -> Markup:
@@ -226,20 +209,14 @@ _DATASETS = {"real": 0, "simulated": 1, "mixed": 2}
 
 @dataclass(frozen=True)
 class RunFacts:
-    """What the caller knows of the run that the results do not tell.
-
-    Attributes
-    ----------
-    sizes : (name, text) pairs of the scale's sizes.
-    """
+    """What results do not tell of their run; `sizes` are (name, text) pairs of its scale."""
 
     scale: str
     seed: int
     sizes: tuple[tuple[str, str], ...]
 
 
-@dataclass(frozen=True)
-class PageFigure:
+class PageFigure(NamedTuple):
     """A figure as the page shows it and as it lies in figures/."""
 
     name: str
@@ -248,70 +225,41 @@ class PageFigure:
     svg: bytes
 
 
-@dataclass(frozen=True)
-class Report:
-    """All that is written for people.
-
-    Attributes
-    ----------
-    tables : by name.
-    figures : section of the page → its figures.
-    """
-
-    results: Results
-    facts: RunFacts
-    loop: Loop | None
-    tables: dict[str, Table]
-    figures: dict[str, list[PageFigure]]
-
-    def html(self) -> str:
-        """Return the page, one HTML file that needs nothing else."""
-        return render(
-            "report.html",
-            cables=", ".join(cable_name(c.name) for c in self.results.cables),
-            rigs=self.results.rigs,
-            rig_names=rig_names(self.results.rigs),
-            scale=self.facts.scale,
-            policies={e.policy for e in self.results.evaluations if len(e.casts)},
-            predicted=any(e.kind == "predicted" for e in self.results.evaluations),
-            loop=loop_block(self.loop) if self.loop else "",
-            glance=glance(self.results),
-            tables=self.tables,
-            figures=self.figures,
-            facts=self.facts,
-            results=self.results,
-        )
-
-
 def write_report(
     results: Results, facts: RunFacts, folder: Path, loop: Loop | None = None
 ) -> list[Path]:
-    """Write tables/, figures/, metrics and index.html into `folder`; return what was written."""
-    report = make_report(results, facts, loop)
+    """Write tables/, figures/, metrics and index.html into `folder`; return what was written.
+
+    The page is one HTML file that needs nothing else.
+    """
+    makers = (tuning_table, policies_table, cables_table, parts_table)
+    tables = {table.name: table for table in (make(results) for make in makers)}
+    with style():
+        figures = _figures(results)
     texts: dict[str, str] = {}
-    for name, table in report.tables.items():
+    for name, table in tables.items():
         texts[f"tables/{name}.md"] = table.markdown()
         texts[f"tables/{name}.tex"] = table.latex()
         texts[f"tables/{name}.csv"] = table.csv()
-    for figures in report.figures.values():
-        texts |= {f"figures/{f.name}.svg": f.svg.decode("utf-8") for f in figures}
+    for of in figures.values():
+        texts |= {f"figures/{f.name}.svg": f.svg.decode("utf-8") for f in of}
     texts["metrics.json"] = json.dumps(metrics(results, loop), indent=1)
-    texts["index.html"] = report.html()
+    texts["index.html"] = render(
+        "report.html",
+        cables=", ".join(cable_name(c.name) for c in results.cables),
+        rig_names=rig_names(results.rigs),
+        policies={e.policy for e in results.evaluations if len(e.casts)},
+        predicted=any(e.kind == "predicted" for e in results.evaluations),
+        loop=loop_block(loop) if loop else "",
+        glance=glance(results),
+        tables=tables,
+        figures=figures,
+        facts=facts,
+        results=results,
+    )
     for name, text in texts.items():
         write_text(folder / name, text)
     return [folder / name for name in texts]
-
-
-def make_report(results: Results, facts: RunFacts, loop: Loop | None = None) -> Report:
-    """Make tables, figures and page of `results`."""
-    tables = [make(results) for make in (tuning_table, policies_table, cables_table, parts_table)]
-    with style():
-        figures = {
-            "tuning": [*_overlays(results), *_traces(results)],
-            "revisions": list(_ladders(results)),
-            **_policy_figures(results),
-        }
-    return Report(results, facts, loop, {t.name: t for t in tables}, figures)
 
 
 def metrics(results: Results, loop: Loop | None) -> dict[str, Any]:
@@ -326,61 +274,51 @@ def metrics(results: Results, loop: Loop | None) -> dict[str, Any]:
     return {"heldout_waypoint_error": tuned, "policy_median_error": policies, "loop": fall}
 
 
-def _overlays(results: Results) -> Iterator[PageFigure]:
+def _figures(results: Results) -> dict[str, list[PageFigure]]:
+    """Return section of the page → its figures."""
+    figures = {name: [] for name in ("tuning", "revisions", "policies", "cables", "parts")}
+
+    def add(section: str, name: str, title: str, figure: Figure, told: str) -> None:
+        figures[section].append(PageFigure(name, title, told, svg(figure)))
+
+    def add_targets(section: str, name: str, title: str, some: Sequence[Evaluation]) -> None:
+        figure = targets_figure(some, [results.cable(e.cable) for e in some])
+        add(section, name, f"{title}: targets and endpoints", figure, caption("targets", some))
+
     for cable in results.cables:
         tuning = results.best_tuning(cable.name)
         paths = tuning.test_paths if tuning else None
         if tuning is not None and paths is not None and cable.measured:
-            yield PageFigure(
-                f"overlay_{tuning.cable}_{tuning.slug}",
-                f"{cable_name(tuning.cable)}, {tuning.method}: measured and simulated paths",
-                caption("overlay", tuning.facts.get("rig", "")),
-                svg(overlay_figure(tuning, paths, cable.measured.cable.length_m)),
-            )
-
-
-def _traces(results: Results) -> Iterator[PageFigure]:
-    traced = [t for t in results.tunings if t.trace is not None]
-    if traced:
+            name, told = f"overlay_{tuning.cable}_{tuning.slug}", tuning.facts.get("rig", "")
+            title = f"{cable_name(tuning.cable)}, {tuning.method}: measured and simulated paths"
+            figure = overlay_figure(tuning, paths, cable.measured.cable.length_m)
+            add("tuning", name, title, figure, caption("overlay", told))
+    if traced := [t for t in results.tunings if t.trace is not None]:
         floors = {c.name: c.floor.waypoint_percent for c in results.cables if c.floor}
-        told, drawn = caption("tuning_trace"), svg(trace_figure(traced, floors))
-        yield PageFigure("tuning_trace", "How tuning went", told, drawn)
-
-
-def _ladders(results: Results) -> Iterator[PageFigure]:
-    """Draw one ladder a cable to which effects were added."""
-    for cable in results.cables:
+        figure = trace_figure(traced, floors)
+        add("tuning", "tuning_trace", "How tuning went", figure, caption("tuning_trace"))
+    for cable in results.cables:  # one ladder a cable to which effects were added
         tried = [r for r in comparable(cable.revisions) if any(one.effects for one in r.revisions)]
         title = f"{cable_name(cable.name)}: the error of every revision of the model"
         for nth, of in enumerate(tried, start=1):
             name = f"revisions_{cable.name}" + (f"_{nth}" if nth > 1 else "")
-            told = caption("revisions", of.revisions[0])
-            yield PageFigure(name, title, told, svg(of.figure()))
-
-
-def _policy_figures(results: Results) -> dict[str, list[PageFigure]]:
-    def targets(name: str, title: str, some: Sequence[Evaluation]) -> PageFigure:
-        cables = [results.cable(e.cable) for e in some]
-        told, drawn = caption("targets", some), svg(targets_figure(some, cables))
-        return PageFigure(name, f"{title}: targets and endpoints", told, drawn)
+            add("revisions", name, title, of.figure(), caption("revisions", of.revisions[0]))
 
     def place(e: Evaluation) -> tuple:
         return e.cable, e.policy, _DATASETS.get(e.dataset, 9)
 
     shown = sorted((e for e in results.evaluations if len(e.casts)), key=place)
     cast = [e for e in shown if e.kind == "executed"]
-    mixed = [e for e in cast if (e.policy, e.dataset) == ("nn", "mixed")]
-    figures: dict[str, list[PageFigure]] = {"policies": [], "cables": [], "parts": []}
     if shown:
         floors = {c.name: c.floor.final_percent for c in results.cables if c.floor}
-        told, drawn = caption("errors", results.rigs), svg(errors_figure(shown, floors))
-        figures["policies"].append(PageFigure("errors", "Errors of every cast", told, drawn))
+        figure, told = errors_figure(shown, floors), caption("errors", results.rigs)
+        add("policies", "errors", "Errors of every cast", figure, told)
     for cable in dict.fromkeys(e.cable for e in cast):
         several = [e for e in cast if e.cable == cable]
         if len(several) > 1:
-            figures["policies"].append(targets(f"targets_{cable}", cable_name(cable), several))
-    if mixed:
-        figures["cables"].append(targets("targets", "π_R2S2R on every cable", mixed))
+            add_targets("policies", f"targets_{cable}", cable_name(cable), several)
+    if mixed := [e for e in cast if (e.policy, e.dataset) == ("nn", "mixed")]:
+        add_targets("cables", "targets", "π_R2S2R on every cable", mixed)
     return figures
 
 
@@ -390,7 +328,7 @@ def glance(results: Results) -> list[dict[str, str]]:
 
 
 def _glance(results: Results, cable: CableData) -> dict[str, str]:
-    measured, floor = cable.measured, cable.floor
+    measured, floor, lost = cable.measured, cable.floor, cable.tracking.get("lost")
     best, policy = results.best_tuning(cable.name), results.best_policy(cable.name)
     mixed = results.evaluation(cable.name, "nn", "mixed")
     label = f"{policy_label(policy.policy, policy.dataset)} " if policy else ""
@@ -402,9 +340,7 @@ def _glance(results: Results, cable: CableData) -> dict[str, str]:
         "Cable": cable_name(cable.name),
         "Length": f"{measured.cable.length_m:.2f} m" if measured else MISSING,
         "Casts tracked": str(len(measured.trials)) if measured else MISSING,
-        "Lost in tracking": str(len(cable.tracking["lost"]))
-        if "lost" in cable.tracking
-        else MISSING,
+        "Lost in tracking": str(len(lost)) if lost is not None else MISSING,
         "Noise floor: waypoint / last": " / ".join(map(percent, floors)) or MISSING,
         "Best tuned: waypoint / last": " / ".join(map(percent, errors)) or MISSING,
         "D_sim casts": thousands(len(cable.simulated)) if cable.simulated else MISSING,

@@ -14,7 +14,7 @@ import numpy as np
 import polars as pl
 import yaml
 
-from robotcast.measurements.errors import NoiseFloor, noise_floor
+from robotcast.measurements.errors import NoiseFloor, deviations, noise_floor
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.datasets import Examples, read_simulated
@@ -121,11 +121,8 @@ class Evaluation:
     @property
     def scatter_percent(self) -> float | None:
         """Median distance of the repeats from their own mean, in % of cable length."""
-        away = [
-            np.linalg.norm(xy - xy.mean(axis=0), axis=1) * np.sqrt(len(xy) / (len(xy) - 1))
-            for _, _, xy in endpoints_by_target(self.casts)
-            if len(xy) > 1
-        ]
+        ends = [xy for _, _, xy in endpoints_by_target(self.casts)]
+        away = [deviations(xy) for xy in ends if len(xy) > 1]
         if not away or self.kind != "executed":
             return None
         return float(np.median(np.concatenate(away))) * self._per_metre
@@ -220,9 +217,9 @@ class Results:
     @property
     def rigs(self) -> tuple[str, ...]:
         """The rigs that any of the results come from."""
-        measured = [c.measured.rig for c in self.cables if c.measured]
-        found = [*measured, *(t.facts.get("rig", "") for t in self.tunings)]
-        return tuple(sorted({r for r in [*found, *(e.rig for e in self.evaluations)] if r}))
+        measured = {c.measured.rig for c in self.cables if c.measured}
+        tuned = {t.facts.get("rig", "") for t in self.tunings}
+        return tuple(sorted((measured | tuned | {e.rig for e in self.evaluations}) - {""}))
 
     def cable(self, name: str) -> CableData | None:
         """Return the data of one cable."""
@@ -236,8 +233,9 @@ class Results:
 
     def best_tuning(self, cable: str) -> Tuning | None:
         """Return the tuned simulator with the least average error on held-out casts of a cable."""
-        of = [(t.error("test", "waypoint_percent"), t) for t in self.tunings if t.cable == cable]
-        return _least(of)
+        return _least(
+            (t.error("test", "waypoint_percent"), t) for t in self.tunings if t.cable == cable
+        )
 
     def best_policy(self, cable: str) -> Evaluation | None:
         """Return the policy whose casts on a rig ended nearest to the targets, by the median."""
@@ -320,11 +318,7 @@ def read_evaluation(path: Path) -> Evaluation:
     measured = table.drop_nulls("error_percent")
     unseen = table.join(measured, on="target", how="anti").unique("target", maintain_order=True)
     return Evaluation(
-        rig=first["rig"],
-        cable=first["cable"],
-        policy=first["policy"],
-        dataset=first["dataset"],
-        kind=first["kind"],
+        **{name: first[name] for name in ("rig", "cable", "policy", "dataset", "kind")},
         casts=measured,
         lost=len(table) - len(measured),
         targets=table["target"].n_unique(),

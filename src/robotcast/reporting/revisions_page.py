@@ -44,11 +44,6 @@ class Comparable:
     revisions: tuple[ModelRevision, ...]
 
     @property
-    def split(self) -> str:
-        """The casts' fingerprint."""
-        return self.revisions[0].split
-
-    @property
     def best(self) -> ModelRevision:
         """The revision with the smallest held-out error; of equals, the one with fewer effects."""
         return min(self.revisions, key=lambda r: (r.heldout_waypoint_error_percent, len(r.effects)))
@@ -63,10 +58,9 @@ class Comparable:
         return bars([*map(self._row, self.revisions)], _AXIS, self.revisions[0].noise_floor_percent)
 
     def _row(self, revision: ModelRevision) -> Row:
-        base, reached = self.find(_method(revision), ()), revision.heldout_waypoint_error_percent
-        several = len(set(map(_method, self.revisions))) > 1
-        final = f"final error {error(revision.heldout_final_error_percent)}"
-        above = base.heldout_waypoint_error_percent if base and revision.effects else None
+        method, reached = _method(revision), revision.heldout_waypoint_error_percent
+        base = self.find(method, ()) if revision.effects else None
+        above = base.heldout_waypoint_error_percent if base else None
         bar = Bar(
             reached,
             "model" if revision.effects else "before",
@@ -74,8 +68,10 @@ class Comparable:
             spread(reached, revision.standard_error_percent),
             revision.predicted_waypoint_error_percent,
         )
-        method = method_name(*_method(revision))
-        return Row(revision_name(revision.effects), (bar,), method if several else final)
+        several = len(set(map(_method, self.revisions))) > 1
+        final = f"final error {error(revision.heldout_final_error_percent)}"
+        detail = method_name(*method) if several else final
+        return Row(revision_name(revision.effects), (bar,), detail)
 
 
 def comparable(revisions: Sequence[ModelRevision]) -> tuple[Comparable, ...]:
@@ -98,13 +94,7 @@ def _method(of: "ModelRevision | TuningProgress") -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class TuningProgress:
-    """A tuning that runs, or the last that ran.
-
-    Attributes
-    ----------
-    split : which casts it is tuned to and judged on, as in its revision.
-    trace : the batches so far.
-    """
+    """A tuning that runs, or the last that ran; `split` names its casts as in its revision."""
 
     cable: str
     rig: str
@@ -120,7 +110,7 @@ class TuningProgress:
 def revisions_page(revisions: Sequence[ModelRevision], tuning: TuningProgress) -> str:
     """Return the page of all revisions beside the tuning that adds one to them."""
     groups = comparable(revisions)
-    here = next((g for g in groups if g.split == tuning.split), None)
+    here = next((g for g in groups if g.revisions[0].split == tuning.split), None)
     own = here.find(_method(tuning), tuning.effects) if here and tuning.finished else None
     base = here.find(_method(tuning), ()) if here else None
     apart = base if tuning.effects or not tuning.finished else None
@@ -151,11 +141,8 @@ def _search_figure(tuning: TuningProgress, base: float | None) -> Figure:
     axes.plot(casts[-1], best[-1], "o", color=BLUE, ms=8, clip_on=False)
     beside(axes, error(best[-1]), casts[-1], best[-1], 8, -4, color=BLUE, weight="bold")
     floor = tuning.noise_floor_percent
-    base_words = f"base model {error(base)}"
-    for level, words, color, up in (
-        (base, base_words, GREY, 4),
-        (floor, "noise floor", GREEN, -13),
-    ):
+    marks = ((base, f"base model {error(base)}", GREY, 4), (floor, "noise floor", GREEN, -13))
+    for level, words, color, up in marks:
         if level:
             axes.axhline(level, color=color, lw=1, ls=(0, (3, 4)))
             beside(axes, words, casts[-1], level, -4, up, ha="right", size=11, color=color)

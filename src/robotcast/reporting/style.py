@@ -24,10 +24,9 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from robotcast.reporting.names import error
 
 # Okabe and Ito's palette, told apart by colour-blind readers
-BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
-YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
-CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
-GREY, INK, LINE, FAINT = "#6b7280", "#1f2937", "#d1d5db", "#eef1f5"
+BLACK, ORANGE, GREEN, BLUE, VERMILION = "#000000", "#E69F00", "#009E73", "#0072B2", "#D55E00"
+CYCLE = (BLUE, VERMILION, GREEN, "#CC79A7", ORANGE, "#56B4E9", BLACK)
+GREY, INK, LINE = "#6b7280", "#1f2937", "#d1d5db"
 
 _STYLES = [Path(__file__).parent / "template" / f"{of}.mplstyle" for of in ("figure", "page")]
 _LEVELS = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)  # errors, % of cable length
@@ -56,10 +55,7 @@ def board_canvas(
 ) -> tuple[Figure, Axes]:
     """Return a page's figure of the board from `low` to `high` (2,), x upwards and y to the left.
 
-    Parameters
-    ----------
-    labels : of x and y.
-    above : what is left free above it [pixel].
+    `labels` are those of x and y; `above` is left free above it [pixel].
     """
     (far, wide), inside = high - low, width - 58
     tall = min(far / wide, _TALLEST) * inside
@@ -137,9 +133,7 @@ def board_arrows(
 def fit_height(figure: Figure, around_in: float) -> None:
     """Make the figure as high as its grid of boards needs, with no empty bands.
 
-    Parameters
-    ----------
-    around_in : height of titles, labels and legend [inch], of every row.
+    `around_in` : height of titles, labels and legend [inch], of every row.
     """
     panel, grid = figure.axes[0], figure.axes[0].get_subplotspec()
     rows, columns = grid.get_gridspec().get_geometry() if grid else (1, 1)
@@ -183,11 +177,6 @@ class Bar:
     note: str = ""
     interval: tuple[float, float] | None = None
     predicted: float | None = None
-
-    @property
-    def end(self) -> float:
-        """How far it reaches with its whisker."""
-        return max(self.error or 0, self.predicted or 0, *(self.interval or (0,)))
 
 
 @dataclass(frozen=True)
@@ -237,7 +226,9 @@ def bars(
     ]
     above, below = 26 * (floor is not None) or 2, 38 * bool(axis)
     figure, axes = canvas(width, above + sum(heights) + below, names, 136, above, below)
-    most = max([0.0, *(bar.end for row in rows for bar in row.bars), 1.15 * (floor or 0)])
+    drawn = [bar for row in rows for bar in row.bars]
+    ends = [end for b in drawn for end in (b.error, b.predicted, *(b.interval or ())) if end]
+    most = max([0.0, *ends, 1.15 * (floor or 0)])
     axes.set(xlim=(0, 1.04 * most or 1), ylim=(sum(heights), 0), yticks=[], xlabel=axis)
     axes.spines["bottom"].set_visible(False)
     if not axis:

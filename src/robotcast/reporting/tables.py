@@ -74,31 +74,29 @@ class Table:
     contests: tuple[str | None, ...] = ()
 
     @property
-    def written(self) -> list[tuple[Sequence[str], list[Cell]]]:
+    def written(self) -> list[tuple[tuple[str, ...], list[Cell]]]:
         """Labels and cells, row by row."""
-        columns, at = [], len(self.label_columns)
-        for index, group in enumerate(self.groups):
-            for first, _ in enumerate(group.columns):
-                kind = " ".join(["paper"] * (index >= self.reference) + ["first"] * (first == 0))
-                values = [row[at] for row in self.rows]
-                best = self._best(values) if group.contest else [False] * len(values)
-                columns.append(
-                    [Cell(percent(v), b, kind) for v, b in zip(values, best, strict=True)]
-                )
-                at += 1
-        labels = [row[: len(self.label_columns)] for row in self.rows]
-        return list(zip(labels, map(list, zip(*columns, strict=True)), strict=True))
+        labels = len(self.label_columns)
+        written: list[tuple[tuple[str, ...], list[Cell]]] = [(r[:labels], []) for r in self.rows]
+        columns = ((i, g, c) for i, g in enumerate(self.groups) for c in g.columns)
+        for at, (index, group, column) in enumerate(columns, start=labels):
+            first = column == group.columns[0]
+            kind = " ".join(["paper"] * (index >= self.reference) + ["first"] * first)
+            best = self._best(at) if group.contest else [False] * len(written)
+            for (_, cells), row, wins in zip(written, self.rows, best, strict=True):
+                cells.append(Cell(percent(row[at]), wins, kind))
+        return written
 
-    def _best(self, values: Sequence[float | None]) -> list[bool]:
-        """Tell of each value whether none is lower, as they are shown, in a contest of several."""
-        shown = [None if v is None else round(v, 1) for v in values]
-        pairs = list(zip(shown, self.contests, strict=True))
-
-        def wins(value: float | None, contest: str | None) -> bool:
-            rivals = [v for v, c in pairs if c == contest and v is not None]
-            return contest is not None and len(rivals) > 1 and value == min(rivals)
-
-        return [wins(*pair) for pair in pairs]
+    def _best(self, at: int) -> list[bool]:
+        """Tell of each number of a column whether none is lower, as shown, among its rivals."""
+        shown = [None if row[at] is None else round(row[at], 1) for row in self.rows]
+        rivals: dict[str | None, list[float]] = {}
+        for value, contest in zip(shown, self.contests, strict=True):
+            rivals.setdefault(contest, []).extend([] if value is None else [value])
+        return [
+            contest is not None and len(rivals[contest]) > 1 and value == min(rivals[contest])
+            for value, contest in zip(shown, self.contests, strict=True)
+        ]
 
     @property
     def _columns(self) -> list[str]:
@@ -142,6 +140,7 @@ class Table:
 PAPER_RIG = "paper’s robot"
 
 QUARTILES = ("Median", "Q1", "Q3", "Min", "Max")
+_NO_QUARTILES = (None,) * len(QUARTILES)
 
 # simulator → cable → (average waypoint error, median final error), % of cable length
 TUNING = {
@@ -248,9 +247,7 @@ def _methods(results: Results, found: _Found) -> list[_Method]:
         base, _ = found.get(((*of[:2], ()), cable), _NOT_RUN)
         return bool(of[2]) and error is not None and (base is None or error < base)
 
-    richer = {
-        method for (method, cable), errors in found.items() if helps(method, cable, errors[0])
-    }
+    richer = {of for (of, cable), (error, _) in found.items() if helps(of, cable, error)}
     return [*((s, o, ()) for s in simulators for o in optimizers), *sorted(richer)]
 
 
@@ -267,10 +264,9 @@ def policies_table(results: Results) -> Table:
         evaluated = {(e.policy, e.dataset) for e in of[cable]}
         pairs = [p for p in POLICIES if cable == "cable1" or p in evaluated]
         for pair in [*pairs, *sorted(evaluated - set(pairs))]:
-            e = results.evaluation(cable, *pair)
-            paper = POLICIES.get(pair) if cable == "cable1" else None
+            paper = POLICIES.get(pair, _NO_QUARTILES) if cable == "cable1" else _NO_QUARTILES
             labels = (cable_name(cable), policy_name(*pair), dataset_name(pair[1]))
-            rows.append((*labels, *_numbers(e), *(paper or [None] * 5)))
+            rows.append((*labels, *_numbers(results.evaluation(cable, *pair)), *paper))
     shown = [e for cable in blocks for e in of[cable]]
     contests = tuple(row[0] for row in rows)
     labels = ("Cable", "Model", "Dataset")
@@ -280,7 +276,7 @@ def policies_table(results: Results) -> Table:
 def cables_table(results: Results) -> Table:
     """Errors of π_R2S2R (paper, tab:results), one row a cable."""
     cast = {c: results.evaluation(c, "nn", "mixed") for c in _cables(results)}
-    rows = [(cable_name(c), *_numbers(e), *CABLES.get(c, [None] * 5)) for c, e in cast.items()]
+    rows = [(cable_name(c), *_numbers(e), *CABLES.get(c, _NO_QUARTILES)) for c, e in cast.items()]
     shown = [e for e in cast.values() if e]
     return _beside_the_paper("cables", ("Cable",), shown, PAPER_RIG, rows)
 
@@ -295,7 +291,7 @@ def _beside_the_paper(
 ) -> Table:
     """Return quartiles with their interval and repeats, beside the paper's quartiles."""
     groups = (
-        Group(rig_names(tuple(sorted({e.rig for e in shown}))), QUARTILES, bool(contests)),
+        Group(rig_names(e.rig for e in shown), QUARTILES, bool(contests)),
         Group("Median", ("from", "to")),
         Group("Repeats", ("Scatter",)),
         Group(paper, QUARTILES, bool(contests)),
@@ -314,16 +310,13 @@ def parts_table(results: Results) -> Table:
     shown = [e for e in sorted(results.evaluations, key=place) if len(e.errors_percent)]
     rows = []
     for e in shown:
-        parts = e.parts
-        share = 100 * parts.repeatability_share if parts else None
+        parts, told = e.parts, (None,) * 4
+        if parts:
+            share = 100 * parts.repeatability_share
+            told = (parts.repeatability, parts.model, share, 100 - share)
+        covered = e.within_expected and 100 * e.within_expected
         rows.append(
-            (
-                *e.named,
-                *(e.median_percent, *_numbers(e)[5:]),
-                *((parts.repeatability, parts.model) if parts else (None, None)),
-                *((share, 100 - share) if share is not None else (None, None)),
-                *(e.expected_percent, e.within_expected and 100 * e.within_expected),
-            )
+            (*e.named, e.median_percent, *_numbers(e)[5:], *told, e.expected_percent, covered)
         )
     return Table(
         name="parts",
