@@ -183,7 +183,7 @@ def test_a_base_model_stuck_in_a_worse_valley_gets_its_rivals_parameters(ask):
     far = np.full_like(base.revision.fit.vector, 0.9)
     inquiry = question.inquiry
     residual = inquiry.residuals(())(far[None], inquiry.everything)[0]
-    fit = replace(base.revision.fit, vector=far, residual=residual, loss=50.0)
+    fit = replace(base.revision.fit, vector=far, residual=residual)
     stuck = replace(base, revision=replace(base.revision, fit=fit))
     better = question.rematched(stuck, base)
     assert better.revision.fit.loss <= base.revision.fit.loss * 1.01

@@ -105,11 +105,8 @@ def held_out_scale(misses_m: np.ndarray, relative: np.ndarray, weights: np.ndarr
     one that n casts have (Vovk et al. 2005): few make a model say too much, not too little.
     """
     ratios = np.abs(misses_m) / relative[:, None]
-    order = np.argsort(ratios, axis=0, kind="stable")
-    part = np.cumsum(weights[order], axis=0) / weights.sum()
     wanted = min(1.0, _WITHIN * (1 + 1 / len(ratios))) - 1e-12
-    found = [order[np.searchsorted(part[:, c], wanted), c] for c in (0, 1)]
-    return ratios[found, [0, 1]]
+    return np.quantile(ratios, wanted, axis=0, weights=weights, method="inverted_cdf")
 
 
 @dataclass(frozen=True)

@@ -135,7 +135,7 @@ class _NetworkFit(Fit):
         done, total = (number - 1) / self.learner.passes, 0.0
         rate = self.learner.learning_rate * (1 + math.cos(math.pi * done)) / 2
         self.optimizer.param_groups[0]["lr"] = rate
-        rng = np.random.default_rng(np.random.SeedSequence((self.seed, 2, number)))
+        rng = np.random.default_rng((self.seed, 2, number))
         order = torch.from_numpy(rng.permutation(len(self.inputs)))
         for rows in order.split(self.learner.batch_size):
             self.optimizer.zero_grad(set_to_none=True)

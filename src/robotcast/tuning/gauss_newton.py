@@ -42,24 +42,16 @@ class GaussNewton:
     An ensemble looks for a start on the beginnings of a few casts; a fit to those of some more
     goes on with all casts until a step hardly pays. A search that stays far above the noise begins
     again with another ensemble while the budget pays for it, at last from the best beginnings.
-
-    Attributes
-    ----------
-    members, updates : of the ensemble; a small budget makes do with fewer members.
-    few, some : casts that the ensemble sees, and those that the first fit does.
-    share : of each cast's waypoints that these see.
-    early_iterations, iterations : of the first fit and of the last one, at most.
-    attempts : searches at most, the first included.
     """
 
-    members: int
+    members: int  # of the ensemble, at most: a small budget makes do with fewer
     updates: int
-    few: int
-    some: int
-    share: float
-    early_iterations: int
-    iterations: int
-    attempts: int
+    few: int  # casts that the ensemble sees
+    some: int  # casts that the first fit sees
+    share: float  # of each of these casts' waypoints
+    early_iterations: int  # of the first fit
+    iterations: int  # of the last fit, at most
+    attempts: int  # searches at most, the first included
     seed: int = 0
 
     def minimise(self, problem: Problem, objective: Objective, budget_casts: int) -> None:
