@@ -105,8 +105,8 @@ def tried(world):
 
     def of(weights: list[float], n_actions: int = 40) -> tuple[Mixture, ...]:
         learner = replace(SPARSE, exact_up_to=600, inducing=30, passes=3, patience=3)
-        real, pairs = world.real(n_actions, 0, 0.25), {"fractions": [0.3], "weights": weights}
-        return choose_mixture(learner, real, shifted, **pairs, passes=12, seed=0)
+        real, given = world.real(n_actions, 0, 0.25), {"passes": 12, "seed": 0}
+        return choose_mixture(learner, real, shifted, fractions=[0.3], weights=weights, **given)
 
     return of
 

@@ -15,7 +15,7 @@ CASTS = 12
 NOISE = 0.5
 
 
-def found(lines: "Lines", at=0.5, groups=None) -> Certainty:
+def found(lines: "Lines", at: float | np.ndarray = 0.5, groups=None) -> Certainty:
     """Ask how well casts tell as many of the parameters as they have slopes for."""
     n = lines.slopes.shape[1]
     problem = Problem(PARAMETERS[:n], np.full(n, 0.5), CASTS, noise_percent=NOISE)

@@ -4,7 +4,6 @@ On disk a model is a folder: numbers as safetensors, the rest as YAML and CSV, n
 """
 
 import hashlib
-import io
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -57,19 +56,15 @@ class ForwardModel(Protocol):
     @property
     def facts(self) -> Mapping[str, object]:
         """What is known of the examples; `cable` names the cable they are of, where known."""
-        ...
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
         """Return where casts come to rest, (n, 2), in the robot base's frame [m]."""
-        ...
 
     def spread(self, actions: np.ndarray) -> np.ndarray:
         """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
-        ...
 
     def slopes(self, actions: np.ndarray) -> np.ndarray:
         """Return the endpoint's derivatives (n, 2, 6) by the numbers of the actions."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -216,8 +211,7 @@ class LearnedModel(ABC):
                 grads = [torch.autograd.grad(e, inputs, retain_graph=True)[0] for e in ends]
             return torch.stack(grads, dim=1)
 
-        slopes = self._apply(of_rows, actions)
-        return slopes * self.endpoints.scale[:, None] / self.actions.scale
+        return self._apply(of_rows, actions) * self.endpoints.scale[:, None] / self.actions.scale
 
     def _apply(self, function: TensorFunction, actions: np.ndarray) -> np.ndarray:
         """Apply a function to normalised actions part by part, on as many cores as torch has.
@@ -244,9 +238,8 @@ class LearnedModel(ABC):
         weights = folder / WEIGHTS_FILE
         with atomic_file(weights) as temporary:
             save_file({name: v.contiguous() for name, v in tensors.items()}, temporary)
-        text = io.StringIO()
-        pl.DataFrame([vars(e) for e in self.history]).write_csv(text, float_precision=6)
-        write_text(folder / HISTORY_FILE, text.getvalue())
+        history = pl.DataFrame([vars(e) for e in self.history]).write_csv(float_precision=6)
+        write_text(folder / HISTORY_FILE, history)
         best, actions, ends = best_epoch(self.history), self.actions, self.endpoints
         description = {
             **settings,

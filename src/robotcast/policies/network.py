@@ -66,8 +66,7 @@ def fit_scatter(features: torch.Tensor, misses: torch.Tensor, weights: torch.Ten
         if max(step.abs().sum(), lift.abs()) < 1e-6:
             break
     turned = basis @ along
-    logarithms = level + directions @ along
-    bounds = torch.stack([logarithms.min(), logarithms.max()])
+    bounds = torch.stack((level + directions @ along).aminmax())
     return Scatter(torch.cat([turned, (level - mean @ turned)[None]]), bounds)
 
 
@@ -166,10 +165,8 @@ class _NetworkFit(Fit):
             unit = torch.eye(len(precision), dtype=torch.float64)
             lower = torch.linalg.cholesky(precision + _PRIOR_PRECISION * unit)
             root = torch.linalg.solve_triangular(lower, unit, upper=False).float()
-        doubt = {
-            "root": root.clone(),
-            "scatter": Scatter(*(t.float() for t in vars(scatter).values())),
-        }
+        scatter = Scatter(*(t.float() for t in vars(scatter).values()))
+        doubt = {"root": root.clone(), "scatter": scatter}
         return Network(layers=layers, history=history, **doubt, **self.shared)
 
 

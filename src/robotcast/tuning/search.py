@@ -85,7 +85,6 @@ class Optimizer(Protocol):
         `search` ends it at the budget, by an exception that it lets pass. The same problem, budget
         and responses must lead to the same queries.
         """
-        ...
 
 
 @dataclass(frozen=True)

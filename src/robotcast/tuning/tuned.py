@@ -216,10 +216,14 @@ def split_identity(tuning: MeasurementSet, heldout: MeasurementSet) -> str:
     digest = hashlib.sha256()
     for part in (tuning, heldout):
         digest.update(f"{part.cable}{part.r0_m}{[t.trial for t in part.trials]}".encode())
-        for trial in part.trials:
-            for array in (trial.tool.t_s, trial.tool.pose, trial.waypoints_s, trial.waypoints_m):
-                digest.update(np.ascontiguousarray(array).tobytes())
+        for array in (array for trial in part.trials for array in trial_data(trial)):
+            digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()[:12]
+
+
+def trial_data(trial: Trial) -> tuple[np.ndarray, ...]:
+    """Return what was measured of a cast."""
+    return trial.tool.t_s, trial.tool.pose, trial.waypoints_s, trial.waypoints_m
 
 
 def keep_revision(tuned_folder: Path, revision: ModelRevision) -> None:
