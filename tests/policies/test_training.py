@@ -105,8 +105,8 @@ def tried(world):
 
     def of(weights: list[float], n_actions: int = 40) -> tuple[Mixture, ...]:
         learner = replace(SPARSE, exact_up_to=600, inducing=30, passes=3, patience=3)
-        real, given = world.real(n_actions, 0, 0.25), {"passes": 12, "seed": 0}
-        return choose_mixture(learner, real, shifted, fractions=[0.3], weights=weights, **given)
+        data = learner, world.real(n_actions, 0, 0.25), shifted
+        return choose_mixture(*data, fractions=[0.3], weights=weights, passes=12, seed=0)
 
     return of
 

@@ -56,15 +56,19 @@ class ForwardModel(Protocol):
     @property
     def facts(self) -> Mapping[str, object]:
         """What is known of the examples; `cable` names the cable they are of, where known."""
+        ...
 
     def predict(self, actions: np.ndarray) -> np.ndarray:
         """Return where casts come to rest, (n, 2), in the robot base's frame [m]."""
+        ...
 
     def spread(self, actions: np.ndarray) -> np.ndarray:
         """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
+        ...
 
     def slopes(self, actions: np.ndarray) -> np.ndarray:
         """Return the endpoint's derivatives (n, 2, 6) by the numbers of the actions."""
+        ...
 
 
 @dataclass(frozen=True)
