@@ -93,12 +93,8 @@ class _Fitting:
 
     def _spare_casts(self) -> int:
         """Return what is left for beginnings, once the last fit has what it needs."""
-        wanted = FINISH * self._step_casts(self._whole)
+        wanted = FINISH * self._whole.step_casts
         return max(self._budget_casts - self._spent_casts - wanted, 0)
-
-    def _step_casts(self, fits: "_Fits") -> int:
-        """Return what a Jacobian and the steps tried by it take, about."""
-        return len(fits.trials) * (len(self._problem.start) + STEPS)
 
     def _begun(self, seed: int) -> Fit:
         """Return a fit to the beginnings of some casts, from where an ensemble centres."""
@@ -109,7 +105,7 @@ class _Fitting:
         members = hypercube(np.full(len(start), 0.5), ALL_OVER, crowd, seed)
         members[0] = start
         centre = ensemble_start(early.residuals, members, few, settings.updates, seed)
-        affordable = self._spare_casts() // self._step_casts(early)
+        affordable = self._spare_casts() // early.step_casts
         return early(centre, min(settings.early_iterations, affordable))
 
     def _finished(self, begun: Fit, *, patient: bool) -> Fit:
@@ -140,6 +136,8 @@ class _Fits:
 
     def __init__(self, problem: Problem, objective: Objective, casts: int, share: float) -> None:
         self.trials = spread(np.arange(problem.casts), casts)
+        # what a Jacobian and the steps tried by it take, about
+        self.step_casts = len(self.trials) * (len(problem.start) + STEPS)
         self._problem, self._objective, self._share = problem, objective, share
         self._prior = Prior(problem.start, np.full(len(problem.start), WIDE))
 
