@@ -12,19 +12,16 @@ from robotcast.stage import output_folder, stage, tell
 
 
 def report(config: DictConfig) -> None:
-    collect, camera, tune, generate, train, evaluate = (
-        config.scale[name]
-        for name in ("collect", "camera", "tune", "generate", "train", "evaluate")
-    )
-    collected = f"at most {collect.casts} actions and {collect.repeats} repeats"
-    tuned = f"on at most {tune.tune_casts} casts, tested on {tune.test_casts}"
-    grid = " × ".join(str(count) for count in generate.grid.values())
+    scale = config.scale
+    collected = f"at most {scale.collect.casts} actions and {scale.collect.repeats} repeats"
+    filmed = f"filmed at {scale.camera.width} × {scale.camera.height} pixels"
+    grid = " × ".join(str(count) for count in scale.generate.grid.values())
     sizes = (
-        ("Collected", f"{collected}, filmed at {camera.width} × {camera.height} pixels"),
-        ("Tuned", tuned),
+        ("Collected", f"{collected}, {filmed}"),
+        ("Tuned", f"on at most {scale.tune.tune_casts} casts, tested on {scale.tune.test_casts}"),
         ("Generated", f"grid of {grid} actions, less those that the arm cannot do"),
-        ("Trained", f"at most {train.passes} passes"),
-        ("Evaluated", f"{evaluate.targets} targets × {evaluate.repeats} casts"),
+        ("Trained", f"at most {scale.train.passes} passes"),
+        ("Evaluated", f"{scale.evaluate.targets} targets × {scale.evaluate.repeats} casts"),
     )
     facts = RunFacts(HydraConfig.get().runtime.choices["scale"], config.seed, sizes)
     folder = output_folder(config.paths.reports)

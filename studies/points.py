@@ -13,41 +13,27 @@ HEAD = ("median", "from", "to", "q1", "q3", "scatter", "casts")
 
 @dataclass(frozen=True)
 class Point:
-    """One policy of a study.
+    """One policy of a study."""
 
-    Attributes
-    ----------
-    group : what the policy is compared by, such as its dataset.
-    place : where it stands, a number of casts or the rung of a ladder.
-    """
-
-    group: str
-    place: float
+    group: str  # what it is compared by, such as its dataset
+    place: float  # where it stands, a number of casts or the rung of a ladder
     evaluation: Evaluation
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Return `HEAD`: median, its 95 % interval, quartiles and scatter of repeats, and casts.
-
-        All but the casts are in % of cable length.
-        """
-        errors = self.evaluation.errors_percent
+        """Return `HEAD`: median, its 95 % interval, quartiles, scatter of repeats [% of cable
+        length], and casts."""
+        errors, scatter = self.evaluation.errors_percent, self.evaluation.scatter_percent
         low, high = self.evaluation.median_interval or (np.nan, np.nan)
         middle, q1, q3 = np.percentile(errors, [50, 25, 75])
-        scatter = self.evaluation.scatter_percent
         apart = np.nan if scatter is None else scatter
         return (*(float(v) for v in (middle, low, high, q1, q3, apart)), len(errors))
 
 
 def change(before: Evaluation, after: Evaluation) -> tuple[float, float, float]:
-    """Return by how much of itself the median error changed from one policy to another.
+    """Return by how much of itself the median error changed, and the 95 % interval of that.
 
-    And the 95 % interval of that. Only targets count at which casts of both were tracked.
-
-    Raises
-    ------
-    ValueError
-        When there is no such target.
+    Only targets count at which casts of both policies were tracked; ValueError without any.
     """
     first, last = before.errors_by_target, after.errors_by_target
     both = [target for target in first if target in last]
@@ -62,11 +48,8 @@ def median_change(
     """Return by what share the median of all errors changed, and the 95 % interval of that.
 
     The interval is a bootstrap over targets (Efron 1979), the same ones drawn before and after:
-    what makes a target hard makes it so for both, and cancels.
-
-    Parameters
-    ----------
-    before, after : ndarrays of shape (repeats,), one a target, in the same order; none is empty.
+    what makes a target hard makes it so for both, and cancels. Errors are of shape (repeats,), one
+    a target, in the same order; none is empty.
     """
     random, n = np.random.default_rng(_SEED), len(before)
     drawn = (random.integers(n, size=n) for _ in range(_DRAWS))

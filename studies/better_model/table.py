@@ -50,12 +50,7 @@ def change_rows(points: Sequence[Point]) -> list[tuple[str, str, str, str]]:
 
 
 def ladder_figure(models: Mapping[str, float], points: Sequence[Point]) -> Figure:
-    """Draw the error of every model on held-out casts, above those of its policies at the targets.
-
-    Parameters
-    ----------
-    models : name → average waypoint error on held-out casts in % of cable length.
-    """
+    """Draw the models' errors on held-out casts, by name [%], above their policies' at targets."""
     rows = []
     for place, (model, error) in enumerate(models.items()):
         drawn = [Bar(error, "before", "model")]
@@ -80,10 +75,10 @@ def table(config: DictConfig) -> None:
     ]
     if not points:
         raise ValueError(f"{folder} holds no evaluation: run the study's other stages")
-    rows = [
-        (MODELS[int(p.place)], models[MODELS[int(p.place)]], policy_name("nn", p.group), *p.numbers)
-        for p in points
-    ]
+    rows = []
+    for p in points:
+        model = MODELS[int(p.place)]
+        rows.append((model, models[model], policy_name("nn", p.group), *p.numbers))
     effects = ", ".join(map(effect_name, revisions["diagnosed"]["effects"])) or "none"
     reports = output_folder(settings.reports)
     written = markdown(("Model", "its error", "Policy", *HEAD), rows)

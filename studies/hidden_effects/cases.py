@@ -7,6 +7,7 @@ virtual rig's hidden effects and nothing of robotcast.effects and robotcast.diag
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,32 +20,21 @@ from robotcast.rigs.virtual.rig import VirtualRig
 
 @dataclass(frozen=True)
 class Case:
-    """What a case is made of, before anything is simulated.
+    """What a case is made of, before anything is simulated."""
 
-    Attributes
-    ----------
-    name : says nothing about what is hidden.
-    kind : nothing hidden, one effect or two of the library, one mechanism outside it.
-    cable : which of the rigs it is measured on.
-    seed : of its actions and of the rig's chance.
-    truth : how many times as large as the cable's own each of these numbers of `CableTruth` is.
-    hidden : mechanism → its place (`Mechanism.place`); its size is fitted to `wanted_percent`.
-    strength : how the size is called, "" where nothing is hidden.
-    wanted_percent : by how far each hidden mechanism shall move the paths, in % of cable length.
-    outliers : casts whose tracking went astray.
-    noise_s : growth of the tracking noise with speed [m per m/s].
-    """
-
-    name: str
+    name: str  # says nothing about what is hidden
+    # nothing hidden, one effect or two of the library, one mechanism outside it
     kind: Literal["control", "single", "pair", "outside"]
-    cable: str
-    seed: int
+    cable: str  # which of the rigs it is measured on
+    seed: int  # of its actions and of the rig's chance
+    # how many times as large as the cable's own each of these numbers of `CableTruth` is
     truth: Mapping[str, float] = field(default_factory=dict)
+    # mechanism → its place (`Mechanism.place`); its size is fitted to `wanted_percent`
     hidden: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    strength: str = ""
-    wanted_percent: float = 0.0
-    outliers: int = 0
-    noise_s: float = 0.0
+    strength: str = ""  # how the size is called, "" where nothing is hidden
+    wanted_percent: float = 0.0  # of cable length, that each hidden mechanism shall move the paths
+    outliers: int = 0  # casts whose tracking went astray
+    noise_s: float = 0.0  # growth of the tracking noise with speed [m per m/s]
 
     def rig(self, nominal: VirtualRig, hidden: Mapping[str, Mapping[str, float]]) -> VirtualRig:
         """Return the rig of this case with `hidden` (mechanism → parameters) at work."""
@@ -63,11 +53,9 @@ def draw_cases(composition: Mapping[str, Any], seed: int) -> list[Case]:
     Every effect is hidden at every strength, `draws` times; pairs and what is outside the library
     at the last one. Raises ValueError for an effect that cannot be hidden.
     """
-    named = [*composition["effects"], *(name for pair in composition["pairs"] for name in pair)]
-    for names, known, what in (
-        (named, LIBRARY, "effects"),
-        (composition["outside"], OUTSIDE, "outside"),
-    ):
+    named = [*composition["effects"], *chain.from_iterable(composition["pairs"])]
+    outside = composition["outside"]
+    for names, known, what in ((named, LIBRARY, "effects"), (outside, OUTSIDE, "outside")):
         if wrong := [name for name in names if name not in known]:
             raise ValueError(
                 f"hidden effects: {wrong[0]} is none of the {what} that can be hidden: "
@@ -122,13 +110,10 @@ def choose_actions(
 ) -> list[tuple[int, Action]]:
     """Draw the casts (action_id, action) of a case from the feasible actions (m, 6).
 
-    Parameters
-    ----------
-    actions : distinct actions.
-    repeated, times : so many of them are cast so many times, to show the noise floor; the
-        repeats come last.
-    alike : share of the feasible actions that they are drawn from: those nearest to one of them,
-        all to one side of the board. 1 draws from all, half of them mirrored.
+    So many distinct `actions` are drawn; `repeated` of them are cast so many `times`, to show the
+    noise floor; the repeats come last. They are drawn from a share `alike` of the feasible ones:
+    those nearest to one of them, all to one side of the board. 1 draws from all, half of them
+    mirrored.
     """
     if not 0 < alike <= 1:
         raise ValueError(f"hidden effects: expected 0 < alike ≤ 1, got {alike:g}")

@@ -1,6 +1,6 @@
 """Two effects that few casts cannot tell apart, and whether the casts asked for next can.
 
-    python -m studies.hidden_effects.confused_pairs [--pairs 10]
+    python -m studies.hidden_effects.confused_pairs [hidden_effects.wanted=10]
 
 Sets of 11 casts that are alike hide one effect each (pairs.yaml). One after another is diagnosed
 until so many confuse what they hide with something else and ask for further casts. The virtual rig
@@ -12,44 +12,37 @@ the sealed answers. What stands in the benchmark's folder is not done again. Exi
 fewer than 8 of 10 are named rightly, or there are not so many pairs.
 """
 
-import argparse
 import json
-import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import polars as pl
+from omegaconf import DictConfig
 
-from robotcast.build import known_effects
+from robotcast.build import build, build_rig, known_effects, with_cable
+from robotcast.casts.table import read_actions
 from robotcast.files import unseal, write_text
+from robotcast.measurements.reader import read_measurement_set, write_measurement_set
+from robotcast.processes import process_pool
+from robotcast.rigs.virtual.rig import Eye
+from robotcast.stage import stage, tell
 from studies.hidden_effects.cases import answer_path
+from studies.hidden_effects.diagnose import diagnosed
+from studies.hidden_effects.draw import draw
+from studies.hidden_effects.measuring import further_casts
 
-ROOT = Path(__file__).resolve().parents[2]
-FOLDER = ROOT / "data" / "hidden_effects_pairs"
-REPORTS = ROOT / "reports" / "hidden_effects_pairs"
 MOST_SETS = 32  # that pairs.yaml composes
 ENOUGH = 0.8
 
 
-def run(*arguments: str) -> None:
-    """Run a stage or a step as a user does."""
-    command = [sys.executable, *arguments]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    if done.returncode:
-        raise SystemExit(f"{' '.join(command)}: {done.stderr[-800:]}")
-
-
-def step(name: str, *overrides: str) -> None:
-    run("-m", f"studies.hidden_effects.{name}", "--config-name", "pairs", *overrides)
-
-
-def diagnosis(output: Path, *overrides: str) -> dict[str, Any]:
+def diagnosis(measurements: Path, output: Path, exclude: Sequence[str] = ()) -> dict[str, Any]:
     """Return what a diagnosis says, and make it where it is not finished."""
     path = output / "diagnosis.json"
-    if not path.exists() or not json.loads(path.read_text(encoding="utf-8"))["finished"]:
-        run("stages/diagnose.py", *overrides, f"output={output}")
-    return json.loads(path.read_text(encoding="utf-8"))
+    if path.exists() and (said := json.loads(path.read_text(encoding="utf-8")))["finished"]:
+        return said
+    return diagnosed(measurements, output, exclude)
 
 
 def confused_with(truth: str, said: dict[str, Any]) -> str:
@@ -59,62 +52,69 @@ def confused_with(truth: str, said: dict[str, Any]) -> str:
     return next((name for name in ranked if name != truth and name in confused), "")
 
 
-def chosen_between(measurements: Path, truth: str, rival: str) -> list[str]:
-    """Return the verdict of a diagnosis that knows the two effects alone, after further casts."""
-    asked, grown, second = (
-        FOLDER / kind / measurements.name for kind in ("diagnoses", "grown", "second")
-    )
-    if not grown.exists():
-        actions = f"hidden_effects.actions={asked / 'actions.csv'}"
-        step("cast", f"measurements={measurements}", actions, f"output={grown}")
-    others = ",".join(name for name in known_effects() if name not in (truth, rival))
-    return diagnosis(second, f"measurements={grown}", f"exclude=[{others}]")["verdict"]
+def cast(config: DictConfig, answer: dict[str, Any], actions: Path, grown: Path) -> None:
+    """Write the set of a case with one cast of each row of `actions` after its own into `grown`."""
+    settings = config.hidden_effects
+    with process_pool(config.rig.workers) as pool:
+        casts = further_casts(
+            read_measurement_set(Path(settings.folder) / "sets" / grown.name),
+            answer,
+            build_rig(with_cable(config, answer["drawn"]["cable"])),
+            read_actions(actions),
+            Eye(**settings.eye),
+            build(config.casts.limits),
+            pool,
+        )
+    write_measurement_set(casts, grown)
 
 
-def judged(case: str) -> dict[str, Any]:
+def judged(config: DictConfig) -> dict[str, Any]:
     """Return how a set ends: a line of pairs.csv.
 
     `rival` is "" where what it hides is confused with nothing, `casts` how many further casts the
-    first diagnosis asked for, `after` the verdict of the second one, "" where there is none.
+    first diagnosis asked for, `after` the verdict of a second one that knows the two effects alone,
+    "" where there is none.
     """
-    step("draw", f"hidden_effects.cases={case}")
-    measurements = FOLDER / "sets" / case
-    (truth,) = (one["effect"] for one in unseal(answer_path(case, REPORTS))["effects"])
-    said = diagnosis(FOLDER / "diagnoses" / case, f"measurements={measurements}")
+    draw(config)
+    folder, case = Path(config.hidden_effects.folder), config.hidden_effects.cases
+    answer = unseal(answer_path(case, Path(config.hidden_effects.reports)))
+    (truth,) = (one["effect"] for one in answer["effects"])
+    asked, grown = folder / "diagnoses" / case, folder / "grown" / case
+    said = diagnosis(folder / "sets" / case, asked)
     rival, first = confused_with(truth, said), " ".join(said["verdict"])
-    casts = len(said["next_actions"]) if rival else 0
-    after = " ".join(chosen_between(measurements, truth, rival)) if casts else ""
+    casts, after = len(said["next_actions"]) if rival else 0, ""
+    if casts:
+        if not grown.exists():
+            cast(config, answer, asked / "actions.csv", grown)
+        others = [name for name in known_effects() if name not in (truth, rival)]
+        after = " ".join(diagnosis(grown, folder / "second" / case, others)["verdict"])
     line = f"{case}: hidden {truth}, first {first}"
     line += f", confused with {rival}" if rival else "; not confused"
     line += f"; after {casts} further casts {after}" if casts else ""
     line += "; no cast would tell" if rival and not casts else ""
-    print(line, flush=True)
-    return {
-        **{"case": case, "hidden": truth, "first": first},
-        **{"rival": rival, "casts": casts, "after": after},
-    }
+    tell(line)
+    found = {"case": case, "hidden": truth, "first": first}
+    return {**found, "rival": rival, "casts": casts, "after": after}
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--pairs", type=int, default=10)
-    wanted = parser.parse_args().pairs
-    sets: list[dict[str, Any]] = []
+def confused_pairs(config: DictConfig) -> None:
+    settings, sets = config.hidden_effects, list[dict[str, Any]]()
     for number in range(1, MOST_SETS + 1):
-        sets.append(judged(f"case-{number:03d}"))
-        write_text(REPORTS / "pairs.csv", pl.DataFrame(sets).write_csv().replace('""', ""))
-        if sum(one["casts"] > 0 for one in sets) == wanted:
+        settings.cases = f"case-{number:03d}"
+        sets.append(judged(config))
+        table = pl.DataFrame(sets).write_csv().replace('""', "")
+        write_text(Path(settings.reports) / "pairs.csv", table)
+        if sum(one["casts"] > 0 for one in sets) == settings.wanted:
             break
     pairs = [one for one in sets if one["casts"]]
     right = sum(one["after"] == one["hidden"] for one in pairs)
-    print(f"{right} of {len(pairs)} pairs named rightly after further casts")
+    tell(f"{right} of {len(pairs)} pairs named rightly after further casts")
     stuck = [one for one in sets if one["rival"] and not one["casts"]]
     named = sum(one["first"] == one["hidden"] for one in stuck)
-    print(
-        f"{len(stuck)} more that no cast would tell apart, {named} of them named rightly at first"
-    )
-    sys.exit(0 if len(pairs) == wanted and right >= ENOUGH * wanted else 1)
+    tell(f"{len(stuck)} more that no cast would tell apart, {named} of them named rightly at first")
+    sys.exit(0 if len(pairs) == settings.wanted and right >= ENOUGH * settings.wanted else 1)
 
 
 if __name__ == "__main__":
-    main()
+    sys.argv[1:1] = ["--config-name", "pairs"]
+    stage(confused_pairs)()

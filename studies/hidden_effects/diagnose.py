@@ -4,7 +4,9 @@ import json
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from omegaconf import DictConfig
 
@@ -23,24 +25,22 @@ def diagnose(config: DictConfig) -> None:
             path = result("diagnoses", measurements.name, Path(settings.reports))
             if not path.exists():
                 output = Path(settings.folder) / "diagnoses" / measurements.name
-                write_text(path, _diagnosed(measurements, output, ",".join(config.exclude)))
+                began = time.monotonic()
+                said = diagnosed(measurements, output, config.exclude)
+                # without every cast's path, which only its page needs
+                said |= {"comparison": None, "seconds": round(time.monotonic() - began, 1)}
+                write_text(path, json.dumps(said, ensure_ascii=False, indent=1))
         progress(len(sets), len(sets))
 
 
-def _diagnosed(measurements: Path, output: Path, exclude: str) -> str:
-    """Run the stage that a user runs, in a process that never opens an answer.
-
-    Returns its JSON, with the time it took, without every cast's path, which only its page needs.
-    """
+def diagnosed(measurements: Path, output: Path, exclude: Sequence[str]) -> dict[str, Any]:
+    """Run the stage that a user runs, in a process that never opens an answer; return its JSON."""
     command = [sys.executable, "stages/diagnose.py", f"measurements={measurements}"]
-    command += [f"output={output}", f"exclude=[{exclude}]"]
-    began = time.monotonic()
+    command += [f"output={output}", f"exclude=[{','.join(exclude)}]"]
     done = subprocess.run(command, cwd=CONFIGURATION.parent, capture_output=True, text=True)
     if done.returncode:
         raise ValueError(f"{measurements} could not be diagnosed: {done.stderr[-400:]}")
-    said = json.loads((output / "diagnosis.json").read_text(encoding="utf-8"))
-    said |= {"comparison": None, "seconds": round(time.monotonic() - began, 1)}
-    return json.dumps(said, ensure_ascii=False, indent=1)
+    return json.loads((output / "diagnosis.json").read_text(encoding="utf-8"))
 
 
 if __name__ == "__main__":

@@ -50,9 +50,8 @@ def confusion_figure(outcomes: Sequence[Outcome]) -> Figure:
         range(len(columns)), [name.replace("_", " ") for name in columns], rotation=40, ha="right"
     )
     axes.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows])
-    axes.set_xlabel("named first")
-    axes.set_ylabel("hidden")
-    axes.set_title("Cases with at most one hidden effect")
+    title = "Cases with at most one hidden effect"
+    axes.set(xlabel="named first", ylabel="hidden", title=title)
     return figure
 
 
@@ -74,8 +73,7 @@ def power_figure(outcomes: Sequence[Outcome]) -> Figure:
     shift, right = _shifts(outcomes)
     nudge = 0.03 * (((np.arange(len(shift)) * 0.618) % 1) - 0.5)
     axes.plot(shift, right + nudge, "o", color=GREY, ms=4, alpha=0.5, mew=0, label="one case")
-    bins = power_bins(outcomes)
-    if bins:
+    if bins := power_bins(outcomes):
         x, rates = [b[0] for b in bins], [b[1] / b[2] for b in bins]
         spans = [binomtest(b[1], b[2]).proportion_ci(ONE_SIGMA, "wilson") for b in bins]
         away = np.abs(np.array(spans).T - rates)
@@ -85,9 +83,8 @@ def power_figure(outcomes: Sequence[Outcome]) -> Figure:
     axes.axvline(1.0, color=VERMILION, lw=1.0, ls=(0, (2, 2)), label="noise floor")
     axes.set_xscale("log")
     log_errors(axes.xaxis, _TICKS)
-    axes.set_ylim(-0.08, 1.08)
+    axes.set(ylim=(-0.08, 1.08), ylabel="named first")
     axes.set_xlabel("shift of the paths by the hidden effect [noise floors]")
-    axes.set_ylabel("named first")
     axes.set_title("How strong an effect must be to be named")
     figure.legend(loc="outside lower center", ncols=3)
     return figure

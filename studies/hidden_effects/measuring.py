@@ -27,23 +27,14 @@ ASTRAY_M = 0.5
 
 @dataclass(frozen=True)
 class Bench:
-    """What all cases share.
+    """What all cases share."""
 
-    Attributes
-    ----------
-    rigs : cable → its rig with nothing hidden.
-    feasible : ndarray of shape (m, 6), the actions that cases are drawn from.
-    counts : how many casts, as `choose_actions` takes them.
-    eye, limits : how casts are tracked and planned.
-    shift_casts : casts over which a mechanism's shift is measured.
-    """
-
-    rigs: Mapping[str, VirtualRig]
-    feasible: np.ndarray
-    counts: Mapping[str, Any]
-    eye: Eye
+    rigs: Mapping[str, VirtualRig]  # by cable, with nothing hidden
+    feasible: np.ndarray  # (m, 6), the actions that cases are drawn from
+    counts: Mapping[str, Any]  # how many casts, as `choose_actions` takes them
+    eye: Eye  # how casts are tracked
     limits: PlanLimits
-    shift_casts: int
+    shift_casts: int  # over which a mechanism's shift is measured
 
 
 def measure_cases(
@@ -116,10 +107,7 @@ def further_casts(
 ) -> MeasurementSet:
     """Return the set of a case with one cast of each of `actions` added, what it hides at work.
 
-    Parameters
-    ----------
-    answer : the case's answer.
-    nominal : the rig of the case's cable with nothing hidden.
+    `nominal` is the rig of the case's cable with nothing hidden.
     """
     case = Case(**answer["drawn"])
     rig = case.rig(nominal, {one["effect"]: one["parameters"] for one in answer["effects"]})
@@ -138,17 +126,14 @@ def _fitted(
 ) -> tuple[dict[str, Parameters], dict[str, float]]:
     """Find the size of everything hidden in a case, one mechanism at a time.
 
-    Returns
-    -------
-    parameters : mechanism → its parameters.
-    shifts : mechanism → how far it alone moves the paths [% of cable length], below
-        `case.wanted_percent` where its largest size moves them no farther; all together under "".
+    Returns the parameters of each mechanism and how far it alone moves the paths [% of cable
+    length], below `case.wanted_percent` where its largest size moves them no farther; all together
+    under "".
     """
     shift = Shift(case.rig(bench.rigs[case.cable], {}), casts, bench.eye.period_s, pool)
-    parameters: dict[str, Parameters] = {}
-    shifts: dict[str, float] = {}
-    for name, place in case.hidden.items():
-        parameters[name], shifts[name] = shift.sized(name, place, case.wanted_percent)
+    found = {n: shift.sized(n, place, case.wanted_percent) for n, place in case.hidden.items()}
+    parameters = {name: given for name, (given, _) in found.items()}
+    shifts = {name: percent for name, (_, percent) in found.items()}
     together = shift.percent(parameters) if len(shifts) > 1 else sum(shifts.values())
     return parameters, {**shifts, "": together}
 

@@ -17,53 +17,33 @@ SIGNIFICANT = 0.001
 
 @dataclass(frozen=True)
 class Said:
-    """What one method says of a case, as far as it is scored.
+    """What one method says of a case, as far as it is scored; errors are in % of cable length."""
 
-    Attributes
-    ----------
-    names : effects, the likeliest first, or "none", or "unknown".
-    casts : simulated for it, None where a method is not charged for any.
-    base_percent, final_percent : held-out waypoint error [% of cable length] of the model as it
-        is and with what is named.
-    intervals : (effect, parameter) → (low, high).
-    p_value : of what the model gains by the oracle's effects.
-    confusable : every effect of the diagnosis's confusion sets.
-    unexplained : whether the diagnosis says that something is left to explain.
-    later_casts : of brute force after its first round, which looks for more effects than one.
-    """
-
-    names: tuple[str, ...]
-    casts: int | None = None
-    base_percent: float | None = None
-    final_percent: float | None = None
+    names: tuple[str, ...]  # effects, the likeliest first, or "none", or "unknown"
+    casts: int | None = None  # simulated for it, None where a method is not charged for any
+    base_percent: float | None = None  # held-out waypoint error of the model as it is
+    final_percent: float | None = None  # and with what is named
+    # (effect, parameter) → (low, high)
     intervals: Mapping[tuple[str, str], tuple[float, float]] = field(default_factory=dict)
-    p_value: float = 1.0
-    confusable: frozenset[str] = frozenset()
-    unexplained: bool = False
+    p_value: float = 1.0  # of what the model gains by the oracle's effects
+    confusable: frozenset[str] = frozenset()  # every effect of the diagnosis's confusion sets
+    unexplained: bool = False  # whether the diagnosis says that something is left to explain
     noise_floor_percent: float | None = None
     seconds: float = 0.0
-    later_casts: int = 0
+    later_casts: int = 0  # of brute force after its first round, which looks for a second effect
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One case.
-
-    Attributes
-    ----------
-    kind : "control", "single", "pair" or "outside".
-    effects : mechanism → its parameters.
-    shift_percent : how far all that is hidden moves the paths, in % of cable length.
-    said : method → what it says; those that were not run are not there.
-    """
+    """One case."""
 
     case: str
-    kind: str
+    kind: str  # "control", "single", "pair" or "outside"
     cable: str
     strength: str
-    effects: Mapping[str, Mapping[str, float]]
-    shift_percent: float
-    said: Mapping[str, Said]
+    effects: Mapping[str, Mapping[str, float]]  # mechanism → its parameters
+    shift_percent: float  # of cable length, that all that is hidden moves the paths
+    said: Mapping[str, Said]  # by method; those that were not run are not there
 
     @property
     def diagnosis(self) -> Said | None:
@@ -76,10 +56,7 @@ class Outcome:
         return "oracle" in self.said and self.said["oracle"].p_value < SIGNIFICANT
 
     def sizes(self, comparable: bool = False) -> dict[tuple[str, str], float]:
-        """Return the true sizes by (effect, parameter).
-
-        Comparable are those that mean in the library what they mean on the rig.
-        """
+        """Return true sizes by (effect, parameter), all or those of the library's own meaning."""
         return {
             (effect, name): value
             for effect, given in self.effects.items()

@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, product
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from robotcast.diagnosis.model import Candidate
 from robotcast.diagnosis.rule import RULE, Effort, Rule
 from robotcast.diagnosis.sizes import sizes
 from robotcast.files import unseal, write_text
-from robotcast.fitting.least_squares import Fit, trial_losses
+from robotcast.fitting.least_squares import trial_losses
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.running import Progress
 from robotcast.stage import bar, stage, tell
@@ -35,6 +36,7 @@ from robotcast.workflow.diagnosing import case_of
 from studies.hidden_effects.cases import answer_path
 from studies.hidden_effects.layout import measured_sets, result
 
+by_loss = attrgetter("loss")
 INSIDE = 1e-3  # a fit that starts on a bound stalls: starts keep this share of the range from it
 BEGUN, ENDED = 6, 2  # fits that start, and of these those that see whole trials
 
@@ -84,15 +86,10 @@ def unit_rows(
 
 @dataclass(frozen=True)
 class Question:
-    """A model beside a set, and fits as thorough as the diagnosis's of its base model.
-
-    Attributes
-    ----------
-    candidates : names of the effects to try.
-    """
+    """A model beside a set, and fits as thorough as the diagnosis's of its base model."""
 
     inquiry: Inquiry
-    candidates: Sequence[str]
+    candidates: Sequence[str]  # names of the effects to try
     floor: Floor
     rule: Rule
     effort: Effort
@@ -104,11 +101,8 @@ class Question:
     def refitted(self, base: Rung, effects: Sequence[str], places: Sequence[Place]) -> Rung:
         """Add `effects` to a model, fit it from several starts, by elimination, and judge it.
 
-        First to the beginnings of trials, which are not chaotic, as the base model was fitted.
-
-        Parameters
-        ----------
-        places : where the effects start; the other parameters start where the model's fit ended.
+        First to the beginnings of trials, which are not chaotic, as the base model was fitted. The
+        effects start at `places`, the other parameters where the model's fit ended.
         """
         inquiry, effort = self.inquiry, self.effort
         rows = unit_rows(inquiry, base.revision.fit.vector, effects, places)
@@ -116,8 +110,8 @@ class Question:
         early = inquiry.beginnings(effort.early, effort.some)
         losses = trial_losses(early.residuals(active)(rows, early.everything)).mean(axis=1)
         starts = rows[np.argsort(losses, kind="stable")[:BEGUN]]
-        begun = sorted((early.fit(active, start, 3) for start in starts), key=_loss)
-        best = min((inquiry.fit(active, fit.vector, 4) for fit in begun[:ENDED]), key=_loss)
+        begun = sorted((early.fit(active, start, 3) for start in starts), key=by_loss)
+        best = min((inquiry.fit(active, fit.vector, 4) for fit in begun[:ENDED]), key=by_loss)
         return self._judged(Revision(active, inquiry.fit(active, best.vector, effort.base)))
 
     def settled(self, rung: Rung) -> Rung:
@@ -126,8 +120,8 @@ class Question:
         The base model's own parameters had stood in for what it lacked; with it, they may be
         others.
         """
-        effects, fit = rung.revision.effects, rung.revision.fit
-        again = fit_base(self.inquiry, effects, self.effort, about=fit.vector)
+        fit = rung.revision.fit
+        again = fit_base(self.inquiry, rung.revision.effects, self.effort, about=fit.vector)
         return rung if again.fit.loss >= fit.loss else self._judged(again)
 
     def rematched(self, base: Rung, rival: Rung) -> Rung:
@@ -152,10 +146,6 @@ class Question:
         return Rung(revision, held_out(self.inquiry, revision, self.effort))
 
 
-def _loss(fit: Fit) -> float:
-    return fit.loss
-
-
 def random_guess(case: str, candidates: Sequence[str], seed: int) -> str:
     """Return one of the candidates, each as likely; the same for the same case and seed."""
     random = np.random.default_rng([seed, zlib.crc32(case.encode())])
@@ -169,36 +159,25 @@ def raw_sensitivities(question: Question, base: Revision) -> dict[str, float]:
     or places to try, the largest. No residual is asked and nothing tested: this is what a
     sensitivity ranking alone can say.
     """
-    inquiry = question.inquiry
-
-    def largest_move(name: str) -> float:
+    inquiry, moves = question.inquiry, {}
+    for name in question.candidates:
         places = least_strengths(inquiry.model.effects[name])
         rows = unit_rows(inquiry, base.fit.vector, [name], places)
         residuals = inquiry.residuals((*base.effects, name))(rows, inquiry.everything)
         moved = residuals - base.fit.residual
-        return float(np.sqrt((moved**2).sum(axis=2).mean(axis=1)).max())
-
-    return {name: largest_move(name) for name in question.candidates}
+        moves[name] = float(np.sqrt((moved**2).sum(axis=2).mean(axis=1)).max())
+    return moves
 
 
 @dataclass(frozen=True)
 class Round:
-    """Every effect tried on top of a model.
+    """Every effect tried on top of a model."""
 
-    Attributes
-    ----------
-    best : the one with the smallest held-out error.
-    p_value : of its saving.
-    tried : effect → its held-out waypoint error, % of the scale.
-    kept : the model that goes on: with the best one if it pays, without it if not.
-    simulated_casts : that the round took.
-    """
-
-    best: str
-    p_value: float
-    tried: Mapping[str, float]
-    kept: Rung
-    simulated_casts: int
+    best: str  # the one with the smallest held-out error
+    p_value: float  # of its saving
+    tried: Mapping[str, float]  # effect → its held-out waypoint error, % of the scale
+    kept: Rung  # the model that goes on: with the best one if it pays, without it if not
+    simulated_casts: int  # that the round took
 
     @property
     def paid(self) -> bool:
@@ -210,11 +189,8 @@ def brute_force(question: Question, base: Rung, note: Callable[[str], object]) -
     """Fit every candidate with all parameters from several starts; keep the best if it pays.
 
     So it goes on, round by round, as a diagnosis does: until nothing pays, nothing is left to
-    explain, or there are as many effects as a diagnosis names at most.
-
-    Parameters
-    ----------
-    note : called with the name of each effect before it is fitted.
+    explain, or there are as many effects as a diagnosis names at most. `note` is called with the
+    name of each effect before it is fitted.
     """
     inquiry, top = question.inquiry, base
     for _ in range(question.rule.most_effects):
@@ -225,12 +201,13 @@ def brute_force(question: Question, base: Rung, note: Callable[[str], object]) -
                 places = all_probes(inquiry.model.effects[name])
                 rungs[name] = question.refitted(top, [name], places)
         tried = {name: float(rung.errors.waypoint.mean()) for name, rung in rungs.items()}
-        best = min(tried, key=lambda name: tried[name])
+        best = min(tried, key=tried.__getitem__)
         rung = question.settled(rungs[best])
         top = question.rematched(top, rung)
         saved = question.saving(top, rung)
         top = rung if saved.pays(question.rule, len(rungs)) else top
-        yield (tried_all := Round(best, saved.p_value, tried, top, inquiry.simulated - before))
+        tried_all = Round(best, saved.p_value, tried, top, inquiry.simulated - before)
+        yield tried_all
         if not tried_all.paid or not question.floor.above(top.errors.waypoint, 1.0):
             return
 
@@ -238,9 +215,7 @@ def brute_force(question: Question, base: Rung, note: Callable[[str], object]) -
 def oracle(question: Question, base: Rung, hidden: Place) -> tuple[Rung, Rung, Gain]:
     """Fit the model with the hidden effects; return base, that model and what it saves.
 
-    Parameters
-    ----------
-    hidden : effect → its true parameters: one of the starts; null and the probes are others.
+    Their true parameters are one of the starts; null and the probes are others.
     """
     probes = [all_probes(question.inquiry.model.effects[name]) for name in hidden]
     places = [{k: v for place in some for k, v in place.items()} for some in product(*probes)]
@@ -283,7 +258,7 @@ def _ask(config: DictConfig, measurements: Path, progress: Progress) -> None:
         moved = raw_sensitivities(question, base.revision)
         said = {
             "random": random_guess(case, question.candidates, config.seed),
-            "largest_sensitivity": max(moved, key=lambda name: moved[name]),
+            "largest_sensitivity": max(moved, key=moved.__getitem__),
             "moved_noise": moved,
             "brute_force": _forced(question, base, fitted, progress) if forced else None,
         }

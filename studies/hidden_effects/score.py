@@ -54,19 +54,13 @@ class Share:
 
 @dataclass(frozen=True)
 class Criterion:
-    """One line of the benchmark's result: what is asked, and what came.
-
-    Attributes
-    ----------
-    rule, bound : whether the share shall be at least or at most `bound`; None: shown only.
-    counted : the share is of cases or parameters, not of an amount.
-    """
+    """One line of the benchmark's result: what is asked, and what came."""
 
     name: str
     share: Share
-    rule: Literal["≥", "≤"] = "≥"
-    bound: float | None = None
-    counted: bool = True
+    rule: Literal["≥", "≤"] = "≥"  # whether the share shall be at least or at most `bound`
+    bound: float | None = None  # None: shown only
+    counted: bool = True  # the share is of cases or parameters, not of an amount
 
     @property
     def met(self) -> bool | None:
@@ -185,9 +179,8 @@ def method_rows(outcomes: Sequence[Outcome]) -> Rows:
     """Return the diagnosis beside the other methods, one row a method."""
     single = _of_kind(outcomes, "single")
     shown = [o for o in single if o.shows]
-    first = ("where the oracle's gain is significant", "all")
-    rows = [["method", *(f"named first, {of}" for of in first)]]
-    rows[0] += ["false alarms on controls", "both of two named", "simulated casts a case"]
+    head = ["method", "named first, where the oracle's gain is significant", "named first, all"]
+    rows = [[*head, "false alarms on controls", "both of two named", "simulated casts a case"]]
     for method in METHODS:
         shares = (top_one(shown, method), top_one(single, method))
         shares += (false_alarms(outcomes, method), both(outcomes, method))
@@ -204,7 +197,7 @@ def size_rows(outcomes: Sequence[Outcome]) -> Rows:
     """
     of = [o for o in _of_kind(outcomes, "single") if o.sizes(comparable=True)]
     rows = [["effect", "hidden alone", "diagnosis: interval holds", "oracle: interval holds"]]
-    for effect in sorted({next(iter(o.effects)) for o in of}):
+    for effect in sorted({name for o in of for name in o.effects}):
         alone = [o for o in of if effect in o.effects]
         held = [str(coverage(alone, method)) for method in ("diagnosis", "oracle")]
         rows.append([effect, str(len(alone)), *held])
@@ -218,13 +211,9 @@ def case_rows(outcomes: Sequence[Outcome]) -> Rows:
 
 
 def _case_row(o: Outcome) -> dict[str, str]:
-    nothing = Said(())
-    found, oracle, brute = (
-        o.said.get(method, nothing) for method in ("diagnosis", "oracle", "brute_force")
-    )
+    found, random, largest, brute, oracle = (o.said.get(m, Said(())) for m in METHODS)
     expected = {"control": {"none"}, "outside": {"unknown"}}.get(o.kind, set(o.effects))
     held = o.held("diagnosis")
-    guesses = (" + ".join(o.said.get(m, nothing).names) for m in ("random", "largest_sensitivity"))
     row = {
         "case": o.case,
         "cable": o.cable,
@@ -241,7 +230,8 @@ def _case_row(o: Outcome) -> dict[str, str]:
         "oracle [%]": _number(oracle.final_percent),
         "oracle p": oracle.names and f"{oracle.p_value:.1e}",
         "noise floor [%]": _number(found.noise_floor_percent),
-        **dict(zip(("random", "largest sensitivity"), guesses, strict=True)),
+        "random": " + ".join(random.names),
+        "largest sensitivity": " + ".join(largest.names),
         "brute force": " + ".join(brute.names),
         "simulated casts": found.names and str(found.casts),
         "brute force casts": brute.names and str(brute.casts),

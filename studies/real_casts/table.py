@@ -48,8 +48,7 @@ def errors_figure(points: Sequence[Point]) -> Figure:
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_ylim(bottom=0)
-    axes.set_xlabel("real casts to learn from")
-    axes.set_ylabel("median error\n[% of cable length]")
+    axes.set(xlabel="real casts to learn from", ylabel="median error\n[% of cable length]")
     figure.legend(loc="outside lower center", ncols=2)
     return figure
 

@@ -3,7 +3,6 @@
 python -m studies.resets.measure cable=cable1   # for a cable whose `truth` or reset has changed
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -21,7 +20,6 @@ from robotcast.rigs.collect import choose_casts
 from robotcast.rigs.envelope import feasible_actions
 from robotcast.rigs.virtual.cable import Motion, StartScatter, packaged_path
 from robotcast.rigs.virtual.rig import VirtualRig
-from robotcast.running import Progress
 from robotcast.stage import bar, stage, tell
 
 STRAIGHT = StartScatter(np.array([0.0, 1.0]), np.zeros((3, 2)))  # along +x, before any reset
@@ -58,23 +56,16 @@ def _headings(
     return resting_headings(simulate_reset(rig, planned, number, settings))
 
 
-def measure_resets(
-    rig: VirtualRig, casts: Sequence[PlannedCast], settings: ResetSettings, progress: Progress
-) -> np.ndarray:
-    """Simulate each cast and the reset that follows it; return how the cables lie, (resets, 7)."""
-    found = []
-    for headings in parallel_map(partial(_headings, rig, settings), enumerate(casts), rig.workers):
-        found.append(headings)
-        progress(len(found), len(casts))
-    return np.array(found)
-
-
 def measure(config: DictConfig) -> None:
     rig, space = build_rig(config, scatter=STRAIGHT), action_space(config, "collected")
     chosen = choose_casts(feasible_actions(*space), config.resets, 0, config.seed)
     casts = [plan_action(action, r0_m=rig.r0_m, limits=space[2]) for _, action in chosen]
+    headings, found = partial(_headings, rig, build(config.casts.reset)), []
     with bar(f"resets of {rig.cable.name}") as progress:
-        headings_rad = measure_resets(rig, casts, build(config.casts.reset), progress)
+        for one in parallel_map(headings, enumerate(casts), rig.workers):
+            found.append(one)
+            progress(len(found), len(casts))
+    headings_rad = np.array(found)
     columns = {f"heading_{place:g}": c for place, c in zip(PLACES, headings_rad.T, strict=True)}
     path = packaged_path(rig.cable.name)
     with atomic_file(path) as temporary:

@@ -57,17 +57,13 @@ def read_outcomes(folder: Path) -> pl.DataFrame:
 def rows(outcomes: pl.DataFrame, told_percent: float) -> list[tuple[str, ...]]:
     """Return `HEAD` for every simulator, its parameters, number of casts and optimizer.
 
-    Parameters
-    ----------
-    told_percent : a parameter counts where the casts tell it within this share of its value.
+    A parameter counts where the casts tell it within `told_percent` of its value.
     """
     found = []
-    told_within = pl.col("told_within_percent") <= told_percent
-    for (simulator, parameters, casts, optimizer), of in sorted(
-        outcomes.group_by("simulator", "parameters", "casts", "optimizer"), key=lambda cell: cell[0]
-    ):
+    cells = outcomes.group_by("simulator", "parameters", "casts", "optimizer")
+    for (simulator, parameters, casts, optimizer), of in sorted(cells, key=lambda cell: cell[0]):
         tunings = of.unique(["model", "start"])
-        told = of.filter(told_within)
+        told = of.filter(pl.col("told_within_percent") <= told_percent)
         worst = told.group_by("model", "start").max()["error_percent"].to_numpy()
         found.append(
             (
@@ -103,10 +99,9 @@ def _paper(simulator: str, parameters: str, optimizer: str, casts: int) -> str:
 
 def csv_text(table: list[tuple[str, ...]]) -> str:
     """Write the table as CSV, empty where nothing is known."""
-    plain = [
-        [cell.replace("\u202f", "").replace(MISSING, "") or None for cell in row] for row in table
-    ]
-    return pl.DataFrame(plain, dict.fromkeys(HEAD, pl.String), orient="row").write_csv()
+    shown = pl.DataFrame(table, dict.fromkeys(HEAD, pl.String), orient="row")
+    plain = pl.all().str.replace_all("\u202f", "").str.replace_all(MISSING, "").replace("", None)
+    return shown.select(plain).write_csv()
 
 
 def table(config: DictConfig) -> None:

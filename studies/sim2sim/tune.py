@@ -81,12 +81,11 @@ def _hold(config: DictConfig) -> None:
     The paper's are tuned alone; of ours, those that a cable's owner would weigh are held.
     """
     parameters, settings = config.simulator.model.parameters, config.sim2sim
+    if settings.parameters not in ("paper", "ours"):
+        raise ValueError(f"sim2sim.parameters={settings.parameters}: expected paper or ours")
+    held = set(config.simulator.weighed)
     if settings.parameters == "paper":
         held = set(parameters) - set(settings.paper[config.simulator.name])
-    elif settings.parameters == "ours":
-        held = set(config.simulator.weighed)
-    else:
-        raise ValueError(f"sim2sim.parameters={settings.parameters}: expected paper or ours")
     with open_dict(config):
         for name in held:
             parameters[name].frozen = True

@@ -14,15 +14,8 @@ from robotcast.reporting.results import Tuning, read_tuning
 from robotcast.stage import output_folder, stage, tell
 
 SIZE_HEAD = (
-    "Simulator",
-    "Casts tuned to",
-    "Simulated casts",
-    "Waypoint error on them",
-    "Held-out waypoint error",
-    "Held-out final error",
-    "Change",
-    "from",
-    "to",
+    *("Simulator", "Casts tuned to", "Simulated casts", "Waypoint error on them"),
+    *("Held-out waypoint error", "Held-out final error", "Change", "from", "to"),
 )
 _DRAWS, _SEED = 4000, 0
 TEXT = """# How many casts to tune to?
@@ -41,12 +34,8 @@ def size_rows(tunings: Sequence[Tuning]) -> list[tuple[object, ...]]:
     """Return `SIZE_HEAD` for every tuning, by simulator and number of casts.
 
     The change of the held-out waypoint error is against the fewest casts that this simulator was
-    tuned to, cast by cast, with its 95 % bootstrap interval over casts (Efron 1979).
-
-    Raises
-    ------
-    ValueError
-        When tunings of one simulator were not judged on the same casts.
+    tuned to, cast by cast, with its 95 % bootstrap interval over casts (Efron 1979). ValueError
+    when tunings of one simulator were not judged on the same casts.
     """
     rows: list[tuple[object, ...]] = []
     for simulator in sorted({t.simulator for t in tunings}):
@@ -60,17 +49,11 @@ def size_rows(tunings: Sequence[Tuning]) -> list[tuple[object, ...]]:
                     "judged on the same ones: tune both anew"
                 )
             change = (errors["percent"] - fewest["percent"]).to_numpy()
-            rows.append(
-                (
-                    simulator_name(simulator),
-                    _casts(tuning),
-                    tuning.facts["simulated_casts"],
-                    tuning.error("tune", "waypoint_percent"),
-                    tuning.error("test", "waypoint_percent"),
-                    tuning.error("test", "final_percent"),
-                    *(("–",) * 3 if tuning is of[0] else _mean_and_interval(change)),
-                )
-            )
+            facts = (simulator_name(simulator), _casts(tuning), tuning.facts["simulated_casts"])
+            on_them, held_out = (tuning.error(on, "waypoint_percent") for on in ("tune", "test"))
+            final = tuning.error("test", "final_percent")
+            against = ("–",) * 3 if tuning is of[0] else _mean_and_interval(change)
+            rows.append((*facts, on_them, held_out, final, *against))
     return rows
 
 

@@ -14,7 +14,7 @@ from robotcast.fitting.least_squares import Fit
 
 TRIALS = np.arange(40)
 FLOOR, UNKNOWN_FLOOR = Floor.known(1.0, 0.1), Floor(None, 0.1, 0.0)
-NO_FIT = Fit(np.zeros(1), 0.0, np.zeros((40, 1)), np.zeros((40, 1, 1)))
+NO_FIT = Fit(np.zeros(1), np.zeros((40, 1)), np.zeros((40, 1, 1)))
 
 
 def rung(level: float, *effects: str) -> Rung:

@@ -1,6 +1,9 @@
 """A smooth, made-up world: what a forward model has to learn."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import polars as pl
@@ -8,6 +11,7 @@ import pytest
 
 from robotcast.casts.action import ACTION_COLUMNS, Action, ToolMotion
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
+from robotcast.policies.datasets import Dataset, Examples, real_dataset, simulated_dataset
 
 
 class World:
@@ -48,13 +52,23 @@ class World:
         ends = [self.endpoints(actions + s) - self.endpoints(actions - s) for s in steps]
         return np.stack(ends, axis=2) / 2e-6
 
-    def simulated(self, folder: Path, count: int = 600) -> Path:
+    def write_simulated(self, path: Path, count: int = 600) -> None:
         """Write a D_sim of `count` casts."""
         actions = self.actions(count)
         x, y = self.endpoints(actions).T
         columns = dict(zip(ACTION_COLUMNS, actions.T, strict=True))
-        pl.DataFrame({**columns, "x": x, "y": y}).write_parquet(folder / "casts.parquet")
-        return folder / "casts.parquet"
+        pl.DataFrame({**columns, "x": x, "y": y}).write_parquet(path)
+
+    def simulated(self, count: int = 600, held_out: float = 0.1) -> Dataset:
+        """Make D_sim of `count` casts."""
+        with TemporaryDirectory() as folder:
+            self.write_simulated(path := Path(folder) / "casts.parquet", count)
+            return simulated_dataset(path, validation_fraction=held_out, seed=0)
+
+    def real(self, n_actions: int = 30, n_repeats: int = 6, held_out: float = 0.2) -> Dataset:
+        """Make D_real of what is measured."""
+        measured = self.measured(n_actions, n_repeats)
+        return real_dataset(measured, [], validation_fraction=held_out, seed=0)
 
     def measured(self, n_actions: int = 30, n_repeats: int = 6) -> MeasurementSet:
         """Measure `n_actions` actions, the first `n_repeats` of them twice."""
@@ -69,6 +83,22 @@ class World:
         return MeasurementSet(Cable("made up", 0.6, 0.03, 0.01, 0.02), 0.6, 0.1, None, trials)
 
 
+def moved(dataset: Dataset, away_m: Callable[[np.ndarray], np.ndarray]) -> Dataset:
+    """Let every cast of actions (n, 6) end elsewhere, by `away_m` of them."""
+
+    def part(casts: Examples) -> Examples:
+        return replace(casts, endpoints_m=casts.endpoints_m + away_m(casts.actions))
+
+    held_out = part(dataset.validation)
+    changed = {"training": part(dataset.training), "validation": held_out, "calibration": held_out}
+    return replace(dataset, **changed)
+
+
 @pytest.fixture(scope="session")
 def world() -> World:
     return World()
+
+
+@pytest.fixture(scope="session")
+def simulated(world: World) -> Dataset:
+    return world.simulated()

@@ -34,17 +34,6 @@ TARGETS = np.array([[0.8, -0.5], [1.0, -0.3], [0.9, 0.4]])
 FAR = np.array([[3.0, -0.5]])
 
 
-def test_without_caution_the_candidate_predicted_nearest_to_the_target_is_chosen(world) -> None:
-    candidates = world.actions(300)
-    predicted = world.predict(candidates)
-    targets = np.array([[0.8, -0.5], [1.0, -0.3]])
-    choices = choose_actions(world, candidates, targets, caution=0)
-    for target, choice in zip(targets, choices, strict=True):
-        nearest = np.linalg.norm(predicted - target, axis=1).min()
-        assert np.linalg.norm(choice.predicted_m - target) == pytest.approx(nearest)
-        assert world.predict(choice.action.as_array()[None])[0] == pytest.approx(choice.predicted_m)
-
-
 class Uneven:
     """Knows the world, and says of every action by itself how far casts scatter about it."""
 
@@ -61,37 +50,33 @@ class Uneven:
         return np.interp(part, [0, 1], self._range)[:, None] * [1.0, 0.5]
 
 
+@pytest.mark.parametrize("caution", [0.0, 2.0])
 @pytest.mark.parametrize("most_m", [0.0, 0.05, 0.5, 5.0])
-def test_the_least_expected_miss_of_all_candidates_is_chosen(world, most_m: float) -> None:
+def test_the_least_expected_miss_of_all_candidates_is_chosen(world, most_m, caution) -> None:
     candidates = world.actions(3000)
     model: Any = Uneven(world, 0.0, most_m)
-    targets = np.array([[0.8, -0.5], [1.0, -0.3], [0.9, 0.4], [2.5, -0.2]])
-    choices = choose_actions(model, candidates, targets, caution=2.0)
-    scatter = 2.0 * np.square(model.spread(candidates)).sum(axis=1)
+    targets = np.array([*TARGETS, [2.5, -0.2]])
+    choices = choose_actions(model, candidates, targets, caution)
+    scatter = caution * np.square(model.spread(candidates)).sum(axis=1)
     for (x, y), choice in zip(targets, choices, strict=True):
         away = np.square(world.predict(candidates) - [x, -abs(y)]).sum(axis=1)
-        chosen = choice.action if y < 0 else choice.action.mirrored()
-        np.testing.assert_allclose(chosen.as_array(), candidates[(away + scatter).argmin()])
+        chosen = usual_half(choice)
+        np.testing.assert_allclose(chosen, candidates[(away + scatter).argmin()])
+        end = choice.predicted_m * [1, 1 if y < 0 else -1]
+        assert world.predict(chosen[None])[0] == pytest.approx(end)
 
 
 def test_all_targets_share_a_prediction_and_the_few_spreads_that_matter(world) -> None:
     candidates = world.actions(3000)
     model: Any = Uneven(world, 0.01, 0.05)
-    choose_actions(model, candidates, np.array([[0.8, -0.5], [1.0, -0.3]]))
+    choose_actions(model, candidates, TARGETS[:2])
     assert model.asked < 300
     assert model.batches == 1
 
 
-def test_a_target_on_the_other_side_gets_the_mirror_cast(world) -> None:
-    candidates = world.actions(300)
-    right, left = choose_actions(world, candidates, np.array([[0.8, -0.5], [0.8, 0.5]]))
-    assert left.action == right.action.mirrored()
-    assert left.predicted_m == pytest.approx(right.predicted_m * [1, -1])
-
-
 def test_no_candidate_is_refused(world) -> None:
     with pytest.raises(ValueError, match="no candidate action"):
-        choose_actions(world, np.zeros((0, 6)), np.array([[0.8, -0.5]]))
+        choose_actions(world, np.zeros((0, 6)), TARGETS)
 
 
 def test_a_target_is_out_of_reach_only_when_no_candidate_is_predicted_near_it(world) -> None:
@@ -115,14 +100,6 @@ def test_a_target_is_out_of_reach_only_when_no_candidate_is_predicted_near_it(wo
     assert "the nearest point within reach is" in beyond.out_of_reach()
 
 
-def test_a_choice_and_its_mirror_image_are_as_sure(world) -> None:
-    targets = np.array([[0.8, -0.5], [0.8, 0.5]])
-    right, left = with_spread(world, choose_actions(world, world.actions(300), targets))
-    assert right.action == left.action.mirrored()
-    assert right.spread_m == pytest.approx(left.spread_m)
-    assert right.spread_m == pytest.approx(np.array([0.02, 0.01]) / right.action.vmax_m_s)
-
-
 def anything(actions: np.ndarray) -> np.ndarray:
     return np.ones(len(actions), dtype=bool)
 
@@ -142,29 +119,28 @@ def choices(world, candidates) -> list[Choice]:
     return choose_actions(world, candidates, TARGETS)
 
 
+@pytest.fixture(scope="module")
+def refined(world, choices, about) -> list[Choice]:
+    return refine_choices(world, choices, about, anything)
+
+
 def usual_half(choice: Choice) -> np.ndarray:
     turned = choice.action if choice.action.theta1_rad > 0 else choice.action.mirrored()
     return turned.as_array()
 
 
-def test_the_predicted_miss_falls_to_nothing_within_reach(world, choices, about) -> None:
-    refined = refine_choices(world, choices, about, anything)
+def test_the_predicted_miss_of_the_refined_action_falls_to_nothing(world, choices, refined) -> None:
     assert max(c.miss_m for c in refined) < 0.1 * max(c.miss_m for c in choices)
-    assert all(c.reachable for c in refined)
-
-
-def test_the_prediction_is_that_of_the_refined_action(world, choices, about) -> None:
-    for choice in refine_choices(world, choices, about, anything):
-        mirror = [1, 1 if choice.action.theta1_rad > 0 else -1]
-        assert world.predict(usual_half(choice)[None])[0] * mirror == pytest.approx(
-            choice.predicted_m
-        )
+    for choice in refined:
+        assert choice.reachable
+        end = choice.predicted_m * [1, 1 if choice.action.theta1_rad > 0 else -1]
+        assert world.predict(usual_half(choice)[None])[0] == pytest.approx(end)
 
 
 def test_an_action_stays_within_the_grid_and_one_spacing_of_its_candidate(
-    world, choices, about
+    choices, refined, about
 ) -> None:
-    for before, after in zip(choices, refine_choices(world, choices, about, anything), strict=True):
+    for before, after in zip(choices, refined, strict=True):
         moved = usual_half(after) - usual_half(before)
         others = [0, 2, 3, 4]
         assert (np.abs(moved[others]) <= about.spacing[others] + 1e-12).all()
@@ -181,18 +157,17 @@ def test_the_safe_set_is_never_left_and_the_miss_never_rises(world, candidates, 
     refined = refine_choices(world, chosen, about, slow_turns)
     assert slow_turns(np.stack([usual_half(c) for c in refined])).all()
     assert all(r.miss_m <= c.miss_m for r, c in zip(refined, chosen, strict=True))
+    stood = refine_choices(world, chosen, about, lambda a: np.zeros(len(a), bool))
+    assert [c.action for c in stood] == [c.action for c in chosen]
 
 
-def test_where_nothing_is_safe_the_candidates_stay(world, choices, about) -> None:
-    refined = refine_choices(world, choices, about, lambda a: np.zeros(len(a), bool))
-    assert [c.action for c in refined] == [c.action for c in choices]
-
-
-def test_a_mirrored_target_is_refined_to_the_mirror_image(world, candidates, about) -> None:
+def test_a_mirrored_target_gets_the_mirror_cast_which_is_as_sure(world, candidates, about) -> None:
     pair = choose_actions(world, candidates, np.array([[0.8, -0.5], [0.8, 0.5]]))
-    right, left = refine_choices(world, pair, about, anything)
-    assert left.action == right.action.mirrored()
-    assert left.predicted_m == pytest.approx(right.predicted_m * [1, -1])
+    for right, left in (pair, refine_choices(world, with_spread(world, pair), about, anything)):
+        assert left.action == right.action.mirrored()
+        assert left.predicted_m == pytest.approx(right.predicted_m * [1, -1])
+        assert left.spread_m == pytest.approx(right.spread_m, nan_ok=True)
+    assert right.spread_m == pytest.approx(np.array([0.02, 0.01]) / pair[0].action.vmax_m_s)
 
 
 def test_a_target_out_of_reach_is_said_so_with_the_nearest_point(world, candidates, about) -> None:

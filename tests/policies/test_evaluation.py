@@ -37,30 +37,18 @@ COLUMNS = [
 ]
 
 
-@pytest.fixture
-def executed_rows(world):
-    choices = choose_actions(world, world.actions(300), TARGETS)
+def test_every_cast_is_a_row_with_its_distance_from_the_target_and_a_lost_one_without(world):
+    choices = with_spread(world, choose_actions(world, world.actions(300), TARGETS))
     ends = np.stack([TARGETS + np.array([0.03, 0.04]), TARGETS - np.array([0.06, 0.0])], axis=1)
     ends[1, 0] = np.nan
     executed = Executed(ends, {(1, 0): "hidden"})
-    choices = with_spread(world, choices)
-    return executed_table(Subject("virtual", CABLE, "nn", "mixed"), choices, executed)
-
-
-def test_every_cast_is_a_row_with_the_agreed_columns(executed_rows) -> None:
-    assert executed_rows.columns == COLUMNS
-    assert executed_rows.select("target", "repeat").rows() == [(0, 0), (0, 1), (1, 0), (1, 1)]
-    assert set(executed_rows["kind"]) == {"executed"}
-
-
-def test_the_error_is_the_distance_from_the_target_in_percent_of_length(executed_rows) -> None:
-    errors = executed_rows["error_m"].to_list()
-    assert errors[:2] == pytest.approx([0.05, 0.06])
-    assert executed_rows["error_percent"].to_list()[:2] == pytest.approx([100 / 12, 10.0])
-
-
-def test_a_lost_cast_has_no_endpoint_and_no_error(executed_rows) -> None:
-    lost = executed_rows.row(2, named=True)
+    rows = executed_table(Subject("virtual", CABLE, "nn", "mixed"), choices, executed)
+    assert rows.columns == COLUMNS
+    assert rows.select("target", "repeat").rows() == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    assert set(rows["kind"]) == {"executed"}
+    assert rows["error_m"].to_list()[:2] == pytest.approx([0.05, 0.06])
+    assert rows["error_percent"].to_list()[:2] == pytest.approx([100 / 12, 10.0])
+    lost = rows.row(2, named=True)
     assert [lost[c] for c in ("x", "y", "error_m", "error_percent")] == [None] * 4
     assert lost["predicted_x"] is not None
 

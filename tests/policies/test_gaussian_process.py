@@ -5,7 +5,7 @@ import pytest
 import torch
 from gpytorch.kernels import MaternKernel, ScaleKernel
 
-from robotcast.policies.datasets import Dataset, real_dataset, simulated_dataset
+from robotcast.policies.datasets import Dataset
 from robotcast.policies.gaussian_process import GaussianProcess, GaussianProcessLearner
 
 SMALL = GaussianProcessLearner(
@@ -15,13 +15,7 @@ SMALL = GaussianProcessLearner(
 
 @pytest.fixture(scope="module")
 def real(world) -> Dataset:
-    return real_dataset(world.measured(60), [], validation_fraction=0.2, seed=0)
-
-
-@pytest.fixture(scope="module")
-def simulated(world, tmp_path_factory) -> Dataset:
-    path = world.simulated(tmp_path_factory.mktemp("simulated"))
-    return simulated_dataset(path, validation_fraction=0.1, seed=0)
+    return world.real(60)
 
 
 @pytest.fixture(scope="module")

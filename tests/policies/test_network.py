@@ -3,48 +3,31 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotcast.policies.datasets import Dataset, real_dataset, simulated_dataset
+from robotcast.policies.datasets import Dataset, Examples
 from robotcast.policies.forward_model import LearnedModel, best_epoch
 from robotcast.policies.network import NetworkLearner
 
-SMALL = NetworkLearner(
-    hidden=(32, 32),
-    batch_size=64,
-    learning_rate=3e-3,
-    weight_decay=0.0,
-    outlier_m=0.01,
-    passes=40,
-    patience=40,
-)
+STEPS = {"batch_size": 64, "learning_rate": 3e-3, "weight_decay": 0.0, "outlier_m": 0.01}
+SMALL = NetworkLearner(hidden=(32, 32), passes=40, patience=40, **STEPS)
 
 
 @pytest.fixture(scope="module")
-def dataset(world, tmp_path_factory) -> Dataset:
-    path = world.simulated(tmp_path_factory.mktemp("simulated"))
-    return simulated_dataset(path, validation_fraction=0.1, seed=0)
-
-
-@pytest.fixture(scope="module")
-def network(dataset) -> LearnedModel:
-    return SMALL.fit(dataset, seed=0)
-
-
-def median_error_m(network: LearnedModel, world) -> float:
-    fresh = world.actions(500, seed=9)
-    away = network.predict(fresh) - world.endpoints(fresh)
-    return float(np.median(np.linalg.norm(away, axis=1)))
+def network(simulated) -> LearnedModel:
+    return SMALL.fit(simulated, seed=0)
 
 
 def test_it_learns_a_smooth_world(network, world) -> None:
-    spread = np.linalg.norm(world.endpoints(world.actions(500)).std(axis=0))
-    assert median_error_m(network, world) < 0.1 * spread
+    fresh = world.actions(500, seed=9)
+    ends = world.endpoints(fresh)
+    misses = np.linalg.norm(network.predict(fresh) - ends, axis=1)
+    assert np.median(misses) < 0.1 * np.linalg.norm(ends.std(axis=0))
 
 
-def test_inputs_and_outputs_are_normalised_on_the_training_part(network, dataset) -> None:
-    inputs = network.actions.apply(dataset.training.actions)
+def test_inputs_and_outputs_are_normalised_on_the_training_part(network, simulated) -> None:
+    inputs = network.actions.apply(simulated.training.actions)
     assert inputs.mean(axis=0) == pytest.approx(np.zeros(6), abs=1e-9)
     assert inputs.std(axis=0) == pytest.approx(np.ones(6))
-    outputs = network.endpoints.apply(dataset.training.endpoints_m)
+    outputs = network.endpoints.apply(simulated.training.endpoints_m)
     assert outputs.std(axis=0) == pytest.approx(np.ones(2))
 
 
@@ -53,15 +36,12 @@ def test_a_saved_network_predicts_the_same_after_loading(network, world, tmp_pat
     loaded = SMALL.load(tmp_path)
     actions = world.actions(50, seed=3)
     assert np.array_equal(loaded.predict(actions), network.predict(actions))
-    assert {p.name for p in tmp_path.iterdir()} == {
-        "weights.safetensors",
-        "policy.yaml",
-        "training.csv",
-    }
+    written = {p.name for p in tmp_path.iterdir()}
+    assert written == {"weights.safetensors", "policy.yaml", "training.csv"}
 
 
-def test_another_seed_gives_another_network(network, dataset, world) -> None:
-    other = SMALL.fit(dataset, seed=1)
+def test_another_seed_gives_another_network(network, simulated, world) -> None:
+    other = SMALL.fit(simulated, seed=1)
     actions = world.actions(5)
     assert not np.allclose(other.predict(actions), network.predict(actions))
 
@@ -75,9 +55,8 @@ def test_weights_that_do_not_belong_to_the_description_are_refused(network, tmp_
 
 
 def test_training_stops_early_and_keeps_the_best_epoch(world) -> None:
-    few = real_dataset(world.measured(12, 0), [], validation_fraction=0.3, seed=0)
     learner = replace(SMALL, hidden=(32,), learning_rate=0.05, passes=400, patience=5)
-    network = learner.fit(few, seed=0)
+    network = learner.fit(world.real(12, 0, 0.3), seed=0)
     losses = [e.validation_loss for e in network.history]
     assert len(losses) < 400
     assert best_epoch(network.history).epoch == 1 + int(np.argmin(losses))
@@ -87,18 +66,17 @@ def test_training_stops_early_and_keeps_the_best_epoch(world) -> None:
 def test_a_heavier_example_is_fitted_better(world) -> None:
     actions = np.repeat(world.actions(1), 2, axis=0)
     ends = np.array([[0.8, -0.3], [0.804, -0.3]])
-    few = real_dataset(world.measured(12, 0), [], validation_fraction=0.3, seed=0)
-    contradiction = type(few.training)(actions, ends, np.array([3.0, 1.0]))
+    contradiction = Examples(actions, ends, np.array([3.0, 1.0]))
     dataset = Dataset("contradiction", contradiction, contradiction, contradiction)
     learner = replace(SMALL, hidden=(16,), learning_rate=0.02, passes=300, patience=300)
     network = learner.fit(dataset, seed=0)
     assert network.predict(actions)[0] == pytest.approx([0.801, -0.3], abs=3e-4)
 
 
-def test_progress_is_reported_every_epoch(dataset) -> None:
+def test_progress_is_reported_every_epoch(simulated) -> None:
     seen = []
     learner = replace(SMALL, hidden=(8,), passes=3)
-    learner.fit(dataset, seed=0, progress=lambda done, total, note="": seen.append((done, total)))
+    learner.fit(simulated, seed=0, progress=lambda done, total, note="": seen.append((done, total)))
     assert seen == [(1, 3), (2, 3), (3, 3)]
 
 

@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robotcast.policies.datasets import Dataset, Examples, real_dataset, simulated_dataset
+from robotcast.policies.datasets import Dataset, Examples
 from robotcast.policies.gaussian_process import GaussianProcessLearner
 from robotcast.policies.residual import Residual, ResidualLearner, corrected
+from tests.policies.conftest import moved
 
 PROCESS = GaussianProcessLearner(
     exact_up_to=600, inducing=60, learning_rate=0.1, outlier_m=0.01, passes=25, patience=10
@@ -16,33 +17,21 @@ LEARNER = ResidualLearner(member=PROCESS, members=2)
 BENDS_M = 0.3
 
 
-def departing(examples: Examples) -> Examples:
-    """Let casts depart from the simulation the more, the wider they swing."""
-    away_m = np.stack([0.2 * (examples.actions[:, 0] - 0.6), 0.1 * examples.actions[:, 2]], axis=1)
-    return Examples(examples.actions, examples.endpoints_m + away_m, examples.weights)
+def wider(actions: np.ndarray) -> np.ndarray:
+    """Return departures from the simulation, the larger, the wider casts swing."""
+    return np.stack([0.2 * (actions[:, 0] - 0.6), 0.1 * actions[:, 2]], axis=1)
 
 
 @pytest.fixture(scope="module")
 def real(world) -> Dataset:
-    dataset = real_dataset(world.measured(60), [], validation_fraction=0.3, seed=0)
-    held_out = departing(dataset.validation)
-    return Dataset("real", departing(dataset.training), held_out, held_out, dataset.facts)
+    return moved(world.real(60, held_out=0.3), wider)
 
 
 @pytest.fixture(scope="module")
-def simulated(world, tmp_path_factory) -> Dataset:
-    path = world.simulated(tmp_path_factory.mktemp("simulated"), 250)
-    return simulated_dataset(path, validation_fraction=0.2, seed=0)
-
-
-def without_held_out(real: Dataset) -> Dataset:
-    """The correction learns from held-out casts too: those of the tests are kept from it."""
-    return replace(real, validation=real.training.take(np.arange(0)))
-
-
-@pytest.fixture(scope="module")
-def model(real: Dataset, simulated: Dataset) -> Residual:
-    return LEARNER.fit(without_held_out(real), simulated, seed=0)
+def model(world, real: Dataset) -> Residual:
+    # the correction learns from held-out casts too: those of the tests are kept from it
+    kept = replace(real, validation=real.training.take(np.arange(0)))
+    return LEARNER.fit(kept, world.simulated(250, 0.2), seed=0)
 
 
 def median_miss_m(predicted_m: np.ndarray, examples: Examples) -> float:
@@ -62,11 +51,9 @@ def test_what_the_simulation_misses_smoothly_is_corrected(model: Residual, real:
 
 
 def test_it_is_better_than_the_measured_casts_alone(model: Residual, real: Dataset) -> None:
-    alone = PROCESS.fit(real, seed=0)
     out = real.validation
-    assert median_miss_m(model.predict(out.actions), out) < 0.5 * median_miss_m(
-        alone.predict(out.actions), out
-    )
+    alone_m = median_miss_m(PROCESS.fit(real, seed=0).predict(out.actions), out)
+    assert median_miss_m(model.predict(out.actions), out) < 0.5 * alone_m
 
 
 def test_most_held_out_casts_lie_within_two_spreads(model: Residual, real: Dataset) -> None:
@@ -76,10 +63,9 @@ def test_most_held_out_casts_lie_within_two_spreads(model: Residual, real: Datas
 
 
 def test_wild_casts_hardly_sway_the_correction(model: Residual, real: Dataset) -> None:
-    moved = real.training.endpoints_m.copy()
-    moved[::10] += np.array([0.3, -0.4])
-    training = Examples(real.training.actions, moved, real.training.weights)
-    swayed = corrected(model.base, training, {}, seed=0)
+    ends_m = real.training.endpoints_m.copy()
+    ends_m[::10] += np.array([0.3, -0.4])
+    swayed = corrected(model.base, replace(real.training, endpoints_m=ends_m), {}, seed=0)
     out = real.validation
     base = median_miss_m(of_base(model, out.actions), out)
     assert median_miss_m(swayed.predict(out.actions), out) < 0.5 * base
@@ -89,10 +75,8 @@ def test_slopes_are_those_of_the_prediction(model: Residual, real: Dataset) -> N
     actions = real.validation.actions[:3]
     found, step = model.slopes(actions), 1e-4
     for k in (0, 2, 3, 4):
-        there, back = actions.copy(), actions.copy()
-        there[:, k] += step
-        back[:, k] -= step
-        slope = (model.predict(there) - model.predict(back)) / (2 * step)
+        nudge = step * np.eye(6)[k]
+        slope = (model.predict(actions + nudge) - model.predict(actions - nudge)) / (2 * step)
         np.testing.assert_allclose(found[:, :, k], slope, atol=5e-4)
 
 
@@ -153,14 +137,10 @@ def learned() -> Residual:
     return correct(cast(250, 0)[0])
 
 
-def test_smooth_departures_are_learned(learned: Residual) -> None:
+def test_smooth_departures_and_the_scatter_that_the_model_knows_are_learned(learned) -> None:
     casts, calm_m = cast(300, 1)
     miss_m = np.linalg.norm(learned.predict(casts.actions) - calm_m, axis=1)
     assert np.median(miss_m) < 0.1 * BENDS_M * np.sqrt(2 / 9)
-
-
-def test_the_spread_follows_the_scatter_that_the_model_knows(learned: Residual) -> None:
-    casts, _ = cast(300, 1)
     found = learned.spread(casts.actions)[:, 0]
     true = SWINGING.spread(casts.actions)[:, 0]
     loud = true > 0.006

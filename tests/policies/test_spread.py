@@ -9,56 +9,52 @@ RANDOM = np.random.default_rng(0)
 UNIT = np.array([0.5, 2.0, 1.0])
 
 
-def casts(count: int, of_doubt: float, of_slope: float) -> tuple[np.ndarray, ...]:
-    """Draw doubts, slopes and misses that follow them by these powers."""
-    doubt = RANDOM.lognormal(0.0, 0.6, count)
-    slopes = RANDOM.lognormal(0.0, 0.6, (count, 1, 1)) * RANDOM.standard_normal((2, 3))
-    slope_m = np.linalg.norm(slopes * UNIT, axis=(1, 2))
-    true = (doubt**of_doubt * slope_m**of_slope)[:, None] * np.array([0.010, 0.015])
-    return doubt, slopes, true, true * RANDOM.standard_normal((count, 2))
+class Casts:
+    """Casts whose misses follow doubts and slopes by these powers, and the spread set on them."""
+
+    def __init__(self, count: int, of_doubt: float, of_slope: float, missed=1.0, sloping=1.0):
+        self.doubt = RANDOM.lognormal(0.0, 0.6, count)
+        slopes = RANDOM.lognormal(0.0, 0.6, (count, 1, 1)) * RANDOM.standard_normal((2, 3))
+        slope_m = np.linalg.norm(slopes * UNIT, axis=(1, 2))
+        self.true = (self.doubt**of_doubt * slope_m**of_slope)[:, None] * np.array([0.010, 0.015])
+        self.misses_m = missed * self.true * RANDOM.standard_normal((count, 2))
+        slopes = sloping * slopes
+        self.spread = Spread.of(self.misses_m, self.doubt, slopes, UNIT, np.ones(count))
+        self.found = self.spread(self.doubt, slopes)
 
 
 @pytest.mark.parametrize(("of_doubt", "of_slope"), [(1.0, 0.0), (0.0, 1.0), (0.5, 1.0)])
 def test_it_follows_whichever_the_misses_follow(of_doubt: float, of_slope: float) -> None:
-    doubt, slopes, true, misses_m = casts(400, of_doubt, of_slope)
-    spread = Spread.of(misses_m, doubt, slopes, UNIT, np.ones(400))
-    found = spread(doubt, slopes)
-    assert np.corrcoef(np.log(found[:, 0]), np.log(true[:, 0]))[0, 1] > 0.9
-    np.testing.assert_allclose(np.median(found / true, axis=0), 1.0, atol=0.15)
+    casts = Casts(400, of_doubt, of_slope)
+    assert np.corrcoef(np.log(casts.found[:, 0]), np.log(casts.true[:, 0]))[0, 1] > 0.9
+    np.testing.assert_allclose(np.median(casts.found / casts.true, axis=0), 1.0, atol=0.15)
 
 
 def test_it_has_the_size_that_holds_most_casts() -> None:
-    doubt, slopes, _, misses_m = casts(400, 1.0, 0.5)
-    spread = Spread.of(misses_m, doubt, slopes, UNIT, np.ones(400))
-    inside = np.abs(misses_m) <= spread(doubt, slopes)
+    casts = Casts(400, 1.0, 0.5)
+    inside = np.abs(casts.misses_m) <= casts.found
     np.testing.assert_allclose(inside.mean(axis=0), 0.6827, atol=0.01)
 
 
 def test_few_casts_rule_neither_out() -> None:
-    doubt, slopes, _, misses_m = casts(4, 1.0, 0.0)
-    spread = Spread.of(misses_m, doubt, slopes, UNIT, np.ones(4))
-    assert spread.powers.min() > 0
+    assert Casts(4, 1.0, 0.0).spread.powers.min() > 0
 
 
 def test_calmer_than_every_cast_is_not_believed() -> None:
-    doubt, slopes, _, misses_m = casts(50, 0.5, 0.5)
-    spread = Spread.of(misses_m, doubt, slopes, UNIT, np.ones(50))
-    calmest = spread(np.zeros(1), np.zeros((1, 2, 3)))
+    casts = Casts(50, 0.5, 0.5)
+    calmest = casts.spread(np.zeros(1), np.zeros((1, 2, 3)))
     assert (calmest > 0).all()
-    assert (calmest <= spread(doubt, slopes).min(axis=0)).all()
+    assert (calmest <= casts.found.min(axis=0)).all()
 
 
 def test_a_model_that_never_misses_has_no_spread() -> None:
-    doubt, slopes, _, misses_m = casts(10, 1.0, 0.5)
-    spread = Spread.of(0 * misses_m, doubt, slopes, UNIT, np.ones(10))
-    np.testing.assert_array_equal(spread(doubt, slopes), 0.0)
+    np.testing.assert_array_equal(Casts(10, 1.0, 0.5, missed=0.0).found, 0.0)
 
 
 def test_an_endpoint_that_nothing_moves_is_as_unsure_as_the_model() -> None:
-    doubt, slopes, _, misses_m = casts(50, 1.0, 0.0)
-    spread = Spread.of(misses_m, doubt, 0 * slopes, UNIT, np.ones(50))
-    found = spread(doubt, 0 * slopes)[:, 0]
-    np.testing.assert_allclose(found / doubt, found[0] / doubt[0])
+    casts = Casts(50, 1.0, 0.0, sloping=0.0)
+    found = casts.found[:, 0]
+    np.testing.assert_allclose(found / casts.doubt, found[0] / casts.doubt[0])
 
 
 def test_a_few_casts_give_the_next_larger_quantile() -> None:
@@ -75,19 +71,14 @@ def examples(count: int, seed: int = 0) -> tuple[torch.Tensor, torch.Tensor, tor
     random = np.random.default_rng(seed)
     features = random.normal(size=(count, 3)) @ random.normal(size=(3, 40))
     scatter = np.exp(0.8 * features[:, 0] / features[:, 0].std())
-    misses = scatter * random.laplace(size=count)
-    return (
-        torch.from_numpy(features),
-        torch.from_numpy(scatter),
-        torch.from_numpy(np.abs(misses)),
-    )
+    misses = np.abs(scatter * random.laplace(size=count))
+    features, scatter, misses = map(torch.from_numpy, (features, scatter, misses))
+    return features, scatter, misses
 
 
 def test_it_finds_where_casts_scatter() -> None:
     features, true, misses = examples(4000)
-    scatter = fit_scatter(features, misses, ones(4000))
-    found = scatter(features)
-    ratio = (found / true).log()
+    ratio = (fit_scatter(features, misses, ones(4000))(features) / true).log()
     assert ratio.std() < 0.1
     assert true.log().std() > 0.7
 

@@ -38,16 +38,12 @@ def test_a_point_tells_the_median_between_its_interval_and_the_quartiles(evaluat
 
 
 def test_both_figures_are_the_same_bytes_again(evaluations) -> None:
-    models = {"base": 6.0, "diagnosed": 3.0}
-    for draw in (
-        lambda: errors_figure(points(evaluations, [20, 60, 445])),
-        lambda: ladder_figure(models, points(evaluations, [0, 1])),
-    ):
-        drawn = []
-        for _ in range(2):
-            with style():
-                drawn.append(svg(draw()))
-        assert drawn[0] == drawn[1]
+    def drawn() -> list[bytes]:
+        ladder = ladder_figure({"base": 6.0, "diagnosed": 3.0}, points(evaluations, [0, 1]))
+        with style():
+            return [svg(errors_figure(points(evaluations, [20, 60, 445]))), svg(ladder)]
+
+    assert drawn() == drawn()
 
 
 def test_the_change_between_two_places_is_given_group_by_group(evaluations) -> None:
@@ -72,11 +68,8 @@ def tuning(casts: int, miss_m: Callable[[int], float], trials: range = range(30)
     columns = ["trial", "t", "x", "y", "x_predicted", "y_predicted"]
     paths = pl.DataFrame(rows, schema=columns, orient="row").with_columns(split=pl.lit("test"))
     error = {"waypoint_percent": 1.0, "final_percent": 2.0, "n_casts": casts}
-    facts = {
-        "cable": {"length_m": LENGTH_M},
-        "simulated_casts": 6100 * casts,
-        "errors": {"tune": error, "test": error},
-    }
+    facts = {"cable": {"length_m": LENGTH_M}, "simulated_casts": 6100 * casts}
+    facts["errors"] = {"tune": error, "test": error}
     return Tuning("cable1", "segmented", "de", facts, None, paths)
 
 
@@ -89,16 +82,12 @@ def test_the_change_is_taken_cast_by_cast() -> None:
     assert [second[name] for name in ("Change", "from", "to")] == pytest.approx([-1.0] * 3)
 
 
-def test_a_run_that_diverged_counts_one_cable_length() -> None:
-    few = tuning(20, lambda _k: 0.0)
-    many = tuning(60, lambda k: np.nan if k == 3 else 0.0)
+def test_a_diverged_run_counts_one_cable_length_and_other_casts_are_not_compared() -> None:
+    few, many = tuning(20, lambda k: 0.0), tuning(60, lambda k: np.nan if k == 3 else 0.0)
     assert size_rows([few, many])[1][6] == pytest.approx(100 / 30)
-
-
-def test_tunings_judged_on_other_casts_are_not_compared() -> None:
-    few, many = tuning(20, lambda _k: 0.0), tuning(60, lambda _k: 0.0, range(1, 31))
+    others = tuning(60, lambda k: 0.0, range(1, 31))
     with pytest.raises(ValueError, match="tuned to 60 and to 20 casts was not judged on the same"):
-        size_rows([few, many])
+        size_rows([few, others])
 
 
 def hard_and_easy(targets: int, seed: int = 3) -> list[np.ndarray]:

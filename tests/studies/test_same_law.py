@@ -72,19 +72,10 @@ def moving() -> CableMotion:
     mass = np.append(np.full(N, CABLE.mass_kg / N), CABLE.endpoint_mass_kg)[None]
     lengths = np.full(N, CABLE.length_m / N)
     flat = np.zeros((1, N + 1))
+    places = (x, y, vx, vy, vx / speed, vy / speed, flat + 1, flat)
     return CableMotion(
-        CABLE,
-        0.0,
-        STEP_S,
-        lengths,
-        x,
-        y,
-        vx,
-        vy,
-        vx / speed,
-        vy / speed,
-        flat + 1,
-        flat,
+        *(CABLE, 0.0, STEP_S, lengths),
+        *places,
         mass_kg=mass,
         friction_n=TRUTH.friction * mass * G,
         bend_rad=rng.normal(scale=0.5, size=(1, N)),

@@ -26,12 +26,8 @@ FRICTION = {
 }  # fmt: skip
 STIFFNESS = {**FRICTION, "parameter": "stiffness", "true": 2e-4, "found": 2.1e-4}
 VAGUE = {
-    **FRICTION,
-    "parameter": "joint",
-    "true": 1e-5,
-    "found": 9e-5,
-    "told_within_percent": 400.0,
-}
+    **FRICTION, "parameter": "joint", "true": 1e-5, "found": 9e-5, "told_within_percent": 400.0,
+}  # fmt: skip
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@
 import numpy as np
 
 from robotcast.fitting.parameter import Parameter
-from robotcast.tuning.certainty import MOST, certainty
+from robotcast.tuning.certainty import MOST, Certainty, certainty
 from robotcast.tuning.search import Problem, Query, Response
 
 PARAMETERS = (
@@ -15,8 +15,12 @@ CASTS = 12
 NOISE = 0.5
 
 
-def problem(parameters=PARAMETERS) -> Problem:
-    return Problem(parameters, np.full(len(parameters), 0.5), CASTS, noise_percent=NOISE)
+def found(lines: "Lines", at: float | np.ndarray = 0.5, groups=None) -> Certainty:
+    """Ask how well casts tell as many of the parameters as they have slopes for."""
+    n = lines.slopes.shape[1]
+    problem = Problem(PARAMETERS[:n], np.full(n, 0.5), CASTS, noise_percent=NOISE)
+    groups = np.arange(CASTS) if groups is None else groups
+    return certainty(lines, problem, np.broadcast_to(at, n), groups)
 
 
 class Lines:
@@ -37,46 +41,41 @@ def own_slopes(columns: int, seed: int = 5) -> np.ndarray:
 
 def test_an_interval_is_a_little_wider_than_two_standard_errors_of_least_squares() -> None:
     slopes = own_slopes(3)
-    found = certainty(Lines(slopes), problem(), np.full(3, 0.5), np.arange(CASTS))
+    told = found(Lines(slopes))
     expected = NOISE * np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
     for p, error in zip(PARAMETERS, expected, strict=True):
-        low, high = found.intervals[p.name]
+        low, high = told.intervals[p.name]
         assert low < 0.5 * (p.lower + p.upper) < high
         least = 4 * error * (p.upper - p.lower)
         assert least < high - low < 2 * least  # robust weights trust no cast fully
-    assert found.vague == ()
-    assert found.simulated_casts == 2 * 7 * CASTS
+    assert told.vague == ()
+    assert told.simulated_casts == 2 * 7 * CASTS
 
 
 def test_two_parameters_that_casts_tell_only_together_are_named() -> None:
-    slopes = own_slopes(2)[:, [0, 1, 1]]
-    found = certainty(Lines(slopes), problem(), np.full(3, 0.5), np.arange(CASTS))
-    assert found.least_known == ("one_half", "other_half")
-    assert found.vague == ("one_half", "other_half")
-    assert found.condition == MOST
+    told = found(Lines(own_slopes(2)[:, [0, 1, 1]]))
+    assert told.least_known == told.vague == ("one_half", "other_half")
+    assert told.condition == MOST
 
 
 def test_a_parameter_that_moves_nothing_is_vague_over_its_whole_range() -> None:
-    slopes = own_slopes(3) * [1, 0, 1]
-    found = certainty(Lines(slopes), problem(), np.full(3, 0.5), np.arange(CASTS))
-    assert found.vague == ("one_half",)
-    assert found.intervals["one_half"] == (0.0, 1.0)
+    told = found(Lines(own_slopes(3) * [1, 0, 1]))
+    assert told.vague == ("one_half",)
+    assert told.intervals["one_half"] == (0.0, 1.0)
 
 
 def test_at_a_bound_the_difference_is_taken_inwards() -> None:
     corner = np.array([0.0, 1.0, 0.5])
-    found = certainty(Lines(own_slopes(3), corner), problem(), corner, np.arange(CASTS))
-    assert found.intervals["sharp"][0] == 0.0
-    assert found.intervals["one_half"][1] == 1.0
-    assert found.vague == ()
+    told = found(Lines(own_slopes(3), corner), corner)
+    assert told.intervals["sharp"][0] == 0.0
+    assert told.intervals["one_half"][1] == 1.0
+    assert told.vague == ()
 
 
 def test_repeats_of_one_action_tell_less_than_different_ones() -> None:
     slopes, noise = own_slopes(1)[:, [0]], np.repeat([0.5, -0.7, 0.9, -0.6], 3)
     lines = Lines(slopes)
     lines.noise = noise * np.sign(slopes[:, 0])  # each group errs to one side
-    one = problem(PARAMETERS[:1])
-    apart = certainty(lines, one, np.array([0.5]), np.arange(CASTS))
-    groups = certainty(lines, one, np.array([0.5]), np.repeat(np.arange(4), 3))
-    width = [high - low for low, high in (apart.intervals["sharp"], groups.intervals["sharp"])]
-    assert width[1] > width[0]
+    told = found(lines), found(lines, groups=np.repeat(np.arange(4), 3))
+    apart, grouped = (high - low for low, high in (one.intervals["sharp"] for one in told))
+    assert grouped > apart

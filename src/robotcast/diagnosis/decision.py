@@ -101,7 +101,7 @@ class _Contest:
         everything = (*self.effects, *fields)
         vector = early.nominal(everything)
         vector[: len(fit.vector)] = fit.vector
-        whole = Fit(vector, fit.loss, fit.residual, np.concatenate(parts, axis=-1))
+        whole = Fit(vector, fit.residual, np.concatenate(parts, axis=-1))
         return Library(early, everything, whole)
 
 

@@ -365,7 +365,7 @@ def held_out(inquiry: Inquiry, revision: Revision, effort: Effort) -> HeldOut:
     vectors, near = [], replace(STEPPING, most=1)
     for fold in folds(inquiry.groups, effort.folds, effort.seed):
         rest = np.setdiff1d(inquiry.everything, fold)
-        known = Fit(whole.vector, whole.loss, whole.residual[rest], whole.jacobian[rest])
+        known = Fit(whole.vector, whole.residual[rest], whole.jacobian[rest])
         fit = inquiry.fit(
             effects, whole.vector, effort.fold, trials=rest, known=known, stepping=near
         )

@@ -137,8 +137,7 @@ class Library:
         Its slopes are those columns of the library's that it has `kept`.
         """
         residual = self.early.residuals(effects)(start[None], self.early.everything)[0]
-        loss = float(trial_losses(residual).mean())
-        return Fit(start, loss, residual, self.fit.jacobian[:, :, kept])
+        return Fit(start, residual, self.fit.jacobian[:, :, kept])
 
     def again(self, effects: tuple[str, ...], part: Fit, effort: Effort) -> "Library":
         """Return the whole fitted from where the model with a few of its effects was, if better."""

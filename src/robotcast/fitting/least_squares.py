@@ -11,6 +11,7 @@ the noise.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -36,14 +37,22 @@ class Fit:
     """Where a fit ended."""
 
     vector: np.ndarray  # (n,), in [0, 1]
-    loss: float  # mean over trials of ½ ln(1 + mean square)
     residual: np.ndarray  # (n_trials, D)
     jacobian: np.ndarray  # (n_trials, D, n), of the residuals, near the vector
+
+    @cached_property
+    def loss(self) -> float:
+        """Mean over trials of ½ ln(1 + mean square)."""
+        return float(trial_losses(self.residual).mean())
 
     @property
     def weights(self) -> np.ndarray:
         """How much each trial counts, (n_trials,)."""
         return trial_weights(self.residual)
+
+    def slope(self, weights: np.ndarray) -> np.ndarray:
+        """Return the slope (n,) of the loss whose trials have these weights (n_trials,)."""
+        return np.einsum("idn,id->n", self.jacobian * weights[:, None, None], self.residual)
 
 
 @dataclass(frozen=True)
@@ -113,9 +122,13 @@ def fit_robustly(
     """
     free = np.ones(len(start), bool) if free is None else free
     prior = prior or Prior(start, np.ones(len(start)))
-    rows = _differences(start, np.diag(steps)[free], stepping.central)
     if like is not None:
         rows = _downhill(like, free, stepping.nearer)
+    else:
+        axes = np.diag(steps)[free]
+        one_sided = np.where(start + axes > 1, start - axes, start + axes)
+        others = [start + axes, start - axes] if stepping.central else [one_sided]
+        rows = np.vstack([start, *others])
     best = known or _differentiated(residuals, rows, trials, prior, stepping)
     small = 0
     for iteration in range(iterations if free.any() else 0):
@@ -133,8 +146,7 @@ def fit_robustly(
             losses = _whole_loss(values, tried, prior, unit)
             chosen = int(np.argmin(losses))
             if losses[chosen] < before:
-                loss = float(trial_losses(values[chosen]).mean())
-                best = Fit(tried[chosen], loss, values[chosen], best.jacobian)
+                best = Fit(tried[chosen], values[chosen], best.jacobian)
             if losses[chosen] > before * (1 - PAYS):
                 break
             before = losses[chosen]
@@ -159,16 +171,7 @@ def _differentiated(
     values = residuals(rows, trials)
     losses = _whole_loss(values, rows, prior, miss_unit(values[0], stepping.least_unit))
     chosen = int(np.argmin(losses))
-    loss = float(trial_losses(values[chosen]).mean())
-    found = slopes(rows, values) * steadiness(values)[:, None, None]
-    return Fit(rows[chosen], loss, values[chosen], found)
-
-
-def _differences(start: np.ndarray, axes: np.ndarray, central: bool) -> np.ndarray:
-    """Return the start and others (m, n), inside the range where on one side only."""
-    if central:
-        return np.vstack([start, start + axes, start - axes])
-    return np.vstack([start, np.where(start + axes > 1, start - axes, start + axes)])
+    return Fit(rows[chosen], values[chosen], steady_slopes(rows, values))
 
 
 def _downhill(last: Fit, free: np.ndarray, nearer: float) -> np.ndarray:
@@ -177,12 +180,9 @@ def _downhill(last: Fit, free: np.ndarray, nearer: float) -> np.ndarray:
     On the side where the loss falls, unless that lies out of the range.
     """
     axes = noise_axes(last, free, nearer)
-    weighted = last.jacobian * last.weights[:, None, None]
-    rises = axes @ np.einsum("idn,id->n", weighted, last.residual) > 0
-    axes[rises] *= -1
+    axes[axes @ last.slope(last.weights) > 0] *= -1
     beyond = last.vector + axes
-    outside = ((beyond < 0) | (beyond > 1)).any(axis=1)
-    axes[outside] *= -1
+    axes[((beyond < 0) | (beyond > 1)).any(axis=1)] *= -1
     return np.vstack([last.vector, last.vector + axes])
 
 
@@ -197,14 +197,15 @@ def slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
     return found.reshape(*values[0].shape, vectors.shape[1])
 
 
-def steadiness(values: np.ndarray) -> np.ndarray:
-    """Return by how much to trust the slopes of each trial, (n_trials,), at most 1.
+def steady_slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return the slopes, each trial's as far as it can be trusted.
 
-    A trial that tips over or diverges at one of the points (n_points, n_trials, D) has no slope
-    that a fit could follow: it weighs by its mean square over all points, not at the first.
+    A trial that tips over or diverges at one of the vectors has no slope that a fit could follow:
+    it weighs by its mean square over all of them, not at the first.
     """
     mean_square = (values**2).sum(axis=-1)
-    return np.minimum(np.sqrt((1 + mean_square[0]) / (1 + mean_square.mean(axis=0))), 1.0)
+    trust = np.minimum(np.sqrt((1 + mean_square[0]) / (1 + mean_square.mean(axis=0))), 1.0)
+    return slopes(vectors, values) * trust[:, None, None]
 
 
 def noise_axes(fit: Fit, free: np.ndarray, nearer: float = Stepping.nearer) -> np.ndarray:
@@ -212,10 +213,9 @@ def noise_axes(fit: Fit, free: np.ndarray, nearer: float = Stepping.nearer) -> n
 
     Where a fit misses much less than the noise, as it may a made-up truth, they are shorter.
     """
-    weights = fit.weights
-    values, vectors = np.linalg.eigh(curvature(fit, weights)[np.ix_(free, free)])
+    values, vectors = np.linalg.eigh(curvature(fit)[np.ix_(free, free)])
     moved = np.clip(nearer * median_miss(fit.residual), LEAST, 1.0)
-    lengths = moved * np.sqrt(weights.sum() / np.maximum(values, 1e-9))
+    lengths = moved * np.sqrt(fit.weights.sum() / np.maximum(values, 1e-9))
     axes = np.zeros((len(values), len(fit.vector)))
     axes[:, free] = (vectors * np.minimum(lengths, REACH)).T
     return axes
@@ -239,8 +239,7 @@ def median_miss(residual: np.ndarray) -> float:
 def curvature(fit: Fit, weights: np.ndarray | None = None) -> np.ndarray:
     """Return the curvature of the loss (n, n), in units of the noise over the ranges."""
     weights = fit.weights if weights is None else weights
-    weighted = fit.jacobian * weights[:, None, None]
-    return np.einsum("idn,idm->nm", weighted, fit.jacobian)
+    return np.einsum("idn,idm->nm", fit.jacobian * weights[:, None, None], fit.jacobian)
 
 
 def _whole_loss(residual: np.ndarray, vectors: np.ndarray, prior: Prior, unit: float) -> np.ndarray:
@@ -249,17 +248,14 @@ def _whole_loss(residual: np.ndarray, vectors: np.ndarray, prior: Prior, unit: f
 
 
 def _proposals(fit: Fit, prior: Prior, free: np.ndarray, unit: float) -> np.ndarray:
-    """Return one step for every damping, (n_dampings, n), clipped to the range."""
+    """Return where one step for every damping leads, (n_dampings, n), clipped to the range."""
     weights = trial_weights(fit.residual, unit)
-    weighted = fit.jacobian * weights[:, None, None]
-    slope = np.einsum("idn,id->n", weighted, fit.residual)
-    slope += (fit.vector - prior.mean) / prior.sd**2
+    slope = fit.slope(weights) + (fit.vector - prior.mean) / prior.sd**2
     bend = curvature(fit, weights) + np.diag(1 / prior.sd**2)
     bend, slope = bend[np.ix_(free, free)], slope[free]
     proposals = np.tile(fit.vector, (len(DAMPINGS), 1))
     for row, damping in zip(proposals, DAMPINGS, strict=True):
-        step = np.linalg.solve(bend + damping * np.diag(np.diag(bend)), slope)
-        row[free] -= step
+        row[free] -= np.linalg.solve(bend + damping * np.diag(np.diag(bend)), slope)
     return np.clip(proposals, 0.0, 1.0)
 
 
@@ -291,8 +287,7 @@ def optimism(fit: Fit, inverse: np.ndarray, groups: np.ndarray) -> float:
 
 def _scores(fit: Fit, groups: np.ndarray) -> np.ndarray:
     """Return the slopes of every group's loss (n_groups, n)."""
-    weighted = fit.jacobian * fit.weights[:, None, None]
-    scores = np.einsum("idn,id->in", weighted, fit.residual)
+    scores = np.einsum("idn,id->in", fit.jacobian * fit.weights[:, None, None], fit.residual)
     by_group = np.zeros((groups.max() + 1, scores.shape[1]))
     np.add.at(by_group, groups, scores)
     return by_group

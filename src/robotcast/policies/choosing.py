@@ -65,17 +65,14 @@ class Choice:
 def choose_actions(
     model: ForwardModel, candidates: np.ndarray, targets_m: np.ndarray, caution: float = 1.0
 ) -> list[Choice]:
-    """Choose the candidate whose cast is expected to miss least, for every target.
+    """Choose the candidate (n, 6) whose cast is expected to miss least, for every target (k, 2).
 
     The paper's policy is π(s) = argmin |f_forw(a) − s|. Among thousands of candidates many are
     predicted to end at the target, and some of them are whip-like casts that end anywhere. The
-    expected mean square miss |f_forw(a) − s|² + |σ(a)|² is least for the chosen one, σ its spread.
-
-    The `candidates` (n, 6) are what the arm can do, mirrored or not; the targets are of shape
-    (k, 2); `caution` is the weight of |σ|², 0 for the paper's policy. Candidates come to rest
-    mostly on one half of the board. A target on the other half gets the mirror image of the cast
-    chosen for its mirror image (paper, "Parameterized Actions"); so the candidates are predicted
-    once, in one batch, whatever the number of targets.
+    expected mean square miss |f_forw(a) − s|² + |σ(a)|² is least for the chosen one, σ its spread;
+    `caution` is the weight of |σ|², 0 for the paper's policy. Candidates come to rest mostly on one
+    half of the board: a target on the other gets the mirror image of the cast chosen for its mirror
+    image (paper, "Parameterized Actions"), and the candidates are predicted once for all targets.
     """
     if not len(candidates):
         raise ValueError("there is no candidate action to choose from")
@@ -83,7 +80,7 @@ def choose_actions(
     flips = np.ones_like(targets_m)  # to the half where candidates come to rest, and back
     flips[targets_m[:, 1] * rest_side(predicted) < 0, 1] = -1.0
     away = np.square(predicted - (targets_m * flips)[:, None]).sum(axis=2)
-    scatter = _scatter(model, candidates, away, caution) if caution and len(away) else 0.0
+    scatter = _scatter(model, candidates, away, caution) if caution else 0.0
     rows, nearest_m = (away + scatter).argmin(axis=1), predicted[away.argmin(axis=1)] * flips
     chosen = [Action.from_array(candidate) for candidate in candidates[rows]]
     chosen = [a.mirrored() if f < 0 else a for a, f in zip(chosen, flips[:, 1], strict=True)]
@@ -114,8 +111,6 @@ def _scatter(
 
 def with_spread(model: ForwardModel, choices: Sequence[Choice]) -> list[Choice]:
     """Say of every choice how sure the model is of its endpoint; mirror images are as sure."""
-    if not choices:
-        return []
     spreads = model.spread(_on_candidates_half(choices)[0])
     return [replace(c, spread_m=spread) for c, spread in zip(choices, spreads, strict=True)]
 
@@ -152,16 +147,13 @@ def refine_choices(
 
     A step is taken only where it lowers the predicted miss and the new action is `feasible`.
     """
-    if not choices:
-        return []
     actions, mirror, flips = _on_candidates_half(choices)
     targets = np.stack([c.target_m for c in choices]) * flips
     ends = np.stack([c.predicted_m for c in choices]) * flips
     lower = np.maximum(about.lower, actions - about.spacing)
     upper = np.minimum(about.upper, actions + about.spacing)
     for _ in range(_ROUNDS):
-        steps = _steps(model, actions, targets - ends, about, lower, upper)
-        moved = False
+        steps, before = _steps(model, actions, targets - ends, about, lower, upper), ends.copy()
         for part in _SHORTENINGS:
             tried = about.with_r1(np.clip(actions + part * steps, lower, upper))
             reached = model.predict(tried)
@@ -170,8 +162,7 @@ def refine_choices(
             rows = rows[feasible(tried[rows])] if len(rows) else rows
             actions[rows], ends[rows] = tried[rows], reached[rows]
             steps[rows] = 0.0  # taken; the others are tried shorter
-            moved = moved or len(rows) > 0
-        if not moved:
+        if np.array_equal(ends, before):
             break
     return [
         replace(c, action=Action.from_array(a), predicted_m=e)
@@ -240,8 +231,7 @@ class CastAndPull:
         choices = []
         for target in targets_m:
             angle = max(-self.angle_rad, min(self.angle_rad, math.atan2(target[1], target[0])))
-            held = min(self.land_r_m, math.hypot(*target) - cable.length_m)
-            held = max(self.r_min_m, held)
+            held = max(self.r_min_m, min(self.land_r_m, math.hypot(*target) - cable.length_m))
             ray = np.array([math.cos(angle), math.sin(angle)])
             action = pull_action(angle, self.land_r_m, held, self.pull_m_s)
             choices.append(Choice(target, action, (held + cable.length_m) * ray))

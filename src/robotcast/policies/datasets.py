@@ -89,9 +89,8 @@ def real_dataset(
     groups = np.array([t.action_id for t in trials])
     training, validation = _split(examples, groups, validation_fraction, seed)
     _refuse_not_finite(examples, lambda row: f"dataset real: trial {trials[row].trial}")
-    left_out = len(measurements.trials) - len(trials)
     facts = {"cable": measurements.cable.name, "real_casts": len(trials)}
-    facts |= {"left_out_casts": left_out}
+    facts["left_out_casts"] = len(measurements.trials) - len(trials)
     return Dataset("real", training, validation, validation, facts)
 
 
@@ -100,7 +99,8 @@ def _first_casts(
 ) -> list[Trial]:
     if not 0 < casts <= len(trials):
         raise ValueError(f"dataset real: asked for {casts} casts, {len(trials)} are to be had")
-    order = _rng(seed, 4).permutation(np.unique([t.action_id for t in trials])).tolist()
+    ids = np.unique([t.action_id for t in trials])
+    order = np.random.default_rng((seed, 4)).permutation(ids).tolist()
     early = {t.action_id for t in trials if t.trial in first}
 
     def rank(t: Trial) -> tuple[bool, int, int]:
@@ -109,17 +109,13 @@ def _first_casts(
     return sorted(sorted(trials, key=rank)[:casts], key=lambda t: t.trial)
 
 
-def _rng(*seeds: int) -> np.random.Generator:
-    return np.random.default_rng(np.random.SeedSequence(seeds))
-
-
 def simulated_dataset(path: Path, *, validation_fraction: float, seed: int) -> Dataset:
     """Make D_sim from the casts.parquet that generate wrote."""
     examples, made = read_simulated(path), path.with_name("generation.yaml")
     generation = yaml.safe_load(made.read_text(encoding="utf-8")) if made.exists() else {}
-    facts = {name: value for name, value in generation.items() if name == "cable"}
+    known = {"cable": generation["cable"]} if "cable" in generation else {}
     training, validation = _split(examples, np.arange(len(examples)), validation_fraction, seed)
-    facts["simulated_casts"] = len(examples)
+    facts = {**known, "simulated_casts": len(examples)}
     return Dataset("simulated", training, validation, validation, facts)
 
 
@@ -159,7 +155,7 @@ def mixed_dataset(
     refuse_other_cables(real, simulated)
     n_real, n_simulated = len(real.training), len(simulated.training)
     wanted = max(n_real, round(n_simulated * real_fraction / (1 - real_fraction)))
-    again = _rng(seed, 1).integers(n_real, size=wanted - n_real)
+    again = np.random.default_rng((seed, 1)).integers(n_real, size=wanted - n_real)
     rows = np.concatenate([np.arange(n_real), again])
     upsampled = real.training.take(rows).weighted(real_weight)
     share = real_weight * (wanted / n_simulated) * len(simulated.validation) / len(real.validation)
@@ -188,7 +184,7 @@ def folds(real: Dataset, count: int, *, seed: int) -> Iterator[tuple[Dataset, Ex
     casts = real.training.joined(real.validation)
     groups = casts.action_groups()
     count = min(count, n_groups) if (n_groups := groups.max() + 1) > 2 else 0
-    order = _rng(seed, 5).permutation(n_groups)[groups]
+    order = np.random.default_rng((seed, 5)).permutation(n_groups)[groups]
     fraction = len(real.validation) / len(casts)
     for fold in range(count):
         out = order % count == fold
@@ -208,5 +204,5 @@ def _split(
             f"a dataset needs at least 2 different actions to hold some out, got {len(names)}"
         )
     n_held = min(max(1, round(fraction * len(names))), len(names) - 1)
-    held = np.isin(groups, _rng(seed, 0).permutation(names)[:n_held])
+    held = np.isin(groups, np.random.default_rng((seed, 0)).permutation(names)[:n_held])
     return examples.take(~held), examples.take(held)

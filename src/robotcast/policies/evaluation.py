@@ -40,10 +40,10 @@ class Subject:
 
 @dataclass(frozen=True)
 class Executed:
-    """Where casts ended, (n_choices, repeats, 2), NaN where one is `lost`: why, by its place."""
+    """Where casts ended, NaN where one is lost."""
 
-    ends_m: np.ndarray
-    lost: Mapping[tuple[int, int], str]
+    ends_m: np.ndarray  # (n_choices, repeats, 2)
+    lost: Mapping[tuple[int, int], str]  # why, by its place
 
 
 def execute_choices(
@@ -123,27 +123,17 @@ def _table(
     choices: Sequence[Choice],
     ends_m: np.ndarray,
 ) -> pl.DataFrame:
-    rows = []
+    rows, names = [], {"kind": kind, **vars(subject), "cable": subject.cable.name}
     for target, choice, repeated_m in zip(targets, choices, ends_m, strict=True):
+        aimed = {"target": target, **_xy("target_", choice.target_m)}
+        chosen = action_factors(choice.action.as_array())
+        expected = _xy("predicted_", choice.predicted_m) | _xy("spread_", choice.spread_m)
         for repeat, end_m in enumerate(repeated_m):
             reached_m = end_m if kind == "executed" else choice.predicted_m
             error_m = float(np.linalg.norm(reached_m - choice.target_m))
-            rows.append(
-                {
-                    "kind": kind,
-                    **vars(subject),
-                    "cable": subject.cable.name,
-                    "target": target,
-                    **_xy("target_", choice.target_m),
-                    "repeat": repeat,
-                    **action_factors(choice.action.as_array()),
-                    **_xy("predicted_", choice.predicted_m),
-                    **_xy("spread_", choice.spread_m),
-                    **_xy("", end_m),
-                    "error_m": error_m,
-                    "error_percent": 100 * error_m / subject.cable.length_m,
-                }
-            )
+            errors = {"error_m": error_m, "error_percent": 100 * error_m / subject.cable.length_m}
+            came = {**expected, **_xy("", end_m), **errors}
+            rows.append({**names, **aimed, "repeat": repeat, **chosen, **came})
     return pl.DataFrame(rows).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 

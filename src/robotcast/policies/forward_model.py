@@ -4,7 +4,6 @@ On disk a model is a folder: numbers as safetensors, the rest as YAML and CSV, n
 """
 
 import hashlib
-import io
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -105,11 +104,8 @@ def held_out_scale(misses_m: np.ndarray, relative: np.ndarray, weights: np.ndarr
     one that n casts have (Vovk et al. 2005): few make a model say too much, not too little.
     """
     ratios = np.abs(misses_m) / relative[:, None]
-    order = np.argsort(ratios, axis=0, kind="stable")
-    part = np.cumsum(weights[order], axis=0) / weights.sum()
     wanted = min(1.0, _WITHIN * (1 + 1 / len(ratios))) - 1e-12
-    found = [order[np.searchsorted(part[:, c], wanted), c] for c in (0, 1)]
-    return ratios[found, [0, 1]]
+    return np.quantile(ratios, wanted, axis=0, weights=weights, method="inverted_cdf")
 
 
 @dataclass(frozen=True)
@@ -219,8 +215,7 @@ class LearnedModel(ABC):
                 grads = [torch.autograd.grad(e, inputs, retain_graph=True)[0] for e in ends]
             return torch.stack(grads, dim=1)
 
-        slopes = self._apply(of_rows, actions)
-        return slopes * self.endpoints.scale[:, None] / self.actions.scale
+        return self._apply(of_rows, actions) * self.endpoints.scale[:, None] / self.actions.scale
 
     def _apply(self, function: TensorFunction, actions: np.ndarray) -> np.ndarray:
         """Apply a function to normalised actions part by part, on as many cores as torch has.
@@ -247,9 +242,8 @@ class LearnedModel(ABC):
         weights = folder / WEIGHTS_FILE
         with atomic_file(weights) as temporary:
             save_file({name: v.contiguous() for name, v in tensors.items()}, temporary)
-        text = io.StringIO()
-        pl.DataFrame([vars(e) for e in self.history]).write_csv(text, float_precision=6)
-        write_text(folder / HISTORY_FILE, text.getvalue())
+        history = pl.DataFrame([vars(e) for e in self.history]).write_csv(float_precision=6)
+        write_text(folder / HISTORY_FILE, history)
         best, actions, ends = best_epoch(self.history), self.actions, self.endpoints
         description = {
             **settings,

@@ -88,7 +88,7 @@ class _ProcessFit(Fit):
         points = torch.unique(self.examples[0], dim=0)
         self.exact = len(points) <= learner.exact_up_to
         if not self.exact:
-            rng = np.random.default_rng(np.random.SeedSequence((seed, 3)))
+            rng = np.random.default_rng((seed, 3))
             drawn = rng.permutation(len(points))[: learner.inducing]
             points = points[torch.from_numpy(np.sort(drawn))]
         self.module = self.process = _Process(points, moving=not self.exact)

@@ -66,8 +66,7 @@ def fit_scatter(features: torch.Tensor, misses: torch.Tensor, weights: torch.Ten
         if max(step.abs().sum(), lift.abs()) < 1e-6:
             break
     turned = basis @ along
-    logarithms = level + directions @ along
-    bounds = torch.stack([logarithms.min(), logarithms.max()])
+    bounds = torch.stack((level + directions @ along).aminmax())
     return Scatter(torch.cat([turned, (level - mean @ turned)[None]]), bounds)
 
 
@@ -135,7 +134,7 @@ class _NetworkFit(Fit):
         done, total = (number - 1) / self.learner.passes, 0.0
         rate = self.learner.learning_rate * (1 + math.cos(math.pi * done)) / 2
         self.optimizer.param_groups[0]["lr"] = rate
-        rng = np.random.default_rng(np.random.SeedSequence((self.seed, 2, number)))
+        rng = np.random.default_rng((self.seed, 2, number))
         order = torch.from_numpy(rng.permutation(len(self.inputs)))
         for rows in order.split(self.learner.batch_size):
             self.optimizer.zero_grad(set_to_none=True)
@@ -166,10 +165,8 @@ class _NetworkFit(Fit):
             unit = torch.eye(len(precision), dtype=torch.float64)
             lower = torch.linalg.cholesky(precision + _PRIOR_PRECISION * unit)
             root = torch.linalg.solve_triangular(lower, unit, upper=False).float()
-        doubt = {
-            "root": root.clone(),
-            "scatter": Scatter(*(t.float() for t in vars(scatter).values())),
-        }
+        scatter = Scatter(*(t.float() for t in vars(scatter).values()))
+        doubt = {"root": root.clone(), "scatter": scatter}
         return Network(layers=layers, history=history, **doubt, **self.shared)
 
 

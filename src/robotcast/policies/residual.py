@@ -14,7 +14,6 @@ how far the endpoint moves with the action; the few casts that nothing explains 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -156,14 +155,14 @@ class ResidualLearner:
         """
         refuse_other_cables(real, simulated)
         members = []
-
-        def of_all(number: int, done: int, total: int, note: str = "") -> None:
-            progress(number * total + done, self.members * total, note)
-
         for number in range(self.members):
+
+            def of_all(done: int, total: int, note: str = "", number: int = number) -> None:
+                progress(number * total + done, self.members * total, note)
+
             own = int(np.random.SeedSequence((seed, 6, number)).generate_state(1)[0])
-            how: Any = {"unfinished": unfinished, "progress": partial(of_all, number)}
-            members.append(self.member.fit(simulated, seed=own, **how))
+            fit = self.member.fit(simulated, seed=own, unfinished=unfinished, progress=of_all)
+            members.append(fit)
         casts = real.training.joined(real.validation)
         return corrected(tuple(members), casts, {**simulated.facts, **real.facts}, seed=seed)
 

@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 from scipy.cluster.vq import kmeans2
 
-from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.table import read_table
 
 _CELL_M, _EDGE_M, _OUTLINE_BINS = 0.05, 0.1, 72
 _BOOTSTRAP_DRAWS, _BOOTSTRAP_SEED = 2000, 0
-_TURNS = "theta1", "r1", "theta2", "r2"
 
 
 @dataclass(frozen=True)
@@ -101,7 +99,7 @@ def reachable_outline(endpoints_m: np.ndarray) -> np.ndarray:
 
 def tool_sector(actions: np.ndarray) -> Sector:
     """Return the sector that the held end sweeps over `actions` (n, 6) and their mirror images."""
-    theta1, r1, theta2, r2 = (actions[:, ACTION_COLUMNS.index(n)] for n in _TURNS)
+    theta1, r1, theta2, r2, _, _ = actions.T
     radii, angles = np.stack([r1, r2]), np.stack([theta1, theta2])
     return Sector(float(radii.min()), float(radii.max()), float(np.abs(angles).max()))
 
@@ -156,14 +154,14 @@ def error_parts(ends: Sequence[np.ndarray], targets: Sequence[np.ndarray]) -> Er
     return ErrorParts(*means) if scattered else None
 
 
-def median_interval(errors: Sequence[np.ndarray], level: float = 0.95) -> tuple[float, float]:
-    """Return the bootstrap interval of the median of all errors (Efron 1979).
+def median_interval(errors: Sequence[np.ndarray]) -> tuple[float, float]:
+    """Return the 95 % bootstrap interval of the median of all errors (Efron 1979).
 
-    `errors` are of shape (repeats,), one a target. Whole targets are drawn, with all their
-    repeats: casts at one target fail together.
+    `errors` are of shape (repeats,), one a target; none is empty. Whole targets are drawn, with all
+    their repeats: casts at one target fail together.
     """
-    random, filled = np.random.default_rng(_BOOTSTRAP_SEED), [e for e in errors if len(e)]
-    draws = (random.integers(len(filled), size=len(filled)) for _ in range(_BOOTSTRAP_DRAWS))
-    medians = [np.median(np.concatenate([filled[k] for k in drawn])) for drawn in draws]
-    low, high = np.percentile(medians, [50 * (1 - level), 50 * (1 + level)])
+    random, n = np.random.default_rng(_BOOTSTRAP_SEED), len(errors)
+    draws = (random.integers(n, size=n) for _ in range(_BOOTSTRAP_DRAWS))
+    medians = [np.median(np.concatenate([errors[k] for k in drawn])) for drawn in draws]
+    low, high = np.percentile(medians, [50 * (1 - 0.95), 50 * (1 + 0.95)])
     return float(low), float(high)

@@ -4,7 +4,7 @@ import hashlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -42,8 +42,7 @@ class Fit(ABC):
     def tensors(self, examples: Examples, precision: torch.dtype) -> tuple[torch.Tensor, ...]:
         """Return actions (n, 6) and endpoints (n, 2), normalised, and weights (n,)."""
         inputs = self.actions.apply(examples.actions)
-        ends = self.endpoints.apply(examples.endpoints_m)
-        columns = (inputs, ends, examples.weights)
+        columns = (inputs, self.endpoints.apply(examples.endpoints_m), examples.weights)
         return tuple(torch.from_numpy(np.ascontiguousarray(c)).to(precision) for c in columns)
 
     @abstractmethod
@@ -104,7 +103,7 @@ class Learner:
                 predicted_m = fit.predict(dataset.validation.actions)
                 judged = held_out_loss(predicted_m, dataset.validation, self.outlier_m)
                 history.append(Epoch(number, training_loss, *judged))
-                if not best or best_epoch(history) is history[-1]:
+                if best_epoch(history) is history[-1]:
                     best = {name: v.detach().clone() for name, v in fit.module.state_dict().items()}
                 median_mm = 1000 * best_epoch(history).validation_median_m
                 progress(number, self.passes, f"median {median_mm:.1f} mm")
@@ -149,13 +148,8 @@ def _fingerprint(dataset: Dataset, learner: Learner, seed: int) -> str:
 
 
 def _keep(fit: Fit, path: Path, fingerprint: str, history: list[Epoch], best: Tensors) -> None:
-    state = {
-        "fingerprint": fingerprint,
-        "history": [asdict(epoch) for epoch in history],
-        "best": best,
-        "module": fit.module.state_dict(),
-        "optimizer": fit.optimizer.state_dict(),
-    }
+    state = {"fingerprint": fingerprint, "history": [vars(e) for e in history], "best": best}
+    state |= {"module": fit.module.state_dict(), "optimizer": fit.optimizer.state_dict()}
     with atomic_file(path) as temporary:
         torch.save(state, temporary)
 

@@ -52,20 +52,12 @@ DIFFERENCE = 1e-6  # of the width of the vectors, for slopes of what the process
 
 @dataclass(frozen=True)
 class BayesianOptimization:
-    """Tries vectors that Gaussian processes of the residuals call most promising.
+    """Tries vectors that Gaussian processes of the residuals call most promising."""
 
-    Attributes
-    ----------
-    initial : vectors of the Latin hypercube with which a trust region begins.
-    batch : vectors a query afterwards.
-    nearest : vectors that the processes are fitted to, at most.
-    components : principal components of the residuals, at most.
-    """
-
-    initial: int
-    batch: int
-    nearest: int
-    components: int
+    initial: int  # vectors of the Latin hypercube with which a trust region begins
+    batch: int  # vectors a query afterwards
+    nearest: int  # vectors that the processes are fitted to, at most
+    components: int  # principal components of the residuals, at most
     seed: int = 0
 
     def __post_init__(self) -> None:

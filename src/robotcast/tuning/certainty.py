@@ -13,8 +13,7 @@ from robotcast.fitting.least_squares import (
     noise_axes,
     sandwich,
     slopes,
-    steadiness,
-    trial_losses,
+    steady_slopes,
 )
 from robotcast.tuning.search import Objective, Problem, Query, residuals_at
 
@@ -28,21 +27,15 @@ TAKES_PART = 0.3  # share of a direction from which on a parameter belongs to it
 class Certainty:
     """What a Jacobian at the optimum says of the tuned parameters.
 
-    Attributes
-    ----------
-    intervals : name → (low, high), two standard errors on either side, inside the bounds.
-    vague : names whose interval covers more than half of their range.
-    condition : condition number of the Jacobian over the ranges: by how much better the casts
-        tell the best-known direction than the worst. At most `MOST`.
-    least_known : the parameters of that worst direction; where there are several, the casts
-        tell them only in combination.
-    simulated_casts : for it.
+    Its condition number over the ranges, at most `MOST`, is by how much better the casts tell the
+    best-known direction than the worst. Several parameters of the worst direction are told only in
+    combination.
     """
 
-    intervals: Mapping[str, tuple[float, float]]
-    vague: tuple[str, ...]
+    intervals: Mapping[str, tuple[float, float]]  # two standard errors to a side, inside the bounds
+    vague: tuple[str, ...]  # names whose interval covers more than half of their range
     condition: float
-    least_known: tuple[str, ...]
+    least_known: tuple[str, ...]  # the parameters of the worst direction
     simulated_casts: int
 
 
@@ -58,21 +51,16 @@ def certainty(
 
     The first takes a step in each parameter; the second one along each axis of the curvature that
     the first showed, as long as moves the casts by about the noise. A standard error is the larger
-    of two: the sandwich estimator with `groups` as clusters, which sees what the model misses, and
-    the one that takes each cast for one measurement, which does not trust a few that agree.
-
-    Parameters
-    ----------
-    groups : int ndarray of shape (n_casts,), the action of every cast, numbered from 0.
+    of two: the sandwich estimator with `groups` as clusters, the actions of the casts (n_casts,)
+    numbered from 0, which sees what the model misses, and the one that takes each cast for one
+    measurement, which does not trust a few that agree.
     """
     coarse = _about(vector, np.diag(difference_steps(problem.parameters)))
     residuals = residuals_at(objective, Query(coarse)) / problem.noise_percent
-    loss = float(trial_losses(residuals[0]).mean())
-    fit = Fit(vector, loss, residuals[0], slopes(coarse, residuals))
+    fit = Fit(vector, residuals[0], slopes(coarse, residuals))
     fine = _about(vector, noise_axes(fit, np.ones(len(vector), dtype=bool)))
     residuals = residuals_at(objective, Query(fine)) / problem.noise_percent
-    jacobian = slopes(fine, residuals) * steadiness(residuals)[:, None, None]
-    fit = Fit(vector, loss, residuals[0], jacobian)
+    fit = Fit(vector, residuals[0], steady_slopes(fine, residuals))
     inverse = bread(fit, np.array([p.prior_sd for p in problem.parameters]))
     error = np.maximum(sandwich(fit, inverse, groups), np.sqrt(np.diag(inverse)))
     ends = np.clip(vector + STANDARD_ERRORS * error * np.array([[-1.0], [1.0]]), 0.0, 1.0)

@@ -12,18 +12,11 @@ from robotcast.tuning.search import Objective, Problem, Query
 
 @dataclass(frozen=True)
 class DifferentialEvolution:
-    """Evolves a population; each generation is one query.
+    """Evolves a population; each generation is one query."""
 
-    Attributes
-    ----------
-    population : vectors a generation, at least 5.
-    mutation : range from which the differential weight is drawn each generation.
-    recombination : crossover probability.
-    """
-
-    population: int
-    mutation: Sequence[float] = (0.5, 1.0)
-    recombination: float = 0.9
+    population: int  # vectors a generation, at least 5
+    mutation: Sequence[float] = (0.5, 1.0)  # range of each generation's differential weight
+    recombination: float = 0.9  # crossover probability
     seed: int = 0
 
     def minimise(self, problem: Problem, objective: Objective, budget_casts: int) -> None:

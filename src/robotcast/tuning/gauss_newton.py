@@ -42,24 +42,16 @@ class GaussNewton:
     An ensemble looks for a start on the beginnings of a few casts; a fit to those of some more
     goes on with all casts until a step hardly pays. A search that stays far above the noise begins
     again with another ensemble while the budget pays for it, at last from the best beginnings.
-
-    Attributes
-    ----------
-    members, updates : of the ensemble; a small budget makes do with fewer members.
-    few, some : casts that the ensemble sees, and those that the first fit does.
-    share : of each cast's waypoints that these see.
-    early_iterations, iterations : of the first fit and of the last one, at most.
-    attempts : searches at most, the first included.
     """
 
-    members: int
+    members: int  # of the ensemble, at most: a small budget makes do with fewer
     updates: int
-    few: int
-    some: int
-    share: float
-    early_iterations: int
-    iterations: int
-    attempts: int
+    few: int  # casts that the ensemble sees
+    some: int  # casts that the first fit sees
+    share: float  # of each of these casts' waypoints
+    early_iterations: int  # of the first fit
+    iterations: int  # of the last fit, at most
+    attempts: int  # searches at most, the first included
     seed: int = 0
 
     def minimise(self, problem: Problem, objective: Objective, budget_casts: int) -> None:
@@ -101,12 +93,8 @@ class _Fitting:
 
     def _spare_casts(self) -> int:
         """Return what is left for beginnings, once the last fit has what it needs."""
-        wanted = FINISH * self._step_casts(self._whole)
+        wanted = FINISH * self._whole.step_casts
         return max(self._budget_casts - self._spent_casts - wanted, 0)
-
-    def _step_casts(self, fits: "_Fits") -> int:
-        """Return what a Jacobian and the steps tried by it take, about."""
-        return len(fits.trials) * (len(self._problem.start) + STEPS)
 
     def _begun(self, seed: int) -> Fit:
         """Return a fit to the beginnings of some casts, from where an ensemble centres."""
@@ -117,7 +105,7 @@ class _Fitting:
         members = hypercube(np.full(len(start), 0.5), ALL_OVER, crowd, seed)
         members[0] = start
         centre = ensemble_start(early.residuals, members, few, settings.updates, seed)
-        affordable = self._spare_casts() // self._step_casts(early)
+        affordable = self._spare_casts() // early.step_casts
         return early(centre, min(settings.early_iterations, affordable))
 
     def _finished(self, begun: Fit, *, patient: bool) -> Fit:
@@ -148,6 +136,8 @@ class _Fits:
 
     def __init__(self, problem: Problem, objective: Objective, casts: int, share: float) -> None:
         self.trials = spread(np.arange(problem.casts), casts)
+        # what a Jacobian and the steps tried by it take, about
+        self.step_casts = len(self.trials) * (len(problem.start) + STEPS)
         self._problem, self._objective, self._share = problem, objective, share
         self._prior = Prior(problem.start, np.full(len(problem.start), WIDE))
 

@@ -22,38 +22,24 @@ from robotcast.fitting.parameter import Parameter
 
 @dataclass(frozen=True)
 class Problem:
-    """What an optimizer is given.
+    """What an optimizer is given."""
 
-    Attributes
-    ----------
-    parameters : the free parameters.
-    start : ndarray of shape (n_free,), where to start, each mapped to [0, 1] on its scale.
-    casts : number of the casts to tune to.
-    noise_percent : of cable length, the miss of a cast that says nothing: how far repeats lie
-        apart, or what any simulator misses.
-    """
-
-    parameters: tuple[Parameter, ...]
-    start: np.ndarray
-    casts: int
+    parameters: tuple[Parameter, ...]  # the free ones
+    start: np.ndarray  # (n_free,), each mapped to [0, 1] on its scale
+    casts: int  # how many to tune to
+    # of cable length, the miss of a cast that says nothing: how far repeats lie apart, or what any
+    # simulator misses
     noise_percent: float
 
 
 @dataclass(frozen=True)
 class Query:
-    """Parameter vectors (n_vectors, n_free) to try, each in [0, 1].
+    """Parameter vectors to try."""
 
-    Attributes
-    ----------
-    casts : numbers of the casts to try them on, None for all.
-    share : of each cast's waypoints, the first ones that are looked at.
-    with_residuals : whether the residual of every waypoint is asked for.
-    """
-
-    vectors: np.ndarray
-    casts: tuple[int, ...] | None = None
-    share: float = 1.0
-    with_residuals: bool = False
+    vectors: np.ndarray  # (n_vectors, n_free), in [0, 1]
+    casts: tuple[int, ...] | None = None  # numbers of those to try them on, None for all
+    share: float = 1.0  # of each cast's waypoints, the first ones that are looked at
+    with_residuals: bool = False  # whether the residual of every waypoint is asked for
 
     @property
     def whole(self) -> bool:
@@ -69,19 +55,15 @@ class Query:
 class Response:
     """How the vectors of a query did on its casts, in % of cable length.
 
-    Attributes
-    ----------
-    percent : ndarray of shape (n_vectors,), average waypoint error (paper, "Simulator Parameter
-        Tuning"); a cast counts with 100 at most, and with all of it where its run diverged.
-    diverged : int ndarray of shape (n_vectors,), runs that diverged.
-    residuals : ndarray of shape (n_vectors, n_casts, D), if asked for: predicted − measured, x and
-        y of each waypoint in turn, over the root of a cast's number of waypoints, so that its sum
-        of squares is its mean square. 0 past its waypoints; 100, 0, 0, … where its run diverged.
+    The error is the average waypoint error (paper, "Simulator Parameter Tuning"); a cast counts
+    with 100 at most, and with all of it where its run diverged. Residuals are predicted − measured,
+    x and y of each waypoint in turn, over the root of a cast's number of waypoints, so that its sum
+    of squares is its mean square: 0 past its waypoints; 100, 0, 0, … where its run diverged.
     """
 
-    percent: np.ndarray
-    diverged: np.ndarray
-    residuals: np.ndarray | None = None
+    percent: np.ndarray  # (n_vectors,), errors
+    diverged: np.ndarray  # (n_vectors,), how many runs
+    residuals: np.ndarray | None = None  # (n_vectors, n_casts, D), if asked for
 
 
 Objective = Callable[[Query], Response]
@@ -90,8 +72,7 @@ Objective = Callable[[Query], Response]
 def residuals_at(objective: Objective, query: Query) -> np.ndarray:
     """Return the residuals (n_vectors, n_casts, D) of a query's vectors."""
     residuals = objective(replace(query, with_residuals=True)).residuals
-    if residuals is None:
-        raise ValueError("the objective gave no residuals")
+    assert residuals is not None  # they were asked for
     return residuals
 
 
@@ -104,23 +85,16 @@ class Optimizer(Protocol):
         `search` ends it at the budget, by an exception that it lets pass. The same problem, budget
         and responses must lead to the same queries.
         """
-        ...
 
 
 @dataclass(frozen=True)
 class Batch:
-    """One query that was answered: how many casts it simulated, and how many of them diverged.
+    """One query that was answered."""
 
-    Attributes
-    ----------
-    best_percent : best error so far of a vector that was tried on all casts.
-    median_percent : of the batch, on the casts that it was tried on.
-    """
-
-    casts: int
-    best_percent: float
-    median_percent: float
-    diverged: int
+    casts: int  # simulated
+    best_percent: float  # so far, of a vector that was tried on all casts
+    median_percent: float  # of the batch, on the casts that it was tried on
+    diverged: int  # of the casts
 
 
 @dataclass(frozen=True)

@@ -33,16 +33,7 @@ AT_BOUND = 0.01  # of a parameter's range: closer to a bound than this is on it
 
 @dataclass(frozen=True)
 class Tuned:
-    """A simulator's parameters as tuning left them, with the effects that act in it.
-
-    Attributes
-    ----------
-    values : parameter name → value, frozen ones and those of the effects included.
-    errors : "tune" and "test" → errors on these casts.
-    certainty : None where the budget was too small for it.
-    improved : whether the search went on to anything better than what it tried first.
-    simulated_casts, diverged_casts : of the search.
-    """
+    """A simulator's parameters as tuning left them, with the effects that act in it."""
 
     simulator: str
     optimizer: str
@@ -53,11 +44,11 @@ class Tuned:
     r0_m: float
     period_s: float
     parameters: tuple[Parameter, ...]
-    values: Mapping[str, float]
-    errors: Mapping[str, PredictionErrors]
-    certainty: Certainty | None
-    improved: bool
-    simulated_casts: int
+    values: Mapping[str, float]  # of all parameters by name, frozen ones and the effects' included
+    errors: Mapping[str, PredictionErrors]  # by "tune" and "test", the casts
+    certainty: Certainty | None  # None where the budget was too small for it
+    improved: bool  # whether the search went on to anything better than what it tried first
+    simulated_casts: int  # of the search
     diverged_casts: int
 
     def at_bound(self, parameter: Parameter) -> bool:
@@ -160,33 +151,24 @@ LEDGER, REVISION = "revisions.jsonl", "revision.json"
 
 @dataclass(frozen=True)
 class ModelRevision:
-    """One tuned model and how it did; errors are in % of cable length.
-
-    Attributes
-    ----------
-    split : which casts it was tuned to and judged on; revisions compare only within one.
-    effects : sorted ids, none for the base model.
-    sizes : effect parameter → its tuned value and unit.
-    standard_error_percent : of the held-out waypoint error.
-    predicted_waypoint_error_percent : what a diagnosis promised before, if one did.
-    """
+    """One tuned model and how it did; errors are in % of cable length."""
 
     cable: str
     rig: str
-    split: str
+    split: str  # the casts it was tuned to and judged on; revisions compare only within one
     tuning_casts: int
     heldout_casts: int
     simulator: str
     optimizer: str
-    effects: tuple[str, ...]
+    effects: tuple[str, ...]  # sorted, none for the base model
     tuning_waypoint_error_percent: float
     heldout_waypoint_error_percent: float
     heldout_final_error_percent: float
-    standard_error_percent: float | None
+    standard_error_percent: float | None  # of the held-out waypoint error
     noise_floor_percent: float | None
     simulated_casts: int
-    sizes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    predicted_waypoint_error_percent: float | None = None
+    sizes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # value and unit by name
+    predicted_waypoint_error_percent: float | None = None  # what a diagnosis promised before
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -234,10 +216,14 @@ def split_identity(tuning: MeasurementSet, heldout: MeasurementSet) -> str:
     digest = hashlib.sha256()
     for part in (tuning, heldout):
         digest.update(f"{part.cable}{part.r0_m}{[t.trial for t in part.trials]}".encode())
-        for trial in part.trials:
-            for array in (trial.tool.t_s, trial.tool.pose, trial.waypoints_s, trial.waypoints_m):
-                digest.update(np.ascontiguousarray(array).tobytes())
+        for array in (array for trial in part.trials for array in trial_data(trial)):
+            digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()[:12]
+
+
+def trial_data(trial: Trial) -> tuple[np.ndarray, ...]:
+    """Return what was measured of a cast."""
+    return trial.tool.t_s, trial.tool.pose, trial.waypoints_s, trial.waypoints_m
 
 
 def keep_revision(tuned_folder: Path, revision: ModelRevision) -> None:

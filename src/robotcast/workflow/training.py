@@ -9,10 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from omegaconf import DictConfig, ListConfig
+from omegaconf import DictConfig
 
 from robotcast.measurements.measurement_set import split_by_action
 from robotcast.policies.datasets import (
@@ -55,8 +54,8 @@ def _mixed(config: DictConfig, learner: Learner) -> Dataset:
             learner,
             real,
             simulated,
-            fractions=_values(kind.real_fraction),
-            weights=_values(kind.real_weight),
+            fractions=np.ravel(kind.real_fraction).astype(float).tolist(),
+            weights=np.ravel(kind.real_weight).astype(float).tolist(),
             passes=kind.trial_passes,
             seed=config.seed,
             progress=progress,
@@ -74,10 +73,6 @@ def _mixed(config: DictConfig, learner: Learner) -> Dataset:
     trials = [{**vars(m), "held_out_miss_m": round(m.held_out_miss_m or 0.0, 6)} for m in tried]
     facts = {**mixed.facts, "held_out_real_casts": casts, "mixtures": trials}
     return replace(mixed, facts=facts)
-
-
-def _values(given: Any) -> list[float]:
-    return [float(value) for value in (given if isinstance(given, ListConfig) else [given])]
 
 
 def _real(config: DictConfig) -> Dataset:
@@ -141,8 +136,7 @@ def choose_mixture(
     found = parallel_map(_log_misses, trials, cores(0))  # a small network keeps one core busy
     for done, ((_, _, _, pair, *_), misses) in enumerate(zip(trials, found, strict=True), 1):
         logarithms[pair].append(misses)
-        note = f"tried {pair.real_fraction:.0%} real × {pair.real_weight:g}"
-        progress(done, len(trials), note)
+        progress(done, len(trials), f"tried {pair.real_fraction:.0%} real × {pair.real_weight:g}")
     means = {pair: float(np.concatenate(logarithms[pair]).mean()) for pair in pairs}
     ranked = sorted(pairs, key=means.__getitem__)
     return tuple(replace(pair, held_out_miss_m=float(np.exp(means[pair]))) for pair in ranked)

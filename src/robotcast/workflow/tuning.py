@@ -1,7 +1,7 @@
 """Tuning a simulator to measured casts: search, errors, certainty, revision and its live page."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,12 +13,11 @@ from robotcast.build import build_effects, build_simulator, fingerprint
 from robotcast.files import source_digest
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.errors import noise_floor, prediction_errors
-from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial, split_by_action
+from robotcast.measurements.measurement_set import Cable, Trial, split_by_action
 from robotcast.reporting.revisions_page import TuningProgress, revisions_page
 from robotcast.running import write_page
-from robotcast.simulators.simulator import Simulator
 from robotcast.stage import bar, measured_set, output_folder, unfinished_file
-from robotcast.tuning.certainty import Certainty, certainty, certainty_casts
+from robotcast.tuning.certainty import certainty, certainty_casts
 from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError, full_vectors
 from robotcast.tuning.search import (
     Batch,
@@ -36,6 +35,7 @@ from robotcast.tuning.tuned import (
     read_revisions,
     revision_of,
     split_identity,
+    trial_data,
     write_predictions,
     write_trace,
     write_tuned,
@@ -59,11 +59,7 @@ def open_journal(
     which a rerun would delete.
     """
     parts = {name: config[name] for name in ("simulator", "optimizer", "effects")}
-    arrays = (
-        array
-        for trial in trials
-        for array in (trial.tool.t_s, trial.tool.pose, trial.waypoints_s, trial.waypoints_m)
-    )
+    arrays = [array for trial in trials for array in trial_data(trial)]
     subject = fingerprint(config, parts, parameters, cable, source_digest(*ROOMS), *arrays)
     return Journal(unfinished_file(config, output, ".jsonl"), subject, objective)
 
@@ -131,31 +127,10 @@ def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:
     if certainty_casts(problem) <= budget:
         groups = np.unique([t.action_id for t in tuning.trials], return_inverse=True)[1]
         known = certainty(objective, problem, found.vector, groups)
-    parts = {"tune": tuning, "test": test}
-    tuned, predicted_m = _judged(config, measured, parts, simulator, found, known)
-    write_trace(folder, found.trace)
-    predicted = {name: (part.trials, predicted_m[name]) for name, part in parts.items()}
-    write_predictions(folder, predicted)
-    write_tuned(folder, tuned)
-    promised_percent = promised_error(config)
-    keep_revision(folder, revision_of(tuned, tuning, test, floor_percent, promised_percent))
-    look(found.trace, finished=True)
-    journal.close()
-    return folder, tuned
-
-
-def _judged(
-    config: DictConfig,
-    measured: MeasurementSet,
-    parts: Mapping[str, MeasurementSet],
-    simulator: Simulator,
-    found: SearchResult,
-    known: Certainty | None,
-) -> tuple[Tuned, dict[str, np.ndarray]]:
-    """Return the tuned simulator with its errors, and the waypoints [m] it predicts, by part."""
     vector = full_vectors(simulator.parameters, found.vector)
-    predicted_m = {
-        name: simulator.simulate(part.trials, vector).waypoints_m[0] for name, part in parts.items()
+    predicted = {
+        name: (part.trials, simulator.simulate(part.trials, vector).waypoints_m[0])
+        for name, part in (("tune", tuning), ("test", test))
     }
     tuned = Tuned(
         simulator=config.simulator.name,
@@ -163,21 +138,28 @@ def _judged(
         effects=tuple(config.effects),
         seed=config.optimizer.seed,
         rig=measured.rig,
-        cable=measured.cable,
+        cable=cable,
         r0_m=measured.r0_m,
         period_s=measured.period_s,
         parameters=simulator.parameters,
         values=dict(zip((p.name for p in simulator.parameters), vector[0], strict=True)),
         errors={
-            name: prediction_errors(predicted_m[name], part.trials, measured.cable.length_m)
-            for name, part in parts.items()
+            name: prediction_errors(waypoints_m, trials, cable.length_m)
+            for name, (trials, waypoints_m) in predicted.items()
         },
         certainty=known,
         improved=found.improved,
         simulated_casts=found.casts,
         diverged_casts=sum(batch.diverged for batch in found.trace),
     )
-    return tuned, predicted_m
+    write_trace(folder, found.trace)
+    write_predictions(folder, predicted)
+    write_tuned(folder, tuned)
+    promised_percent = promised_error(config)
+    keep_revision(folder, revision_of(tuned, tuning, test, floor_percent, promised_percent))
+    look(found.trace, finished=True)
+    journal.close()
+    return folder, tuned
 
 
 def promised_error(config: DictConfig) -> float | None:
