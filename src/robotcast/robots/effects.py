@@ -6,12 +6,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotcast.robots.effect import Motion, RobotEffect, Where
+from robotcast.robots.effect import Motion, RobotEffect
 from robotcast.robots.model_fields import ModelFields
 from robotcast.robots.names import Address, address, names_of
-from robotcast.robots.transmission import LEAST_ROTOR, drives_of, is_plain, link_inertia
+from robotcast.robots.transmission import LEAST_ROTOR, drives_of, is_servo, link_inertia
 
-AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
 SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
@@ -39,7 +38,7 @@ class ModelField(RobotEffect):
 
     def addresses(self, model: mujoco.MjModel) -> dict[str, list[Address]]:
         """Return what each parameter changes."""
-        kind, numbers = self.objects(model)
+        kind, numbers = self._objects(model)
         names = names_of(model, kind)
         return {
             name: [
@@ -50,13 +49,16 @@ class ModelField(RobotEffect):
             for name, fields in self.writes.items()
         }
 
-    def objects(self, model: mujoco.MjModel) -> tuple[str, Sequence[int]]:
-        """Return the kind and the numbers of what is changed."""
+    def _objects(self, model: mujoco.MjModel) -> tuple[str, Sequence[int]]:
+        """Return the kind and the numbers of what is changed; of the whole robot what may touch."""
         if self.part == "joint":
             return "joint", [int(model.dof_jntid[dof]) for dof in self.where.dofs]
         if self.part == "body":
             return "body", self.where.bodies
-        return "actuator", self.where.actuators
+        if self.part == "drive":
+            return "actuator", self.where.actuators
+        touching = (model.geom_contype | model.geom_conaffinity) != 0
+        return "geom", np.flatnonzero(touching).tolist()
 
     def write(self, fields: ModelFields, **values: np.ndarray) -> None:
         for name, some in self.addresses(fields.model).items():
@@ -67,59 +69,8 @@ class ModelField(RobotEffect):
                     fields.add(at, values[name] if self.how == "add" else -values[name])
 
 
-def is_servo(model: mujoco.MjModel, where: Where) -> bool:
-    """Tell whether all drives of a part close a loop about a position themselves."""
-    return bool(where.actuators) and all(
-        model.actuator_biastype[i] == AFFINE and model.actuator_biasprm[i, 1] != 0
-        for i in where.actuators
-    )
-
-
-class JointField(ModelField):
-    """A number of joints."""
-
-    part = "joint"
-
-
-class BodyField(ModelField):
-    """A number of bodies."""
-
-    part = "body"
-
-
-class ServoField(ModelField):
-    """A number of actuators that close a loop, position servos."""
-
-    part = "drive"
-
-    @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        return is_servo(model, where)
-
-
-class ServoDamping(ServoField):
-    """A servo's velocity gain: viscous friction, bit by bit, unless its force is limited."""
-
-    @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        limited = model.actuator_forcelimited[list(where.actuators)]
-        return is_servo(model, where) and bool(limited.all())
-
-
-class ContactField(ModelField):
-    """A number of all geoms that may touch."""
-
-    part = "robot"
-
-    def objects(self, model: mujoco.MjModel) -> tuple[str, Sequence[int]]:
-        touching = (model.geom_contype | model.geom_conaffinity) != 0
-        return "geom", np.flatnonzero(touching).tolist()
-
-
 class Tilt(RobotEffect):
     """Gravity is turned by small angles about x and y, as if the base stood askew."""
-
-    part = "robot"
 
     def write(self, fields: ModelFields, *, about_x: np.ndarray, about_y: np.ndarray) -> None:
         x, y, z = fields.model.opt.gravity
@@ -135,8 +86,6 @@ class Tilt(RobotEffect):
 class DriveGain(RobotEffect):
     """Drives push (1 + k) times as hard as commanded: torque constants, gear ratios."""
 
-    part = "drive"
-
     def write(self, fields: ModelFields, *, k: np.ndarray) -> None:
         rows = self.where.actuators
         if rows:
@@ -151,8 +100,6 @@ class DriveGain(RobotEffect):
 class DeadTime(RobotEffect):
     """Commands act `tau` late."""
 
-    part = "drive"
-
     def delay_s(self, *, tau: np.ndarray) -> np.ndarray:
         return tau
 
@@ -165,8 +112,6 @@ class DeadTime(RobotEffect):
 
 class Lag(RobotEffect):
     """Commands act through a first-order filter of time constant `tau`."""
-
-    part = "drive"
 
     def command(self, drive: np.ndarray, step_s: float, *, tau: np.ndarray) -> np.ndarray:
         lags = tau[:, 0] > 0
@@ -191,8 +136,6 @@ class Lag(RobotEffect):
 class CommandLimit(RobotEffect):
     """Drives follow commands up to ±1/s only: torque of a motor, position of a servo."""
 
-    part = "drive"
-
     def command(self, drive: np.ndarray, step_s: float, *, s: np.ndarray) -> np.ndarray:
         limit = np.where(s > 0, 1 / np.where(s > 0, s, 1.0), np.inf)
         return np.clip(drive, -limit, limit)
@@ -206,12 +149,6 @@ class CommandLimit(RobotEffect):
 
 class ForceLimit(RobotEffect):
     """Servos push with up to ±1/s only."""
-
-    part = "drive"
-
-    @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        return is_servo(model, where)
 
     def write(self, fields: ModelFields, *, s: np.ndarray) -> None:
         rows = self.where.actuators
@@ -232,12 +169,6 @@ class ForceLimit(RobotEffect):
 class CommandRate(RobotEffect):
     """Servos follow commands that change by up to 1/s a second only: a limit of their speed."""
 
-    part = "drive"
-
-    @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        return is_servo(model, where)
-
     def command(self, drive: np.ndarray, step_s: float, *, s: np.ndarray) -> np.ndarray:
         limits = s[:, 0] > 0
         most = np.where(limits, step_s / np.where(limits, s[:, 0], 1.0), np.inf)
@@ -252,12 +183,6 @@ class CommandRate(RobotEffect):
 class SpeedLimit(RobotEffect):
     """Motors push no faster than ±1/s: from 0.8/s on their torque fades."""
 
-    part = "drive"
-
-    @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        return bool(where.dofs) and not is_servo(model, where)
-
     def force(self, motion: Motion, *, s: np.ndarray) -> np.ndarray:
         along = np.sign(motion.torque) * motion.qvel * s
         return -motion.torque * np.clip((along - 0.8) / 0.2, 0.0, 1.0)
@@ -266,21 +191,10 @@ class SpeedLimit(RobotEffect):
 class Transmitted(RobotEffect):
     """Something between a drive and its link, see `Transmission`."""
 
-    part = "drive"
-
-    @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        """Tell whether plain actuators or given torques drive every joint."""
-        return len(where.channels) >= len(where.dofs) > 0 and all(
-            is_plain(model, a) for dof in where.dofs for a in drives_of(model, dof)
-        )
-
     def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, **values: float) -> bool:
         """Insert a second joint behind each, so that the old one is the rotor's."""
         given = {name: np.array([[v]]) for name, v in values.items()}
-        compliance, retardation_s, half_gap, _ = (
-            part.item() for part in self.transmission(**given)
-        )
+        compliance, retardation_s, half_gap, _ = map(np.ndarray.item, self.transmission(**given))
         slides = (model.jnt_type[model.dof_jntid[dof]] == SLIDE for dof in self.where.dofs)
         if any(slides) or spec.keys:
             # MuJoCo takes two slides along one axis of a body for orthogonal ones, and the
@@ -295,8 +209,7 @@ class Transmitted(RobotEffect):
             if compliance:
                 new.stiffness[0], new.damping[0] = 1 / compliance, retardation_s / compliance
             if half_gap:
-                angular = old.type == mujoco.mjtJoint.mjJNT_HINGE and spec.compiler.degree
-                reach = np.degrees(half_gap) if angular else half_gap
+                reach = in_file(spec, old, half_gap)
                 new.limited, new.range = int(mujoco.mjtLimited.mjLIMITED_TRUE), [-reach, reach]
                 new.solref_limit = [2 * model.opt.timestep, 1.0]  # as stiff as a step allows
         return True
@@ -371,7 +284,7 @@ class Encoder(RobotEffect):
     def closes(self, model: mujoco.MjModel, bias: np.ndarray, **values: np.ndarray) -> None:
         at_0, at_1 = (self.seen(np.full((len(bias), 1), q), **values)[:, 0] for q in (0.0, 1.0))
         for a in (a for dof in self.where.dofs for a in drives_of(model, dof)):
-            if model.actuator_biastype[a] == AFFINE and model.actuator_biasprm[a, 1] != 0:
+            if is_servo(model, a):
                 bias[:, a, 0] += bias[:, a, 1] * model.actuator_gear[a, 0] * at_0
                 bias[:, a, 1:3] *= (at_1 - at_0)[:, None]
 

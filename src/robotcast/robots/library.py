@@ -16,6 +16,7 @@ from robotcast.robots.effects import ModelField, TorqueField
 from robotcast.robots.names import joint_of_dof, names_of
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.sizes import Sizes
+from robotcast.robots.transmission import drives_of, is_plain, is_servo
 
 FEW_JOINTS = 4  # up to as many, each is looked at alone; of more, groups of them
 FIELD_KNOTS = np.array([-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0])
@@ -126,7 +127,7 @@ def _made(
     model: mujoco.MjModel, name: str, entry: Mapping[str, Any], where: Where, sizes: Sizes
 ) -> RobotEffect | None:
     """Make one effect on one part, None where it cannot act there."""
-    more = {k: v for k, v in entry.items() if k not in ("text", "parameters", "part", "needs")}
+    more = {k: v for k, v in entry.items() if k not in ("text", "parameters", "needs")}
     dofs = where.dofs or tuple(range(model.nv))
     if not _needed(model, entry.get("needs"), where, sizes):
         return None
@@ -141,20 +142,27 @@ def _made(
         ],
         where=where,
     )
-    if not type(effect).fits(model, where):
-        return None
     return _within_physics(model, effect)
 
 
 def _needed(model: mujoco.MjModel, what: str | None, where: Where, sizes: Sizes) -> bool:
     """Tell whether a part has what an effect needs.
 
-    All encoders late are all drives late, so that latency needs others that are not.
+    All encoders late are all drives late, so that latency needs others that are not. A servo's
+    velocity gain is viscous friction, bit by bit, unless its force is limited.
     """
+    own = list(where.actuators)
+    servo = bool(own) and all(is_servo(model, a) for a in own)
+    driven = len(where.channels) >= len(where.dofs) > 0
     return {
         None: True,
         "gravity": bool(np.any(model.opt.gravity)),
         "drive": bool(where.channels),
+        "plain drive": driven
+        and all(is_plain(model, a) for dof in where.dofs for a in drives_of(model, dof)),
+        "motor": bool(where.dofs) and not servo,
+        "servo": servo,
+        "limited servo": servo and bool(model.actuator_forcelimited[own].all()),
         "others": len(where.dofs) < model.nv,
         "contact": sizes.touches,
     }[what]
@@ -243,5 +251,7 @@ def _fields(joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:
             text = f"a torque on {where.name.replace('_', ' ')} that depends on {on}"
             name = f"{of}_field_{where.name}"
             depends = f"the {of} of {where.name.replace('_', ' ')}" if of != "time" else "time"
-            found.append(TorqueField(name, text, own, where, depends, of=of, knots=places))
+            found.append(
+                TorqueField(name, text, own, where, depends_on=depends, of=of, knots=places)
+            )
     return found

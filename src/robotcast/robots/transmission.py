@@ -51,6 +51,12 @@ def is_plain(model: mujoco.MjModel, actuator: int) -> bool:
     )
 
 
+def is_servo(model: mujoco.MjModel, actuator: int) -> bool:
+    """Tell whether an actuator closes a loop about a position itself."""
+    affine = model.actuator_biastype[actuator] == AFFINE
+    return bool(affine and model.actuator_biasprm[actuator, 1] != 0)
+
+
 def link_inertia(model: mujoco.MjModel, dofs: Sequence[int]) -> np.ndarray:
     """Return what a joint has to accelerate when the others are free, without rotors, (n,)."""
     data, mass = mujoco.MjData(model), np.empty((model.nv, model.nv))
