@@ -8,7 +8,7 @@ import pytest
 
 from robotcast.robots.patch import patched, write_patched
 from robotcast.robots.robot_case import RobotCase, read_case
-from robotcast.robots.rollout import Rollout, Start
+from robotcast.robots.rollout import Rollout
 from tests.robots.made_up_robot import ARM, write_folder
 
 
@@ -47,7 +47,7 @@ def test_a_patched_model_moves_as_the_model_with_the_effect(arm: RobotCase, name
     model = spec.compile()
     robot = type(arm.robot)(**{**vars(arm.robot), "model": model, "tune": ()})
     new = Rollout(robot, old.logs, old.windows)
-    start, times_s = [Start(1, np.zeros((2, 2)))], [arm.model.records[1].times_s]
+    start, times_s = [1], [arm.model.records[1].times_s]
     vector = np.array([[2.0, 0.7, *values.values()]])
     wanted = old.simulate(start, times_s, [effect], vector)
     found = new.simulate(start, times_s, (), np.zeros((1, 0)))

@@ -21,7 +21,6 @@ from robotcast.robots import robot_case, rollout
 from robotcast.robots.patch import write_patched
 from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
 from robotcast.robots.robot_file import load_spec, write_parameters
-from robotcast.robots.rollout import Start
 from robotcast.robots.shown import shown
 from tests.robots.made_up_robot import ARM, PERIOD_S, QUANTUM, SLIDER, dry, write_folder
 
@@ -82,8 +81,7 @@ def test_a_window_is_simulated_as_mujoco_alone_would(slider: RobotCase) -> None:
         path.append(data.qpos[0])
         data.ctrl[:] = log.drive[k]
         mujoco.mj_step(model, data, round(PERIOD_S / model.opt.timestep))
-    start = Start(record.trial, np.zeros((2, 1)))
-    found = simulator.simulate([start], [record.times_s], (), np.zeros((1, 0)))
+    found = simulator.simulate([record.trial], [record.times_s], (), np.zeros((1, 0)))
     np.testing.assert_allclose(found[0, 0, :, 0], path, atol=1e-12)
 
 
@@ -145,9 +143,8 @@ def test_a_start_state_hides_no_more_than_its_deviation_allows(slider: RobotCase
     record = model.records[0]
     slopes, _ = model._gain(record)
     wrong = model.predict([record], ["constant_torque_axis"], np.array([[0.0], [50.0]]))[:, 0]
-    rollout, still = model.rollout, Start(record.trial, np.zeros((2, 1)))
     effect = [model.effects["constant_torque_axis"]]
-    raw = rollout.simulate([still], [record.times_s], effect, np.array([[50.0]]))[0, 0]
+    raw = model.rollout.simulate([0], [record.times_s], effect, np.array([[50.0]]))[0, 0]
     moved = np.abs(wrong[1] - raw / model.units.si)
     assert (moved <= 3.0 * np.abs(slopes).sum(axis=1).reshape(moved.shape) + 1e-9).all()
 
@@ -334,8 +331,8 @@ def test_a_payload_moves_as_a_mass_that_is_fixed_to_the_link(tmp_path: Path) -> 
         path.append(data.qpos.copy())
         data.ctrl[:] = log.drive[k]
         mujoco.mj_step(model, data, round(PERIOD_S / model.opt.timestep))
-    still = [Start(record.trial, np.zeros((2, 2)))]
-    found = case.model.rollout.simulate(still, [record.times_s], (), np.zeros((1, 0)))[0, 0]
+    times_s = [record.times_s]
+    found = case.model.rollout.simulate([record.trial], times_s, (), np.zeros((1, 0)))[0, 0]
     np.testing.assert_allclose(found, path, atol=1e-6)
 
 

@@ -1,6 +1,7 @@
 """The candidates for one robot: every entry of conf/robot_effects.yaml on every part it fits."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from robotcast.fitting.parameter import Parameter
 from robotcast.robots.couplings import coupled
 from robotcast.robots.effect import RobotEffect, Where
 from robotcast.robots.effects import ModelField, TorqueField
-from robotcast.robots.names import joint_of_dof, names_of
+from robotcast.robots.names import driven_dof, joint_of_dof, names_of
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.sizes import Sizes
 from robotcast.robots.transmission import drives_of, is_plain, is_servo
@@ -108,19 +109,10 @@ def _where(
     """Return a part by its joints, with the channels that drive them unless others are named."""
     model, channels = robot.model, list(robot.drive)
     if own is None:
-        own = [c for c, at in enumerate(channels) if _driven_dof(model, at) in dofs]
+        own = [c for c, at in enumerate(channels) if driven_dof(model, at) in dofs]
     bodies = tuple(dict.fromkeys(int(model.dof_bodyid[dof]) for dof in dofs))
     actuators = tuple(a for c in own if (a := channels[c].actuator) is not None)
     return Where(name, dofs, bodies, tuple(own), actuators)
-
-
-def _driven_dof(model: mujoco.MjModel, at: Any) -> int | None:
-    """Return the joint that a channel drives, None of a tendon or a site."""
-    if at.dof is not None:
-        return at.dof
-    if model.actuator_trntype[at.actuator] != int(mujoco.mjtTrn.mjTRN_JOINT):
-        return None
-    return int(model.jnt_dofadr[model.actuator_trnid[at.actuator, 0]])
 
 
 def _made(
@@ -142,7 +134,8 @@ def _made(
         ],
         where=where,
     )
-    return _within_physics(model, effect)
+    _keep_physical(model, effect)
+    return effect
 
 
 def _needed(model: mujoco.MjModel, what: str | None, where: Where, sizes: Sizes) -> bool:
@@ -186,22 +179,17 @@ def _parameter(
     )
 
 
-def _within_physics(model: mujoco.MjModel, effect: RobotEffect) -> RobotEffect | None:
+def _keep_physical(model: mujoco.MjModel, effect: RobotEffect) -> None:
     """Keep what is added to friction, damping and armature from making them negative."""
     if not isinstance(effect, ModelField) or effect.how != "add" or effect.part != "joint":
-        return effect
+        return
     bounded = []
     for parameter in effect.parameters:
         least = min(at.nominal(model).min() for at in effect.addresses(model)[parameter.name])
         lower = max(parameter.lower, -float(least))
         probes = tuple(p for p in parameter.probes if p > lower)
-        bounded.append(
-            Parameter(
-                parameter.name, parameter.unit, lower, parameter.upper, 0.0, null=0.0, probes=probes
-            )
-        )
+        bounded.append(replace(parameter, lower=lower, probes=probes))
     effect.parameters = tuple(bounded)
-    return effect
 
 
 def _tuned(robot: RobotFile, effect: RobotEffect) -> bool:
@@ -224,7 +212,7 @@ def _fields(joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:
     for where in joints:
         torque, unit = sizes.of("torque", where.dofs, ())
         speed, _ = sizes.of("speed", where.dofs, ())
-        at = list(where.dofs)
+        at, joint = list(where.dofs), where.name.replace("_", " ")
         span = np.linspace(sizes.lowest[at].min(), sizes.highest[at].max(), PLACES)
         knots = {
             "speed": speed * FIELD_KNOTS,
@@ -234,24 +222,17 @@ def _fields(joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:
         if where.channels:
             knots["torque"] = torque * FIELD_KNOTS
         for of, places in knots.items():
+            bound, probes = BOUND * torque, (PROBE * torque,)
             own = [
-                Parameter(
-                    f"c{k}",
-                    unit,
-                    -BOUND * torque,
-                    BOUND * torque,
-                    0.0,
-                    null=0.0,
-                    probes=(PROBE * torque,),
-                )
+                Parameter(f"c{k}", unit, -bound, bound, 0.0, null=0.0, probes=probes)
                 for k in range(len(places))
             ]
             what = {"time": "the time into the log", "torque": "the torque it carries"}
-            on = what.get(of, f"its {of}")
-            text = f"a torque on {where.name.replace('_', ' ')} that depends on {on}"
-            name = f"{of}_field_{where.name}"
-            depends = f"the {of} of {where.name.replace('_', ' ')}" if of != "time" else "time"
-            found.append(
-                TorqueField(name, text, own, where, depends_on=depends, of=of, knots=places)
+            text = f"a torque on {joint} that depends on {what.get(of, f'its {of}')}"
+            name, depends = (
+                f"{of}_field_{where.name}",
+                "time" if of == "time" else f"the {of} of {joint}",
             )
+            more = {"depends_on": depends, "of": of, "knots": places}
+            found.append(TorqueField(name, text, own, where, **more))
     return found

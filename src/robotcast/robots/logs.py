@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import polars as pl
 
-from robotcast.robots.names import Channel, Signal, joint_of_actuator
+from robotcast.robots.names import Channel, Signal, driven_dof
 from robotcast.robots.recordings import episodes, read_bag
 from robotcast.robots.robot_file import Column, RobotFile
 
@@ -306,20 +306,14 @@ def _refuse_frozen(path: Path, robot: RobotFile, drive: np.ndarray, measured: np
     for k, at in enumerate(robot.measured):
         if np.ptp(_known(measured[:, k])) > 0:
             continue
-        own = [c for c, channel in enumerate(robot.drive) if _moves_dof(robot.model, channel, at)]
+        driven = [driven_dof(robot.model, channel) for channel in robot.drive]
+        own = [c for c, dof in enumerate(driven) if dof is not None and dof == at.dof]
         if not own or np.ptp(drive[:, own], axis=0).any():
             raise ValueError(
                 f"{path}: {at.name} stays at {_known(measured[:, k])[0]:.6g} in all rows, where "
                 f"{'it is driven' if own else 'others move'}: a frozen sensor, or the wrong "
                 "column; take the log or the signal out"
             )
-
-
-def _moves_dof(model: mujoco.MjModel, channel: Channel, at: Signal) -> bool:
-    if channel.actuator is None:
-        return channel.dof == at.dof
-    joint = joint_of_actuator(model, channel.actuator)
-    return joint is not None and int(model.jnt_dofadr[joint]) == at.dof
 
 
 def _moves(values: np.ndarray) -> bool:

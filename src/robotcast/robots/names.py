@@ -7,7 +7,7 @@ import math
 import re
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -59,7 +59,15 @@ class Address:
 
     def nominal(self, model: mujoco.MjModel) -> np.ndarray:
         """Return the values in the model, (n_rows,)."""
-        return elements(field_of(model, self.field), self)
+        return field_of(model, self.field)[self.index]
+
+    @property
+    def index(self) -> tuple[Any, ...]:
+        """Index of the elements in a field (..., n, columns), which gives (..., n_rows)."""
+        rows = list(self.rows)
+        if not rows:  # an option: one vector, or one number
+            return ..., None if self.column is None else [self.column]
+        return (..., rows) if self.column is None else (..., rows, self.column)
 
 
 @dataclass(frozen=True)
@@ -95,14 +103,6 @@ def field_of(model: mujoco.MjModel, field: str) -> np.ndarray:
     return np.asarray(getattr(owner, field.removeprefix("opt.")))
 
 
-def elements(values: np.ndarray, at: Address) -> np.ndarray:
-    """Return the addressed elements of a field (..., n, columns), (..., n_rows)."""
-    if not at.rows:  # an option: one vector, or one number
-        return values[..., None] if at.column is None else values[..., [at.column]]
-    rows = list(at.rows)
-    return values[..., rows] if at.column is None else values[..., rows, at.column]
-
-
 def names_of(model: mujoco.MjModel, kind: str) -> list[str]:
     """Return the names of all objects of a kind; one without is called by its number."""
     n = {"joint": model.njnt, "body": model.nbody, "actuator": model.nu, "geom": model.ngeom}
@@ -119,6 +119,14 @@ def joint_of_actuator(model: mujoco.MjModel, actuator: int) -> int | None:
     """Return the joint that an actuator drives, None where it drives a tendon or a site."""
     of_joint = model.actuator_trntype[actuator] == int(mujoco.mjtTrn.mjTRN_JOINT)
     return int(model.actuator_trnid[actuator, 0]) if of_joint else None
+
+
+def driven_dof(model: mujoco.MjModel, at: Channel) -> int | None:
+    """Return the degree of freedom that a channel drives, None of a tendon or a site."""
+    if at.actuator is None:
+        return at.dof
+    joint = joint_of_actuator(model, at.actuator)
+    return None if joint is None else int(model.jnt_dofadr[joint])
 
 
 def is_hinge(model: mujoco.MjModel, joint: int) -> bool:

@@ -20,7 +20,7 @@ from robotcast.diagnosis.next_trials import Further
 from robotcast.files import atomic_file
 from robotcast.robots.logs import Log, periods
 from robotcast.robots.model_fields import Payload, loaded
-from robotcast.robots.names import joint_of_actuator, names_of
+from robotcast.robots.names import driven_dof, names_of
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.robot_model import RobotModel
 from robotcast.robots.sizes import Sizes
@@ -131,12 +131,8 @@ def _tried(robot: RobotFile, sizes: Sizes, logs: Sequence[Log]) -> Iterator[Moti
             }
             yield _moved(robot, loaded_model, own, told | weight, drive, log, period_s)
         for c, rate, share in product(range(min(len(channels), REPLAYED)), RATES, AMPLITUDES):
-            joint = channels[c].dof
-            if channels[c].actuator is not None:
-                j = joint_of_actuator(model, channels[c].actuator or 0)
-                joint = None if j is None else int(model.jnt_dofadr[j])
-            usual = sizes.speed / sizes.position / (2 * np.pi)
-            hertz = rate * float(np.median(usual) if joint is None else usual[joint])
+            usual, dof = sizes.speed / sizes.position / (2 * np.pi), driven_dof(model, channels[c])
+            hertz = rate * float(np.median(usual) if dof is None else usual[dof])
             middle, half = _commanded(model, channels[c].actuator, [g.drive[:, c] for g in logs])
             times_s = period_s * np.arange(round(LENGTH_S / period_s))
             drive = np.tile(np.median(logs[0].drive, axis=0), (len(times_s), 1))

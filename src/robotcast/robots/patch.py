@@ -13,16 +13,10 @@ from robotcast.robots.couplings import serve
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import in_file
 from robotcast.robots.model_fields import OneModel
-from robotcast.robots.names import Address
+from robotcast.robots.names import FIELDS, Address
 from robotcast.robots.robot_file import Moving, RobotFile, compiled, load_spec
 
-OF_JOINTS = {
-    "dof_damping": "damping",
-    "dof_frictionloss": "frictionloss",
-    "dof_armature": "armature",
-    "jnt_stiffness": "stiffness",
-    "qpos_spring": "springref",
-}
+OF_JOINTS = {field: name for name, field in FIELDS["joint"].items()}
 
 
 def write_patched(
@@ -85,16 +79,15 @@ def _copy(model: mujoco.MjModel, spec: mujoco.MjSpec, at: Address) -> None:
     values = getattr(model, at.field)
     for row in at.rows:
         if at.field in OF_JOINTS:
-            joint = _joint(model, at.field, row)
-            owner, name = spec.joints[joint], OF_JOINTS[at.field]
+            owner, name = spec.joints[_joint(model, at.field, row)], OF_JOINTS[at.field]
             if name == "springref":
                 owner.springref = in_file(spec, owner, float(values[row]))
+            elif name == "dampingpoly":
+                owner.damping[1:] = values[row]
             elif name in ("damping", "stiffness"):
                 getattr(owner, name)[0] = values[row]
             else:
                 setattr(owner, name, float(values[row]))
-        elif at.field == "dof_dampingpoly":
-            spec.joints[_joint(model, at.field, row)].damping[1:] = values[row]
         elif at.field.startswith("body_"):
             body = spec.bodies[row]
             body.explicitinertial = True

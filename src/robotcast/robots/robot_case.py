@@ -25,7 +25,7 @@ from robotcast.robots.names import to_si
 from robotcast.robots.next_motions import Motions, motions
 from robotcast.robots.robot_file import RobotFile, read_robot
 from robotcast.robots.robot_model import RobotModel, tuned_parameters
-from robotcast.robots.rollout import Rollout, Start
+from robotcast.robots.rollout import Rollout
 from robotcast.robots.sizes import Sizes, sizes_of
 from robotcast.robots.windows import GROUPS, LEAST_SAMPLES, StartStates, Window, cut, noise_of
 from robotcast.running import Progress, silent
@@ -181,10 +181,9 @@ def _length(
     wide = replace(robot, most_windows=LOOKED_AT)
     windows = cut(wide, logs, starts, longest_s)
     rollout = Rollout(robot, logs, windows, threads)
-    still = np.zeros((2, robot.model.nv))
     times = [logs[w.log].times_s[w.first : w.end] - logs[w.log].times_s[w.first] for w in windows]
     nominal = np.array([[p.nominal for p in tuned_parameters(robot)]])
-    found = rollout.simulate([Start(k, still) for k in range(len(windows))], times, (), nominal)[0]
+    found = rollout.simulate(range(len(windows)), times, (), nominal)[0]
     at = [k for k, signal in enumerate(robot.measured) if signal.kind == "position"]
     travel = np.nanstd(np.vstack([log.measured[:, at] for log in logs]), axis=0)
     travel = np.maximum(travel, MOVES * noise[at])

@@ -20,7 +20,7 @@ from robotcast.fitting.parameter import Parameter
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.logs import Log
 from robotcast.robots.robot_file import RobotFile
-from robotcast.robots.rollout import Rollout, Start
+from robotcast.robots.rollout import Rollout
 from robotcast.robots.windows import Window
 
 PART = 0.02  # of how far a signal moves: what is missed by so much counts as one
@@ -102,9 +102,8 @@ class RobotModel:
     ) -> np.ndarray:
         """Predict the windows' signals from their fitted start states (see `Model`)."""
         effects = [self.effects[name] for name in active]
-        still = np.zeros((2, self.rollout.robot.model.nv))
-        starts = [Start(record.trial, still) for record in records]
-        found = self.rollout.simulate(starts, [r.times_s for r in records], effects, vectors)
+        of = [r.trial for r in records], [r.times_s for r in records]
+        found = self.rollout.simulate(*of, effects, vectors)
         found /= self.units.si
         for row, record in enumerate(records):
             k = len(record.times_s)
@@ -153,12 +152,10 @@ class RobotModel:
 
         What the tuned parameters take up of it, by their slopes, is not missed.
         """
-        still = np.zeros((2, self.rollout.robot.model.nv))
-        starts = [Start(record.trial, still) for record in self.records]
-        times_s = [record.times_s for record in self.records]
+        numbers, times_s = range(len(self.records)), [record.times_s for record in self.records]
         vectors = _about(self.parameters)
-        coarse = self.rollout.simulate(starts, times_s, (), vectors)
-        exact = self.finer.rollout.simulate(starts, times_s, (), vectors[:1])
+        coarse = self.rollout.simulate(numbers, times_s, (), vectors)
+        exact = self.finer.rollout.simulate(numbers, times_s, (), vectors[:1])
         moved = np.concatenate([coarse[:1] - exact, coarse[1:] - coarse[:1]]) / self.units.si
         parts = []
         for row, record in enumerate(self.records):
@@ -201,19 +198,22 @@ class RobotModel:
     @cached_property
     def _slopes(self) -> np.ndarray:
         """By one deviation of every start coordinate, (n_windows, k, d, 2 nv), nominal model."""
-        rollout = self.rollout
-        nv = rollout.robot.model.nv
-        starts, times_s = [], []
-        for record, window in zip(self.records, rollout.windows, strict=True):
-            for column in range(2 * nv + 1):
-                moved = np.zeros((2, nv))
-                if column:
-                    moved.ravel()[column - 1] = window.start_sd.ravel()[column - 1]
-                starts.append(Start(record.trial, moved))
-                times_s.append(record.times_s)
-        nominal = np.array([[p.nominal for p in self.parameters]])
-        found = rollout.simulate(starts, times_s, (), nominal)[0] / self.units.si
-        found = found.reshape(len(self.records), 2 * nv + 1, *found.shape[1:])
+        windows, n = self.rollout.windows, 2 * self.rollout.robot.model.nv
+        moved = np.zeros((len(windows), 1 + n, 2, n // 2))  # not at all first
+        for window, own in zip(windows, moved, strict=True):
+            own[1:] = np.diag(window.start_sd.ravel()).reshape(n, 2, n // 2)
+        numbers = np.repeat(np.arange(len(windows)), 1 + n)
+        times_s, nominal = (
+            [self.records[k].times_s for k in numbers],
+            [p.nominal for p in self.parameters],
+        )
+        found = (
+            self.rollout.simulate(
+                numbers, times_s, (), np.array([nominal]), moved.reshape(-1, 2, n // 2)
+            )[0]
+            / self.units.si
+        )
+        found = found.reshape(len(windows), 1 + n, *found.shape[1:])
         return np.nan_to_num(np.moveaxis(found[:, 1:] - found[:, :1], 1, -1))
 
 

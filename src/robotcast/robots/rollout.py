@@ -6,7 +6,6 @@ the drive over it, so that a delay by a part of a step has an effect; without on
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -27,14 +26,6 @@ DIVERGED_RATE = 1e4  # rad/s or m/s: no robot moves like that
 INPUTS = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
 STEPWISE = ("force", "friction", "transmission")  # hooks that are asked at every step
 LEAD_S = 0.3  # of commands before a window, for effects that remember them
-
-
-@dataclass(frozen=True)
-class Start:
-    """Deviations of a start from the measured state, (2, nv): of positions and of velocities."""
-
-    window: int
-    moved: np.ndarray
 
 
 class Rollout:
@@ -66,32 +57,38 @@ class Rollout:
         self._channels = list(robot.drive)
         self._signals = list(robot.measured)
         self._drives = [_Drive(log) for log in logs]
-        self._payloads = [robot.payloads.get(logs[w.log].path.name, ()) for w in windows]
         self.qpos_of_dof = self._model.jnt_qposadr[self._model.dof_jntid]
 
     def simulate(
         self,
-        starts: Sequence[Start],
+        numbers: Sequence[int],
         times_s: Sequence[np.ndarray],
         effects: Sequence[RobotEffect],
         vectors: np.ndarray,
+        moved: np.ndarray | None = None,
     ) -> np.ndarray:
         """Return all signals in SI units, (n_vectors, n_starts, k_max, n_signals).
 
         Parameters
         ----------
+        numbers : of the windows, one for every start.
         times_s : of every start, when its signals are wanted, from the start of its window.
         vectors : ndarray (n_vectors, n), the tuned parameters, then those of the effects.
+        moved : how far from the measured states it starts, in positions and velocities,
+            (n_starts, 2, nv); None for nothing.
         """
+        windows = [self.windows[k] for k in numbers]
+        moved = np.zeros((len(windows), 2, self._model.nv)) if moved is None else moved
         k_max = max(map(len, times_s))
-        found = np.full((len(vectors), len(starts), k_max, len(self._signals)), np.nan)
+        found = np.full((len(vectors), len(windows), k_max, len(self._signals)), np.nan)
         by_steps = stepwise(self.robot.tune, effects, vectors)
         for alike in (np.flatnonzero(~by_steps), np.flatnonzero(by_steps)):
-            pairs = np.array([(v, s) for s in range(len(starts)) for v in alike])
+            pairs = np.array([(v, s) for s in range(len(windows)) for v in alike])
             for part in np.array_split(pairs, -(-len(pairs) // BATCH)) if len(pairs) else ():
                 of_vector, of_start = part.T
                 paths = self._run(
-                    [starts[s] for s in of_start],
+                    [windows[s] for s in of_start],
+                    moved[of_start],
                     [times_s[s] for s in of_start],
                     _acting(self.robot.tune, effects, vectors[of_vector]),
                     vectors[of_vector],
@@ -103,40 +100,40 @@ class Rollout:
 
     def _run(
         self,
-        starts: Sequence[Start],
+        windows: Sequence[Window],
+        moved: np.ndarray,
         times_s: Sequence[np.ndarray],
         acting: Acting,
         values: np.ndarray,
         by_steps: bool,
     ) -> list[np.ndarray]:
         """Simulate one batch; row by row a start with its own values (n_sim, n)."""
-        batch = Batch(self._model, len(starts), nthread=self.threads)
+        batch = Batch(self._model, len(windows), nthread=self.threads)
         fields = BatchFields(batch)
         for k, tunable in enumerate(self.robot.tune):
             write = fields.multiply if tunable.factor else fields.set
             write(tunable.at, values[:, k : k + 1])
         for effect, own in _through("write", acting):
             effect.write(fields, **own)
-        if self.robot.payloads:
-            parts = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
-            load([self._payloads[s.window] for s in starts], *map(fields.field, parts))
+        if payloads := self.robot.payloads:
+            load([payloads.get(self.logs[w.log].path.name, ()) for w in windows], fields)
         fields.finish()
         for effect, own in _through("closes", acting):
             effect.closes(self._model, batch.expand("actuator_biasprm"), **own)
-        self._place(batch, starts, acting)
+        self._place(batch, windows, moved, acting)
         n_steps = int(np.ceil(max(t[-1] for t in times_s) / self._step_s - 1e-9)) + 1
-        drive = self._drive(starts, acting, n_steps)
+        drive = self._drive(windows, acting, n_steps)
         if by_steps:
-            path = self._stepped(batch, starts, acting, drive)
+            path = self._stepped(batch, windows, acting, drive)
         else:
             path = self._rolled(batch, drive)
-        return self._observed(path, starts, times_s, acting)
+        return self._observed(path, windows, times_s, acting)
 
-    def _place(self, batch: Batch, starts: Sequence[Start], acting: Acting) -> None:
+    def _place(
+        self, batch: Batch, windows: Sequence[Window], moved: np.ndarray, acting: Acting
+    ) -> None:
         """Write the states at the starts: where encoders show them, less what those distort."""
-        windows = [self.windows[s.window] for s in starts]
         qpos = np.array([w.qpos for w in windows])
-        moved = np.array([s.moved for s in starts])
         qpos[:, self.qpos_of_dof] += moved[:, 0]
         for effect, own in _through("unseen", acting):
             at = self.qpos_of_dof[list(effect.where.dofs)]
@@ -149,19 +146,18 @@ class Rollout:
             qvel[:, dofs] += late_s * qacc
         batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos, qvel
 
-    def _drive(self, starts: Sequence[Start], acting: Acting, n_steps: int) -> np.ndarray:
+    def _drive(self, windows: Sequence[Window], acting: Acting, n_steps: int) -> np.ndarray:
         """Return what drives every step, (n_sim, n_steps, n_channels)."""
         lead = round(LEAD_S / self._step_s) if any(True for _ in _through("command", acting)) else 0
-        delay_s = np.zeros((len(starts), len(self._channels)))
+        delay_s = np.zeros((len(windows), len(self._channels)))
         for effect, own in _through("delay_s", acting):
             delay_s[:, list(effect.where.channels)] += effect.delay_s(**own)
         since_s = self._step_s * np.arange(-lead, n_steps + 1)
-        drive = np.empty((len(starts), lead + n_steps, len(self._channels)))
-        known: dict[tuple[int, bytes], np.ndarray] = {}
-        for row, start, late in zip(drive, starts, delay_s, strict=True):
-            key = (start.window, late.tobytes())
+        drive = np.empty((len(windows), lead + n_steps, len(self._channels)))
+        known: dict[tuple[int, int, bytes], np.ndarray] = {}
+        for row, window, late in zip(drive, windows, delay_s, strict=True):
+            key = (window.log, window.first, late.tobytes())
             if key not in known:
-                window = self.windows[start.window]
                 from_s = self.logs[window.log].times_s[window.first]
                 known[key] = self._drives[window.log].mean(from_s + since_s, late)
             row[:] = known[key]
@@ -197,21 +193,21 @@ class Rollout:
         return path.swapaxes(0, 1)
 
     def _stepped(
-        self, batch: Batch, starts: Sequence[Start], acting: Acting, drive: np.ndarray
+        self, batch: Batch, windows: Sequence[Window], acting: Acting, drive: np.ndarray
     ) -> np.ndarray:
         """Step to the end; return qpos, qvel and sensors of every step (n_steps, n_sim, m)."""
         model, n_steps = self._model, drive.shape[1]
         nq_nv = model.nq + model.nv
         qpos, qvel, ctrl = (batch.bind(name) for name in ("qpos", "qvel", "ctrl"))
         applied = batch.bind("qfrc_applied")
-        sensors = batch.bind("sensordata") if model.nsensor else np.zeros((len(starts), 0))
-        path = np.empty((n_steps, len(starts), nq_nv + sensors.shape[1]))
+        sensors = batch.bind("sensordata") if model.nsensor else np.zeros((len(windows), 0))
+        path = np.empty((n_steps, len(windows), nq_nv + sensors.shape[1]))
         channels = list(enumerate(self._channels))
         controls = [(c, at.actuator) for c, at in channels if at.actuator is not None]
         torques = [(c, at.dof) for c, at in channels if at.dof is not None]
         soft = list(_through("transmission", acting))
         between = Transmission(batch, soft, self.qpos_of_dof) if soft else None
-        acts = _Forces(self, batch, starts, acting)
+        acts = _Forces(self, batch, windows, acting)
         for k in range(n_steps):
             applied[:] = 0.0
             for channel, actuator in controls:
@@ -219,7 +215,7 @@ class Rollout:
             for channel, dof in torques:
                 applied[:, dof] = drive[:, k, channel]
             if between and k == 0:
-                between.place(np.array([self.windows[s.window].bends for s in starts]))
+                between.place(np.array([w.bends for w in windows]))
             shown_qpos, shown_qvel = path[k, :, : model.nq], path[k, :, model.nq : nq_nv]
             shown_qpos[:], shown_qvel[:] = qpos, qvel
             if between:
@@ -245,7 +241,7 @@ class Rollout:
     def _observed(
         self,
         path: np.ndarray,
-        starts: Sequence[Start],
+        windows: Sequence[Window],
         times_s: Sequence[np.ndarray],
         acting: Acting,
     ) -> list[np.ndarray]:
@@ -258,7 +254,6 @@ class Rollout:
         first = {"position": 0, "velocity": nq, "sensor": nq + nv}
         columns = [first[s.kind] + s.index for s in self._signals]
         late_s = self._latency_s(path.shape[1], acting)
-        windows = [self.windows[s.window] for s in starts]
         found = []
         for sim, wanted_s in enumerate(times_s):
             since_s = wanted_s[:, None] - late_s[sim]
@@ -321,16 +316,15 @@ class _Forces:
     """Applies what effects compute at every step: torques on the joints, and dry friction."""
 
     def __init__(
-        self, owner: Rollout, batch: Batch, starts: Sequence[Start], acting: Acting
+        self, owner: Rollout, batch: Batch, windows: Sequence[Window], acting: Acting
     ) -> None:
-        self.lost = np.zeros(len(starts), bool)
+        self.lost = np.zeros(len(windows), bool)
         self._forces, self._frictions = (
             [(list(e.where.dofs), getattr(e, hook), own) for e, own in _through(hook, acting)]
             for hook in ("force", "friction")
         )
         if not (self._forces or self._frictions):
             return
-        windows = [owner.windows[s.window] for s in starts]
         began = [owner.logs[w.log].times_s[w.first] - owner.logs[w.log].times_s[0] for w in windows]
         self._log_time_s = np.array(began)[:, None]
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")

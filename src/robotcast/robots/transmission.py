@@ -25,6 +25,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from robotcast.robots.effect import Acting
+from robotcast.robots.names import joint_of_actuator
 
 LEAST_ROTOR = 0.02  # of a joint's inertia, taken from its link where the model gives no armature
 IMPLICIT = 2 / 3  # of a step, by which a spring that it does not resolve is damped
@@ -36,10 +37,7 @@ FIXED_GAIN, AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS
 def drives_of(model: mujoco.MjModel, dof: int) -> list[int]:
     """Return the actuators that drive a joint themselves."""
     joint = int(model.dof_jntid[dof])
-    of_joint = (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)) & (
-        model.actuator_trnid[:, 0] == joint
-    )
-    return np.flatnonzero(of_joint).tolist()
+    return [a for a in range(model.nu) if joint_of_actuator(model, a) == joint]
 
 
 def is_plain(model: mujoco.MjModel, actuator: int) -> bool:
