@@ -102,9 +102,8 @@ def cost(asked: RobotCase) -> dict[str, float]:
         own = [p.probes[-1] for name in names for p in model.effects[name].parameters]
         began = time.process_time()
         vectors = np.tile(own, (VECTORS, 1)).reshape(VECTORS, -1)
-        model.rollout.simulate(
-            range(len(windows)), times_s, [model.effects[n] for n in names], vectors
-        )
+        effects = [model.effects[n] for n in names]
+        model.rollout.simulate(range(len(windows)), times_s, effects, vectors)
         took.append(time.process_time() - began)
     return {"no effect": round(took[1] / took[0], 2), "elastic": round(took[2] / took[0], 2)}
 

@@ -198,22 +198,17 @@ class RobotModel:
     @cached_property
     def _slopes(self) -> np.ndarray:
         """By one deviation of every start coordinate, (n_windows, k, d, 2 nv), nominal model."""
-        windows, n = self.rollout.windows, 2 * self.rollout.robot.model.nv
-        moved = np.zeros((len(windows), 1 + n, 2, n // 2))  # not at all first
+        windows, nv = self.rollout.windows, self.rollout.robot.model.nv
+        n = 1 + 2 * nv
+        moved = np.zeros((len(windows), n, 2, nv))  # the first of each not at all
         for window, own in zip(windows, moved, strict=True):
-            own[1:] = np.diag(window.start_sd.ravel()).reshape(n, 2, n // 2)
-        numbers = np.repeat(np.arange(len(windows)), 1 + n)
-        times_s, nominal = (
-            [self.records[k].times_s for k in numbers],
-            [p.nominal for p in self.parameters],
-        )
-        found = (
-            self.rollout.simulate(
-                numbers, times_s, (), np.array([nominal]), moved.reshape(-1, 2, n // 2)
-            )[0]
-            / self.units.si
-        )
-        found = found.reshape(len(windows), 1 + n, *found.shape[1:])
+            own[1:] = np.diag(window.start_sd.ravel()).reshape(-1, 2, nv)
+        numbers = np.repeat(np.arange(len(windows)), n)
+        times_s = [self.records[k].times_s for k in numbers]
+        nominal = np.array([[p.nominal for p in self.parameters]])
+        found = self.rollout.simulate(numbers, times_s, (), nominal, moved.reshape(-1, 2, nv))
+        found = found[0] / self.units.si
+        found = found.reshape(len(windows), n, *found.shape[1:])
         return np.nan_to_num(np.moveaxis(found[:, 1:] - found[:, :1], 1, -1))
 
 
