@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import mujoco
@@ -45,6 +46,25 @@ class Log:
     def period_s(self) -> float:
         """The median time between two samples."""
         return float(np.median(np.diff(self.times_s)))
+
+    @cached_property
+    def _driven(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times with the end, (k + 1,), and the integral of the drive up to each."""
+        times_s = np.r_[self.times_s, self.times_s[-1] + self.period_s]
+        steps = np.diff(times_s)[:, None] * self.drive
+        return times_s, np.vstack([np.zeros(self.drive.shape[1]), np.cumsum(steps, axis=0)])
+
+    def mean_drive(self, edges_s: np.ndarray, delay_s: np.ndarray) -> np.ndarray:
+        """Return the means (n, n_channels) between n + 1 edges, every channel so much later."""
+        times_s, driven = self._driven
+        found = np.empty((len(edges_s) - 1, len(delay_s)))
+        for channel, late in enumerate(delay_s):
+            at, ends = edges_s - late, self.drive[[0, -1], channel]
+            total = np.interp(np.clip(at, times_s[0], times_s[-1]), times_s, driven[:, channel])
+            before, after = np.minimum(at - times_s[0], 0), np.maximum(at - times_s[-1], 0)
+            total += before * ends[0] + after * ends[1]
+            found[:, channel] = np.diff(total) / np.diff(at)
+        return found
 
 
 def read_logs(robot: RobotFile) -> tuple[Log, ...]:

@@ -199,7 +199,7 @@ def read_robot(folder: Path) -> RobotFile:
         write = f"python stages/describe.py robot={folder}"
         raise ValueError(f"{folder} has no {FILE}: {write} writes one")
     try:
-        said = _Said(path, FILE, yaml.safe_load(path.read_text(encoding="utf-8")))
+        said = _Said(path, "", yaml.safe_load(path.read_text(encoding="utf-8")))
     except yaml.YAMLError as error:
         raise ValueError(f"{path}: not YAML: {_one_line(error)}") from None
     said.allow(*KEYS)
@@ -252,44 +252,41 @@ class _Said:
         if not isinstance(self.values, dict):
             raise self.wrong("expected `key: value` lines", self.values)
 
-    def wrong(self, rule: str, got: Any) -> ValueError:
-        """Return the error that a rule was broken here."""
-        return ValueError(f"{self.path}: {self.where}: {rule}, got {got!r}")
+    def at(self, key: Any = "") -> str:
+        """Return where it stands, or the value of a key in it."""
+        return f"{self.path}: {f'{self.where} {key}'.strip() or FILE}"
+
+    def wrong(self, rule: str, got: Any, key: Any = "") -> ValueError:
+        """Return the error that a rule was broken there."""
+        return ValueError(f"{self.at(key)}: {rule}, got {got!r}")
 
     def allow(self, *keys: str) -> None:
         """Refuse any other key."""
         if unknown := [key for key in self.values if key not in keys]:
-            raise ValueError(
-                f"{self.path}: {self.where}: no key is called {unknown[0]!r}; "
-                f"there are {', '.join(keys)}"
-            )
+            there = ", ".join(keys)
+            raise ValueError(f"{self.at()}: no key is called {unknown[0]!r}; there are {there}")
 
-    def get(self, key: str) -> Any:
+    def get(self, key: Any) -> Any:
         return self.values.get(key)
 
-    def at(self, key: str) -> str:
-        return key if self.where == FILE else f"{self.where} {key}"
-
-    def part(self, key: str, short: str = "", otherwise: Any = None) -> "_Said":
+    def part(self, key: Any, short: str = "", otherwise: Any = None) -> "_Said":
         """Return a mapping below; what stands there alone is its `short` key."""
         value = self.values.get(key, otherwise)
         if short and not isinstance(value, dict):
             value = {short: value}
-        return _Said(self.path, self.at(key), {} if value is None else value)
+        return _Said(self.path, f"{self.where} {key}".strip(), {} if value is None else value)
 
     def names(self, key: str) -> list[str]:
         """Return a list of words, or one."""
-        some = self.values.get(key) or []
+        some = self.get(key) or []
         return [some] if isinstance(some, str) else [str(one) for one in some]
 
     def number(self, key: str) -> float | None:
         """Return a number, None where it is not given."""
-        value = self.values.get(key)
-        if value is None:
-            return None
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise _Said(self.path, self.at(key), {}).wrong("expected a number", value)
-        return float(value)
+        value = self.get(key)
+        if isinstance(value, bool) or not isinstance(value, int | float | None):
+            raise self.wrong("expected a number", value, key)
+        return None if value is None else float(value)
 
 
 def _log_paths(folder: Path, said: _Said) -> tuple[Path, ...]:
@@ -305,7 +302,7 @@ def _log_paths(folder: Path, said: _Said) -> tuple[Path, ...]:
 def _columns(said: _Said, parse: Callable[..., Any], model: mujoco.MjModel) -> dict:
     found = {}
     for target in said.values:
-        at = parse(model, target, f"{said.path}: {said.at(target)}")
+        at = parse(model, target, said.at(target))
         found[at] = _column(said.part(target, "column"), at.unit)
     return found
 
@@ -316,7 +313,7 @@ def _column(said: _Said, wanted: str) -> Column:
     if not isinstance(said.get("column"), str | int | float):
         raise said.wrong("name the column of the logs", said.get("column"))
     unit, constant = said.get("unit"), said.number("torque_constant")
-    factor = to_si(unit, wanted, constant, f"{said.path}: {said.where}")
+    factor = to_si(unit, wanted, constant, said.at())
     factor *= 1.0 if (scale := said.number("scale")) is None else scale
     noise = said.number("noise")
     return Column(
@@ -330,10 +327,9 @@ def _column(said: _Said, wanted: str) -> Column:
 
 def _tunables(said: _Said, known: Mapping[str, Mapping[str, Any]], model: Any) -> list[Tunable]:
     """Read `tune`; a word in the place of bounds names a parameter of the ParameterDict."""
-    found, own = [], said.part("tune").values
-    for name, how in (own or {name: name for name in known}).items():
-        at = address(model, name, f"{said.path}: tune {name}")
-        wrong = _Said(said.path, f"tune {name}", {}).wrong
+    found, part = [], said.part("tune")
+    for name, how in (part.values or {name: name for name in known}).items():
+        at = address(model, name, part.at(name))
         if isinstance(how, str) and how in known:
             found.append(Tunable(at, factor=False, **known[how]))
             continue
@@ -343,7 +339,7 @@ def _tunables(said: _Said, known: Mapping[str, Mapping[str, Any]], model: Any) -
         if numbers != [True, True] or not bounds[0] < bounds[1]:
             also = f", or one of {', '.join(known)} of {said.get('sysid')}" if known else ""
             rule = f"expected bounds [least, most], or factor: [least, most] of the model's{also}"
-            raise wrong(rule, how)
+            raise part.wrong(rule, how, name)
         found.append(Tunable(at, float(bounds[0]), float(bounds[1]), factor))
     return found
 
@@ -367,8 +363,8 @@ def _servos(said: _Said) -> dict[str, tuple[float, float]]:
 def _groups(said: _Said, model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
     groups = {}
     for name in said.values:
-        where = f"{said.path}: {said.at(name)}"
-        found = [j for one in said.names(name) for j in matching(model, "joint", one, where)]
+        patterns, where = said.names(name), said.at(name)
+        found = [j for one in patterns for j in matching(model, "joint", one, where)]
         groups[str(name)] = tuple(dict.fromkeys(int(model.jnt_dofadr[j]) for j in found))
     return groups
 
@@ -379,22 +375,22 @@ def _payloads(said: _Said, model: mujoco.MjModel) -> dict[str, tuple[Payload, ..
     for target in said.values:
         part = said.part(target)
         name = str(target).removeprefix("body[").removesuffix("]")
-        (body, *_) = matching(model, "body", name, f"{said.path}: {part.where}")
+        body = matching(model, "body", name, part.at())[0]
         for log in part.values:
             given = part.part(log, "kg")
             given.allow("kg", "at")
             mass_kg, place = given.number("kg"), given.get("at") or model.body_ipos[body].tolist()
             if mass_kg is None or mass_kg < 0 or len(place) != 3:
                 raise given.wrong("expected a mass [kg], or {kg: …, at: [x, y, z]}", given.values)
-            x, y, z = map(float, place)
-            found[log] = (*found.get(log, ()), Payload(body, mass_kg, (x, y, z)))
+            load = Payload(body, mass_kg, tuple(map(float, place)))
+            found[log] = (*found.get(log, ()), load)
     return found
 
 
 def _repeats(said: _Said) -> tuple[tuple[str, ...], ...]:
     groups = said.get("repeats") or ()
     if wrong := [group for group in groups if not isinstance(group, list)]:
-        raise _Said(said.path, "repeats", {}).wrong("expected lists of logs", wrong[0])
+        raise said.wrong("expected lists of logs", wrong[0], "repeats")
     return tuple(tuple(Path(name).name for name in group) for group in groups)
 
 

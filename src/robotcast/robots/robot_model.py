@@ -8,7 +8,6 @@ model can hide what it misses in it.
 """
 
 from collections.abc import Iterable, Sequence
-from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -44,8 +43,7 @@ class Units:
             some = logs[w.log].measured[w.first : w.end]
             squares.append(np.nanmean((some - np.nanmean(some, axis=0)) ** 2, axis=0))
         travel = np.sqrt(np.nanmean(squares, axis=0))
-        if not (travel > 0).all():
-            travel = np.where(travel > 0, travel, travel.max())
+        travel = np.where(travel > 0, travel, travel.max())
         si = np.hypot(noise, PART * travel)
         return cls(si, noise / si)
 
@@ -138,24 +136,16 @@ class RobotModel:
             missed.append(left - self._start_shift(record, left))
         return self.usual_miss(missed)
 
-    @property
-    def finer(self) -> "RobotModel":
-        """The same model with a shorter step."""
-        assert len(self._slopes)  # of the start states, which both have in common
-        other, known = copy(self), self.rollout
-        other.__dict__.pop("nominal_misses", None)
-        other.rollout = Rollout(known.robot, known.logs, known.windows, known.threads, FINER)
-        return other
-
     def step_miss(self) -> float:
         """Return by how much the model errs because its step is no shorter, % of the scale.
 
         What the tuned parameters take up of it, by their slopes, is not missed.
         """
         numbers, times_s = range(len(self.records)), [record.times_s for record in self.records]
-        vectors = _about(self.parameters)
-        coarse = self.rollout.simulate(numbers, times_s, (), vectors)
-        exact = self.finer.rollout.simulate(numbers, times_s, (), vectors[:1])
+        vectors, own = _about(self.parameters), self.rollout
+        finer = Rollout(own.robot, own.logs, own.windows, own.threads, FINER)
+        coarse = own.simulate(numbers, times_s, (), vectors)
+        exact = finer.simulate(numbers, times_s, (), vectors[:1])
         moved = np.concatenate([coarse[:1] - exact, coarse[1:] - coarse[:1]]) / self.units.si
         parts = []
         for row, record in enumerate(self.records):
@@ -214,15 +204,13 @@ class RobotModel:
 
 def _about(parameters: Sequence[Parameter]) -> np.ndarray:
     """Return the nominal values (1 + n_free, n), and others with one of them a step away."""
-    nominal = np.array([p.nominal for p in parameters])
-    rows = [nominal]
+    rows = [np.array([p.nominal for p in parameters])]
     for k, p in enumerate(parameters):
         unit = float(p.to_unit(np.asarray(p.nominal)))
         if not p.frozen:
             there = unit + (DIFFERENCE if unit < 0.5 else -DIFFERENCE)
-            rows.append(
-                np.where(np.arange(len(nominal)) == k, p.from_unit(np.asarray(there)), nominal)
-            )
+            rows.append(rows[0].copy())
+            rows[-1][k] = p.from_unit(np.asarray(there))
     return np.array(rows)
 
 
@@ -230,8 +218,9 @@ def tuned_parameters(robot: RobotFile) -> tuple[Parameter, ...]:
     """Return the parameters of the nominal fit, about what the model says."""
     found = []
     for one in robot.tune:
-        nominal = 1.0 if one.factor else float(np.mean(one.at.nominal(robot.model)))
-        nominal = nominal if one.start is None else one.start
+        nominal = one.start
+        if nominal is None:
+            nominal = 1.0 if one.factor else float(np.mean(one.at.nominal(robot.model)))
         if not one.lower <= nominal <= one.upper:
             raise ValueError(
                 f"{robot.path}: tune {one.at.name}: the model's {nominal:g} lies outside of the "

@@ -24,7 +24,8 @@ BATCH = 256  # simulations stepped side by side
 CHECK_EVERY = 50  # steps between looks for runs that diverged
 DIVERGED_RATE = 1e4  # rad/s or m/s: no robot moves like that
 INPUTS = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
-STEPWISE = ("force", "friction", "transmission")  # hooks that are asked at every step
+FORCES = ("force", "friction")
+STEPWISE = (*FORCES, "transmission")  # hooks that are asked at every step
 LEAD_S = 0.3  # of commands before a window, for effects that remember them
 
 
@@ -56,7 +57,6 @@ class Rollout:
         self._step_s = float(self._model.opt.timestep)
         self._channels = list(robot.drive)
         self._signals = list(robot.measured)
-        self._drives = [_Drive(log) for log in logs]
         self.qpos_of_dof = self._model.jnt_qposadr[self._model.dof_jntid]
 
     def simulate(
@@ -159,7 +159,7 @@ class Rollout:
             key = (window.log, window.first, late.tobytes())
             if key not in known:
                 from_s = self.logs[window.log].times_s[window.first]
-                known[key] = self._drives[window.log].mean(from_s + since_s, late)
+                known[key] = self.logs[window.log].mean_drive(from_s + since_s, late)
             row[:] = known[key]
         for effect, own in _through("command", acting):
             at = list(effect.where.channels)
@@ -207,7 +207,9 @@ class Rollout:
         torques = [(c, at.dof) for c, at in channels if at.dof is not None]
         soft = list(_through("transmission", acting))
         between = Transmission(batch, soft, self.qpos_of_dof) if soft else None
-        acts = _Forces(self, batch, windows, acting)
+        acts = any(True for hook in FORCES for _ in _through(hook, acting))
+        forces = _Forces(self, batch, windows, acting) if acts else None
+        lost = np.zeros(len(windows), bool)
         for k in range(n_steps):
             applied[:] = 0.0
             for channel, actuator in controls:
@@ -221,7 +223,8 @@ class Rollout:
             if between:
                 between.show(shown_qpos, shown_qvel)
                 between.apply()
-            acts.apply(k * self._step_s)
+            if forces:
+                forces.apply(k * self._step_s)
             try:
                 batch.step()
             except SimulationError as error:
@@ -230,12 +233,10 @@ class Rollout:
                 between.advance()
             path[k, :, nq_nv:] = sensors
             if k % CHECK_EVERY == 0 or k == n_steps - 1:
-                lost = ~(np.abs(qvel).max(axis=1) < DIVERGED_RATE)
-                if lost.any():
-                    path[: k + 1, lost] = np.nan
-                    qpos[lost], qvel[lost] = model.qpos0, 0.0
-                    acts.lost |= lost
-        path[:, acts.lost] = np.nan
+                wild = ~(np.abs(qvel).max(axis=1) < DIVERGED_RATE)
+                qpos[wild], qvel[wild] = model.qpos0, 0.0
+                lost |= wild
+        path[:, lost] = np.nan
         return path
 
     def _observed(
@@ -253,7 +254,10 @@ class Rollout:
             path[:, :, at] = shown.swapaxes(0, 1)
         first = {"position": 0, "velocity": nq, "sensor": nq + nv}
         columns = [first[s.kind] + s.index for s in self._signals]
-        late_s = self._latency_s(path.shape[1], acting)
+        late_s = np.zeros((path.shape[1], len(columns)))
+        for effect, own in _through("latency_s", acting):
+            at = [s.dof in effect.where.dofs for s in self._signals]
+            late_s[:, at] += effect.latency_s(**own)
         found = []
         for sim, wanted_s in enumerate(times_s):
             since_s = wanted_s[:, None] - late_s[sim]
@@ -268,15 +272,6 @@ class Rollout:
             found.append(shown)
         return found
 
-    def _latency_s(self, n_sim: int, acting: Acting) -> np.ndarray:
-        """Return by how much every signal comes late, (n_sim, n_signals)."""
-        late_s = np.zeros((n_sim, len(self._signals)))
-        for effect, own in _through("latency_s", acting):
-            late_s[:, [s.dof in effect.where.dofs for s in self._signals]] += effect.latency_s(
-                **own
-            )
-        return late_s
-
     def _before_start(self, window: Window, since_s: np.ndarray, late_s: np.ndarray) -> np.ndarray:
         """Return how far the signals were from where they start, before it, (k, n_signals)."""
         away = np.zeros_like(since_s)
@@ -289,42 +284,16 @@ class Rollout:
         return away
 
 
-class _Drive:
-    """What a log commands, as the mean over any span of time."""
-
-    def __init__(self, log: Log) -> None:
-        times_s = np.r_[log.times_s, log.times_s[-1] + log.period_s]
-        self._times_s, self._values = times_s, log.drive
-        steps = np.diff(times_s)[:, None] * log.drive
-        self._sum = np.vstack([np.zeros(log.drive.shape[1]), np.cumsum(steps, axis=0)])
-
-    def mean(self, edges_s: np.ndarray, delay_s: np.ndarray) -> np.ndarray:
-        """Return the means (n, n_channels) between n + 1 edges, every channel so much later."""
-        first, last = self._times_s[[0, -1]]
-        found = np.empty((len(edges_s) - 1, len(delay_s)))
-        for channel, late in enumerate(delay_s):
-            at = edges_s - late
-            inside = np.clip(at, first, last)
-            total = np.interp(inside, self._times_s, self._sum[:, channel])
-            ends = self._values[[0, -1], channel]
-            total += np.minimum(at - first, 0) * ends[0] + np.maximum(at - last, 0) * ends[1]
-            found[:, channel] = np.diff(total) / np.diff(at)
-        return found
-
-
 class _Forces:
     """Applies what effects compute at every step: torques on the joints, and dry friction."""
 
     def __init__(
         self, owner: Rollout, batch: Batch, windows: Sequence[Window], acting: Acting
     ) -> None:
-        self.lost = np.zeros(len(windows), bool)
         self._forces, self._frictions = (
             [(list(e.where.dofs), getattr(e, hook), own) for e, own in _through(hook, acting)]
-            for hook in ("force", "friction")
+            for hook in FORCES
         )
-        if not (self._forces or self._frictions):
-            return
         began = [owner.logs[w.log].times_s[w.first] - owner.logs[w.log].times_s[0] for w in windows]
         self._log_time_s = np.array(began)[:, None]
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
@@ -336,13 +305,10 @@ class _Forces:
 
     def apply(self, time_s: float) -> None:
         """Write the forces of the step that begins at `time_s`."""
-        if not (self._forces or self._frictions):
-            return
-        torque = self._actuated + self._applied
+        torque, log_time_s = self._actuated + self._applied, self._log_time_s + time_s
         qpos = self._qpos[:, self._qpos_of_dof]
 
         def of(dofs: list[int]) -> Motion:
-            log_time_s = self._log_time_s + time_s
             return Motion(log_time_s, qpos[:, dofs], self._qvel[:, dofs], torque[:, dofs])
 
         for dofs, force, own in self._forces:
