@@ -1,7 +1,7 @@
 """A first robot.yaml, guessed from the names in a model and in the header of a log."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import mujoco
@@ -106,10 +106,12 @@ class _Guess:
         if len(self.servos) == model.nu > 1:
             self.servos = ["actuator[*]"]
         used = {column for column, _ in (*self.drive.values(), *self.measured.values())}
-        for sensor, address in _sensors(model):
-            if sensor in left and sensor not in used:
-                self.measured[address] = (sensor, "")
-                used.add(sensor)
+        for i, sensor in enumerate(names_of(model, "sensor")):
+            size = int(model.sensor_dim[i])
+            for end in [""] if size == 1 else [f"[{k}]" for k in range(size)]:
+                if (column := f"{sensor}{end}") in left and column not in used:
+                    self.measured[f"sensor[{sensor}]{end}"] = (column, "")
+                    used.add(column)
         self.unused = [c for c in left if c not in used]
         self.unmeasured = [n for n in single if f"joint[{n}].position" not in self.measured]
 
@@ -209,14 +211,6 @@ def _control(model: mujoco.MjModel, actuator: int) -> str:
     return ("rad" if hinge else "m") + ("" if bias[1] else "/s")
 
 
-def _sensors(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
-    for i, name in enumerate(names_of(model, "sensor")):
-        size = int(model.sensor_dim[i])
-        for k in range(size):
-            end = "" if size == 1 else f"[{k}]"
-            yield f"{name}{end}", f"sensor[{name}]{end}"
-
-
 def _tokens(name: str) -> set[str]:
     apart = re.sub(r"([a-z])([A-Z0-9])", r"\1 \2", name)
     return {token.lower() for token in re.split(r"[^A-Za-z0-9]+", apart) if token}
@@ -300,11 +294,14 @@ def _text(folder: Path, model_path: Path, logs: Sequence[Path], guess: _Guess) -
         return "\n".join(rows) or "  # nothing was recognised: add lines like those in docs"
 
     joint = next(iter(guess.measured), "joint[NAME].position").rpartition(".")[0]
-    weld = f"weld: [{', '.join(map(_quoted, guess.weld))}]  # stays where the model puts it\n"
-    servos = (
-        "servos:  # commanded positions: the gains kp, kd with which the robot follows them\n"
-        + "".join(f"  {_quoted(one)}: {{ kp: , kd: }}\n" for one in guess.servos)
-    )
+    more = ""
+    if guess.weld:
+        more = f"weld: [{', '.join(map(_quoted, guess.weld))}]  # stays where the model puts it\n"
+    if guess.servos:
+        more += (
+            "servos:  # commanded positions: the gains kp, kd with which the robot follows them\n"
+        )
+        more += "".join(f"  {_quoted(one)}: {{ kp: , kd: }}\n" for one in guess.servos)
     return (
         f"# Written by describe from {model_path.name} and {logs[0].name}: check columns, units.\n"
         f"model: {_quoted(model_path.name)}\n"
@@ -312,7 +309,7 @@ def _text(folder: Path, model_path: Path, logs: Sequence[Path], guess: _Guess) -
         f"time: {{ column: {_quoted(guess.time)}, unit: {guess.time_unit} }}\n"
         f"drive:  # what was commanded\n{lines(guess.drive)}\n"
         f"measured:\n{lines(guess.measured)}\n"
-        f"{weld if guess.weld else ''}{servos if guess.servos else ''}"
+        f"{more}"
         "# tune:  # parameters that the nominal fit may change, with bounds; others are trusted\n"
         f"#   {joint}.damping: [0.0, 1.0]\n"
         "#   body[*].mass: { factor: [0.8, 1.2] }\n"

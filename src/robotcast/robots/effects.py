@@ -8,10 +8,8 @@ import numpy as np
 
 from robotcast.robots.effect import Motion, RobotEffect
 from robotcast.robots.model_fields import ModelFields
-from robotcast.robots.names import Address, address, names_of
+from robotcast.robots.names import Address, address, is_hinge, names_of
 from robotcast.robots.transmission import LEAST_ROTOR, drives_of, is_servo, link_inertia
-
-SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def in_file(spec: mujoco.MjSpec, joint: Any, value: float) -> float:
@@ -74,13 +72,12 @@ class Tilt(RobotEffect):
 
     def write(self, fields: ModelFields, *, about_x: np.ndarray, about_y: np.ndarray) -> None:
         x, y, z = fields.model.opt.gravity
-        turned = (
-            np.cos(about_y) * x + np.sin(about_y) * z,
-            np.cos(about_x) * y - np.sin(about_x) * z,
+        more = (
+            np.cos(about_y) * x + np.sin(about_y) * z - x,
+            np.cos(about_x) * y - np.sin(about_x) * z - y,
         )
-        for column, (new, old) in enumerate(zip(turned, (x, y), strict=True)):
-            at = Address("option.gravity", "opt.gravity", (), column)
-            fields.add(at, new - old)
+        for column, values in enumerate(more):
+            fields.add(Address("option.gravity", "opt.gravity", (), column), values)
 
 
 class DriveGain(RobotEffect):
@@ -133,12 +130,16 @@ class Lag(RobotEffect):
         return True
 
 
+def _limit(s: np.ndarray) -> np.ndarray:
+    """Return 1/s, infinite at 0."""
+    return np.where(s > 0, 1 / np.where(s > 0, s, 1.0), np.inf)
+
+
 class CommandLimit(RobotEffect):
     """Drives follow commands up to ±1/s only: torque of a motor, position of a servo."""
 
     def command(self, drive: np.ndarray, step_s: float, *, s: np.ndarray) -> np.ndarray:
-        limit = np.where(s > 0, 1 / np.where(s > 0, s, 1.0), np.inf)
-        return np.clip(drive, -limit, limit)
+        return np.clip(drive, -_limit(s), _limit(s))
 
     def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, s: float) -> bool:
         for i in self.where.actuators:
@@ -152,13 +153,11 @@ class ForceLimit(RobotEffect):
 
     def write(self, fields: ModelFields, *, s: np.ndarray) -> None:
         rows = self.where.actuators
-        limit = np.where(s > 0, 1 / np.where(s > 0, s, 1.0), np.inf)
-        for column, bound in enumerate((np.maximum, np.minimum)):
+        limited = fields.model.actuator_forcelimited[list(rows)].astype(bool)
+        for column, sign, bound in ((0, -1.0, np.maximum), (1, 1.0, np.minimum)):
             at = Address("actuator.forcerange", "actuator_forcerange", rows, column)
-            limited = fields.model.actuator_forcelimited[list(rows)].astype(bool)
-            sign = (-1.0, 1.0)[column]
             known = np.where(limited, at.nominal(fields.model), sign * np.inf)
-            fields.set(at, bound(known, sign * limit))
+            fields.set(at, bound(known, sign * _limit(s)))
 
     def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, s: float) -> bool:
         for i in self.where.actuators:
@@ -195,13 +194,13 @@ class Transmitted(RobotEffect):
         """Insert a second joint behind each, so that the old one is the rotor's."""
         given = {name: np.array([[v]]) for name, v in values.items()}
         compliance, retardation_s, half_gap, _ = map(np.ndarray.item, self.transmission(**given))
-        slides = (model.jnt_type[model.dof_jntid[dof]] == SLIDE for dof in self.where.dofs)
-        if any(slides) or spec.keys:
+        joints = [int(model.dof_jntid[dof]) for dof in self.where.dofs]
+        if spec.keys or not all(is_hinge(model, joint) for joint in joints):
             # MuJoCo takes two slides along one axis of a body for orthogonal ones, and the
             # positions of a keyframe would be one too few
             return False
-        for dof in self.where.dofs:
-            old = spec.joints[int(model.dof_jntid[dof])]
+        for dof, joint in zip(self.where.dofs, joints, strict=True):
+            old = spec.joints[joint]
             new = old.parent.add_joint(name=f"{old.name}_{self.name}", type=old.type)
             new.axis, new.pos = old.axis, old.pos
             rotor = LEAST_ROTOR * float(link_inertia(model, [dof])[0])

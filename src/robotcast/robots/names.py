@@ -12,13 +12,7 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-OBJECTS = {
-    "joint": mujoco.mjtObj.mjOBJ_JOINT,
-    "body": mujoco.mjtObj.mjOBJ_BODY,
-    "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
-    "geom": mujoco.mjtObj.mjOBJ_GEOM,
-    "sensor": mujoco.mjtObj.mjOBJ_SENSOR,
-}
+OBJECTS = {"joint": "njnt", "body": "nbody", "actuator": "nu", "geom": "ngeom", "sensor": "nsensor"}
 FIELDS = {  # what may be set of each: a field of MjModel, most of them called as in MJCF
     "joint": {
         "damping": "dof_damping",
@@ -105,9 +99,7 @@ def field_of(model: mujoco.MjModel, field: str) -> np.ndarray:
 
 def names_of(model: mujoco.MjModel, kind: str) -> list[str]:
     """Return the names of all objects of a kind; one without is called by its number."""
-    n = {"joint": model.njnt, "body": model.nbody, "actuator": model.nu, "geom": model.ngeom}
-    count = n.get(kind, model.nsensor)
-    return [mujoco.mj_id2name(model, OBJECTS[kind], i) or str(i) for i in range(count)]
+    return [getattr(model, kind)(i).name or str(i) for i in range(getattr(model, OBJECTS[kind]))]
 
 
 def joint_of_dof(model: mujoco.MjModel, dof: int) -> str:
@@ -142,16 +134,16 @@ def address(model: mujoco.MjModel, text: str, where: str) -> Address:
         forms = ", ".join(f"{k}.{a}" for k, some in FIELDS.items() for a in some)
         raise ValueError(f"{where}: {kind}.{attribute} cannot be set; these can: {forms}")
     values = field_of(model, field)
-    rows: list[int] = []
-    if kind != "option":
-        rows = [r for i in matching(model, kind, pattern, where) for r in _rows(model, i, field)]
-    size = values.shape[-1] if values.ndim > (0 if kind == "option" else 1) else 0
+    option = kind == "option"
+    found = [] if option else matching(model, kind, pattern, where)
+    rows = tuple(row for i in found for row in _rows(model, i, field))
+    size = values.shape[-1] if values.ndim > (0 if option else 1) else 0
     if size and index is None and attribute in FIRST_OF:
         index = 0
     if size and (index is None or index >= size):
         raise ValueError(f"{where}: it has {size} elements; end it with [0] to [{size - 1}]")
     column = index if size else None
-    return Address(text, field, tuple(rows), column, mass=attribute == "mass")
+    return Address(text, field, rows, column, mass=attribute == "mass")
 
 
 def channel(model: mujoco.MjModel, text: str, where: str) -> Channel:

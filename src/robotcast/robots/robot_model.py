@@ -8,6 +8,7 @@ model can hide what it misses in it.
 """
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -136,16 +137,24 @@ class RobotModel:
             missed.append(left - self._start_shift(record, left))
         return self.usual_miss(missed)
 
+    @property
+    def finer(self) -> "RobotModel":
+        """The same model with a shorter step: diagnosis asks it by what that shifts sizes."""
+        assert len(self._slopes)  # of the start states, which both have in common
+        other, known = copy(self), self.rollout
+        other.__dict__.pop("nominal_misses", None)
+        other.rollout = Rollout(known.robot, known.logs, known.windows, known.threads, FINER)
+        return other
+
     def step_miss(self) -> float:
         """Return by how much the model errs because its step is no shorter, % of the scale.
 
         What the tuned parameters take up of it, by their slopes, is not missed.
         """
         numbers, times_s = range(len(self.records)), [record.times_s for record in self.records]
-        vectors, own = _about(self.parameters), self.rollout
-        finer = Rollout(own.robot, own.logs, own.windows, own.threads, FINER)
-        coarse = own.simulate(numbers, times_s, (), vectors)
-        exact = finer.simulate(numbers, times_s, (), vectors[:1])
+        vectors = _about(self.parameters)
+        coarse = self.rollout.simulate(numbers, times_s, (), vectors)
+        exact = self.finer.rollout.simulate(numbers, times_s, (), vectors[:1])
         moved = np.concatenate([coarse[:1] - exact, coarse[1:] - coarse[:1]]) / self.units.si
         parts = []
         for row, record in enumerate(self.records):
