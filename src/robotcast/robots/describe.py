@@ -84,7 +84,9 @@ class _Guess:
         moved = ["" if joint is None else self._joints[joint] for joint in on]
         self._moved = dict(zip(actuators, moved, strict=True))
         self.time = next((c for c in columns if _tokens(c) & TIMES), columns[0])
-        self.time_unit = _time_unit(table[self.time])
+        times = table[self.time].drop_nulls().to_numpy().astype(float)
+        step = float(np.median(np.diff(times)))
+        self.time_unit = next((unit for unit, least in PERIODS if step >= least), "s")
         single = [n for j, n in enumerate(self._joints) if model.jnt_type[j] >= 2]
         self.weld = [n for n in self._joints if n not in single]
         left = [c for c in columns if c != self.time]
@@ -253,11 +255,6 @@ def _assigned(
     if not found and len(columns) >= len(order):
         found = dict(zip(order, columns, strict=False))
     return found
-
-
-def _time_unit(times: pl.Series) -> str:
-    step = float(np.median(np.diff(times.drop_nulls().to_numpy().astype(float))))
-    return next((unit for unit, least in PERIODS if step >= least), "s")
 
 
 def _named_unit(column: str, name: str, *kinds: str) -> str:

@@ -83,9 +83,7 @@ class RobotEffect:
     def closes(self, model: mujoco.MjModel, bias: np.ndarray, **values: np.ndarray) -> None:
         """Change what servos see of the joints whose loops they close, when all else is written.
 
-        Parameters
-        ----------
-        bias : `actuator_biasprm` of every simulation, (n_sim, nu, n), changed in place.
+        That is `bias`, `actuator_biasprm` of every simulation, (n_sim, nu, n), in place.
         """
         raise NotImplementedError
 

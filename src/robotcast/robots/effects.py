@@ -21,10 +21,8 @@ def in_file(spec: mujoco.MjSpec, joint: Any, value: float) -> float:
 class ModelField(RobotEffect):
     """An effect that MuJoCo has itself: numbers of the model are other ones.
 
-    Parameters
-    ----------
-    writes : parameter → fields of the part, "damping" or "ipos[0]", that it changes.
-    how : "add" the parameter, "subtract" it, or "scale" by 1 + it.
+    Each parameter `writes` fields of the part, "damping" or "ipos[0]": what it does, `how`, is to
+    "add" the parameter, to "subtract" it, or to "scale" by 1 + it.
     """
 
     def __init__(
@@ -324,10 +322,7 @@ class EncoderScale(Encoder):
 class TorqueField(RobotEffect):
     """A flexible field: any torque that depends on one quantity, piecewise linear between knots.
 
-    Parameters
-    ----------
-    of : "position", "speed", "torque" or "time".
-    knots : where it is given, (n,); as many parameters.
+    It is a field `of` "position", "speed", "torque" or "time", with a parameter at each knot (n,).
     """
 
     def __init__(self, *args: Any, of: str, knots: np.ndarray, **more: Any) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -25,9 +24,9 @@ PLACES = 21  # of a field over the range of positions: ripple has several waves 
 PROBE, BOUND = 0.1, 2.0  # of a field, in usual torques
 
 
-def library(path: Path = CONFIGURATION / "robot_effects.yaml") -> dict[str, dict[str, Any]]:
+def library() -> dict[str, dict[str, Any]]:
     """Return the entries of the library, by name."""
-    return yaml.safe_load(path.read_text(encoding="utf-8"))
+    return yaml.safe_load((CONFIGURATION / "robot_effects.yaml").read_text(encoding="utf-8"))
 
 
 def candidates(robot: RobotFile, sizes: Sizes) -> tuple[RobotEffect, ...]:
@@ -59,22 +58,20 @@ def within(robot: RobotFile, sizes: Sizes, effect: RobotEffect) -> tuple[RobotEf
 def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     """Return the joints, links and drives that effects act on: each alone, or groups of them."""
     model, groups = robot.model, dict(robot.groups) or _groups(robot.model)
-    channels = list(robot.drive)
+    channels, names = list(robot.drive), names_of(model, "body")
     joints = [_where(robot, name, dofs) for name, dofs in groups.items()]
     drives = [one for one in joints if one.channels]
     known = {c for one in joints for c in one.channels}
-    for c in range(len(channels)):
-        if c not in known:
-            drives.append(_where(robot, channels[c].name, (), (c,)))
+    others = [(c, at) for c, at in enumerate(channels) if c not in known]
+    drives += [_where(robot, at.name, (), (c,)) for c, at in others]
     bodies = [int(model.dof_bodyid[dof]) for dof in range(model.nv)]
     if model.nv > FEW_JOINTS:  # loads hang on the last bodies
         bodies = [b for b in bodies if not (model.body_parentid == b).any()]
-    names = names_of(model, "body")
     links = [Where(names[b], (), (b,), (), ()) for b in dict.fromkeys(bodies)]
-    pairs = []
-    for one, other in coupled(model):
-        dofs = tuple(int(model.joint(name).dofadr[0]) for name in (one, other))
-        pairs.append(_where(robot, f"{one}_and_{other}", dofs, ()))
+    pairs = [
+        _where(robot, "_and_".join(pair), tuple(int(model.joint(j).dofadr[0]) for j in pair), ())
+        for pair in coupled(model)
+    ]
     whole = _where(robot, "", tuple(range(model.nv)), range(len(channels)))
     return {"joint": joints, "pair": pairs, "body": links, "drive": drives, "robot": [whole]}
 
@@ -130,7 +127,8 @@ def _made(
         name=f"{name}_{where.name}" if where.name else name,
         text=entry["text"].format(where=where.name.replace("_", " ")),
         parameters=[
-            _parameter(n, p, dofs, where.channels, sizes) for n, p in entry["parameters"].items()
+            _parameter(n, given, *sizes.of(given["of"], dofs, where.channels))
+            for n, given in entry["parameters"].items()
         ],
         where=where,
     )
@@ -161,22 +159,14 @@ def _needed(model: mujoco.MjModel, what: str | None, where: Where, sizes: Sizes)
     }[what]
 
 
-def _parameter(
-    name: str,
-    given: Mapping[str, Any],
-    dofs: Sequence[int],
-    channels: Sequence[int],
-    sizes: Sizes,
-) -> Parameter:
+def _parameter(name: str, given: Mapping[str, Any], size: float, unit: str) -> Parameter:
     """Make a parameter whose numbers are in units of a usual size."""
-    size, unit = sizes.of(given["of"], dofs, channels)
     null = given.get("null_at")
+    nominal = size * (given["nominal"] if null is None else null)
     lower, upper = size * given["lower"], size * given["upper"]
-    nominal = size * (null if null is not None else given["nominal"])
     probes = tuple(size * p for p in given.get("probes", ()))
-    return Parameter(
-        name, unit, lower, upper, nominal, null=None if null is None else nominal, probes=probes
-    )
+    null = None if null is None else nominal
+    return Parameter(name, unit, lower, upper, nominal, null=null, probes=probes)
 
 
 def _keep_physical(model: mujoco.MjModel, effect: RobotEffect) -> None:

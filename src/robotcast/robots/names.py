@@ -39,9 +39,7 @@ WIDTH = {mujoco.mjtJoint.mjJNT_FREE: 6, mujoco.mjtJoint.mjJNT_BALL: 3}
 class Address:
     """Elements of one field of an MjModel: `rows`, and of each row the `column` where it has any.
 
-    Attributes
-    ----------
-    mass : whether the bodies' inertias go along, as those of bodies of the same shape.
+    With a `mass` the bodies' inertias go along, as those of bodies of the same shape.
     """
 
     name: str

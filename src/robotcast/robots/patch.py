@@ -24,9 +24,7 @@ def write_patched(
 ) -> list[str]:
     """Write the model that a diagnosis ended with; return the effects that MJCF cannot hold.
 
-    Parameters
-    ----------
-    said : `model` of diagnosis.json: the effects that act, and every parameter's value.
+    What is `said` is `model` of diagnosis.json: the effects that act, every parameter's value.
     """
     values = {name: size["value"] for name, size in said["parameters"].items()}
     acting = [
@@ -56,8 +54,7 @@ def patched(
     left_out = []
     zeros = [one for one in acting if one[0].acts_through("closes")]
     for effect, values in (one for one in acting if one not in zeros):
-        writes = effect.acts_through("write")
-        if writes:
+        if writes := effect.acts_through("write"):
             effect.write(fields, **{name: np.array([[v]]) for name, v in values.items()})
         if not effect.patch(moving, robot.model, **values) and not writes:
             left_out.append(effect.name)
@@ -73,8 +70,7 @@ def patched(
 def _copy(model: mujoco.MjModel, spec: mujoco.MjSpec, at: Address) -> None:
     """Write the addressed elements of a model into the spec that it was compiled from."""
     if at.field.startswith("opt."):
-        name = at.field[4:]
-        setattr(spec.option, name, getattr(model.opt, name))
+        setattr(spec.option, at.field[4:], getattr(model.opt, at.field[4:]))
         return
     values = getattr(model, at.field)
     for row in at.rows:

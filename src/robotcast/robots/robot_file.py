@@ -4,7 +4,7 @@ Last, the ParameterDict of `mujoco.sysid` as it stands on disk, a YAML file of p
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,22 +27,15 @@ from robotcast.robots.names import (
 )
 
 FILE = "robot.yaml"
-KEYS = {
+NEEDED = {
     "model": "the MJCF or URDF file",
     "logs": "file names or patterns, from the folder",
-    "time": "column and unit",
     "drive": "what the columns drive",
     "measured": "what the columns measure",
-    "servos": "motors whose columns are commanded positions → kp, kd of the robot's controller",
-    "weld": "joints that stay where the model puts them, a base on a stand",
-    "tune": "parameters of the model that the nominal fit may change, with bounds",
-    "sysid": "a ParameterDict of mujoco.sysid, as it saves it, for values and bounds of `tune`",
-    "groups": "name → joints that share their effects",
-    "payloads": "body[NAME] → log → mass [kg] that was fixed to it",
-    "repeats": "lists of logs that repeat one motion",
-    "windows": "length_s, most",
-    "exclude": "effects that are not tried",
 }
+KEYS = """model logs time drive measured servos weld tune sysid groups payloads repeats windows
+exclude"""
+MOST_WINDOWS = 60
 COLUMN_KEYS = ("column", "unit", "scale", "offset", "noise", "torque_constant")
 
 
@@ -93,15 +86,15 @@ class RobotFile:
     time: Column
     drive: Mapping[Channel, Column]
     measured: Mapping[Signal, Column]
-    weld: tuple[str, ...] = ()
-    servos: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    tune: tuple[Tunable, ...] = ()
-    groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)  # joints' dofs
-    payloads: Mapping[str, tuple[Payload, ...]] = field(default_factory=dict)  # by log
-    repeats: tuple[tuple[str, ...], ...] = ()
-    length_s: float | None = None
-    most_windows: int = 60
-    exclude: tuple[str, ...] = ()
+    weld: tuple[str, ...]
+    servos: Mapping[str, tuple[float, float]]
+    tune: tuple[Tunable, ...]
+    groups: Mapping[str, tuple[int, ...]]  # joints' dofs
+    payloads: Mapping[str, tuple[Payload, ...]]  # by log
+    repeats: tuple[tuple[str, ...], ...]
+    length_s: float | None
+    most_windows: int
+    exclude: tuple[str, ...]
 
 
 def load_spec(path: Path, weld: Sequence[str] = ()) -> mujoco.MjSpec:
@@ -202,10 +195,10 @@ def read_robot(folder: Path) -> RobotFile:
         said = _Said(path, "", yaml.safe_load(path.read_text(encoding="utf-8")))
     except yaml.YAMLError as error:
         raise ValueError(f"{path}: not YAML: {_one_line(error)}") from None
-    said.allow(*KEYS)
-    for key in ("model", "logs", "drive", "measured"):
+    said.allow(*KEYS.split())
+    for key, what in NEEDED.items():
         if not said.get(key):
-            raise ValueError(f"{path}: {key!r} is missing: it names {KEYS[key]}")
+            raise ValueError(f"{path}: {key!r} is missing: it names {what}")
     model_path, weld = folder / str(said.get("model")), tuple(said.names("weld"))
     servos = _servos(said.part("servos"))
     spec = couple(load_spec(model_path, weld))
@@ -235,7 +228,7 @@ def read_robot(folder: Path) -> RobotFile:
         payloads=_payloads(said.part("payloads"), model),
         repeats=_repeats(said),
         length_s=windows.number("length_s"),
-        most_windows=int(windows.number("most") or RobotFile.most_windows),
+        most_windows=int(windows.number("most") or MOST_WINDOWS),
         exclude=tuple(said.names("exclude")),
     )
 
@@ -293,10 +286,10 @@ def _log_paths(folder: Path, said: _Said) -> tuple[Path, ...]:
     found: list[Path] = []
     for pattern in said.names("logs"):
         some = sorted(folder.glob(pattern))
+        found += some
         if not some:
-            raise ValueError(f"{said.path}: logs: no file matches {pattern!r} in {folder}")
-        found += [one for one in some if one not in found]
-    return tuple(found)
+            raise ValueError(f"{said.at('logs')}: no file matches {pattern!r} in {folder}")
+    return tuple(dict.fromkeys(found))
 
 
 def _columns(said: _Said, parse: Callable[..., Any], model: mujoco.MjModel) -> dict:
@@ -316,13 +309,10 @@ def _column(said: _Said, wanted: str) -> Column:
     factor = to_si(unit, wanted, constant, said.at())
     factor *= 1.0 if (scale := said.number("scale")) is None else scale
     noise = said.number("noise")
-    return Column(
-        str(said.get("column")),
-        factor,
-        factor * (said.number("offset") or 0.0),
-        None if noise is None else abs(factor) * noise,
-        "" if unit is None or said.get("scale") is not None else str(unit),
-    )
+    noise = None if noise is None else abs(factor) * noise
+    shown = "" if unit is None or said.get("scale") is not None else str(unit)
+    offset = factor * (said.number("offset") or 0.0)
+    return Column(str(said.get("column")), factor, offset, noise, shown)
 
 
 def _tunables(said: _Said, known: Mapping[str, Mapping[str, Any]], model: Any) -> list[Tunable]:
@@ -351,11 +341,8 @@ def _servos(said: _Said) -> dict[str, tuple[float, float]]:
         part.allow("kp", "kd")
         kp, kd = part.number("kp"), part.number("kd")
         if kp is None or kd is None or not (kp > 0 and kd >= 0):
-            raise part.wrong(
-                "expected {kp: …, kd: …}, the gains with which the robot follows a position "
-                "[N m/rad, N m s/rad]",
-                part.values,
-            )
+            gains = "the gains with which the robot follows a position [N m/rad, N m s/rad]"
+            raise part.wrong(f"expected {{kp: …, kd: …}}, {gains}", part.values)
         found[str(target)] = kp, kd
     return found
 
@@ -382,8 +369,8 @@ def _payloads(said: _Said, model: mujoco.MjModel) -> dict[str, tuple[Payload, ..
             mass_kg, place = given.number("kg"), given.get("at") or model.body_ipos[body].tolist()
             if mass_kg is None or mass_kg < 0 or len(place) != 3:
                 raise given.wrong("expected a mass [kg], or {kg: …, at: [x, y, z]}", given.values)
-            load = Payload(body, mass_kg, tuple(map(float, place)))
-            found[log] = (*found.get(log, ()), load)
+            x, y, z = map(float, place)
+            found[log] = (*found.get(log, ()), Payload(body, mass_kg, (x, y, z)))
     return found
 
 
@@ -421,13 +408,8 @@ def write_parameters(path: Path, sizes: Mapping[str, Mapping[str, Any]]) -> None
     said = {}
     for name, size in sizes.items():
         value = float(size["value"])
-        ends = [value if size.get(end) is None else float(size[end]) for end in ("low", "high")]
-        said[name] = {
-            "name": name,
-            "nominal": [value],
-            "min_value": [min(ends[0], value)],
-            "max_value": [max(ends[1], value)],
-            "value": [value],
-            "frozen": ends[0] == ends[1],
-        }
+        low, high = (value if size.get(k) is None else float(size[k]) for k in ("low", "high"))
+        said[name] = {"name": name, "nominal": [value]}
+        said[name] |= {"min_value": [min(low, value)], "max_value": [max(high, value)]}
+        said[name] |= {"value": [value], "frozen": low == high}
     write_text(path, yaml.safe_dump(said, sort_keys=False))

@@ -202,7 +202,7 @@ class RobotModel:
         moved = np.zeros((len(windows), n, 2, nv))  # the first of each not at all
         for window, own in zip(windows, moved, strict=True):
             own[1:] = np.diag(window.start_sd.ravel()).reshape(-1, 2, nv)
-        numbers = np.repeat(np.arange(len(windows)), n)
+        numbers = np.repeat(np.arange(len(windows)), n).tolist()
         times_s = [self.records[k].times_s for k in numbers]
         nominal = np.array([[p.nominal for p in self.parameters]])
         found = self.rollout.simulate(numbers, times_s, (), nominal, moved.reshape(-1, 2, nv))

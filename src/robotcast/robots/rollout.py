@@ -30,11 +30,9 @@ LEAD_S = 0.3  # of commands before a window, for effects that remember them
 
 
 class Rollout:
-    """Simulates windows of a robot's logs; results do not depend on `threads`.
+    """Simulates windows of a robot's logs, the model's own step cut into `finer` parts.
 
-    Parameters
-    ----------
-    finer : into how many parts the model's own step is cut.
+    Results do not depend on `threads`.
     """
 
     def __init__(

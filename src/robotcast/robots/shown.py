@@ -18,9 +18,7 @@ MOST_STATES = 400
 def shown(case: RobotCase, base: Mapping[str, Any], last: Mapping[str, Any]) -> dict[str, Any]:
     """Return `robot` of diagnosis.json: windows with traces, and torques against speed.
 
-    Parameters
-    ----------
-    base, last : `base` and `model` of diagnosis.json; the last may be empty.
+    From its `base` and its `model`, the last, which may be empty.
     """
     before = _predicted(case, (), [p["value"] for p in base["parameters"].values()])
     after = before

@@ -67,12 +67,8 @@ def link_inertia(model: mujoco.MjModel, dofs: Sequence[int]) -> np.ndarray:
 class Transmission:
     """The rotors of all joints that some effect makes soft, in all simulations of a batch.
 
-    Parameters
-    ----------
-    acting : effects with a `transmission`.
-    qpos_of_dof : where every joint's position stands.
-
-    Rows in which all of them are at their null are left to MuJoCo, bit by bit.
+    All that is `acting` has a `transmission`; rows in which all are at their null are left to
+    MuJoCo, bit by bit. `qpos_of_dof` is where every joint's position stands.
     """
 
     def __init__(self, batch: Batch, acting: Acting, qpos_of_dof: np.ndarray) -> None:
@@ -163,9 +159,7 @@ class Transmission:
     def place(self, bends: np.ndarray) -> None:
         """Start where encoders show the rotors, the links behind them by the equation of these.
 
-        Parameters
-        ----------
-        bends : the rotors' acceleration and its rate there, (n_sim, 2, nv).
+        There `bends` are the rotors' acceleration and its rate, (n_sim, 2, nv).
         """
         dt, stiffness = self._step_s, np.where(self.soft, self._stiffness, 1.0)
         acceleration, its_rate = bends[:, 0, self.dofs], bends[:, 1, self.dofs]
