@@ -52,10 +52,8 @@ def test_degrees_are_seen_in_how_far_a_joint_turns_and_is_commanded(
     assert yaml.safe_load(path.read_text())[part][name]["unit"] == "deg"
 
 
-SERVO, MOTOR = (
-    '<position name="drive" joint="elbow" kp="25"/>',
-    '<motor name="drive" joint="elbow"/>',
-)
+SERVO = '<position name="drive" joint="elbow" kp="25"/>'
+MOTOR = '<motor name="drive" joint="elbow"/>'
 GEARED = '<motor name="drive" joint="elbow" gear="50"/>'
 MOTOR_OF_SHOULDER = '<motor name="s" joint="shoulder" gear="-5" ctrlrange="-40 40"/>'
 TENDON = '<motor name="drive" tendon="cable"/>'
