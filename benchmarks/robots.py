@@ -28,7 +28,6 @@ from robotcast.files import plain, unseal, write_text
 from robotcast.reporting.page import markdown
 from robotcast.robots.effects import DeadTime, ModelField
 from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
-from robotcast.robots.rollout import Start
 
 VECTORS = 8
 
@@ -101,10 +100,10 @@ def cost(asked: RobotCase) -> dict[str, float]:
     soft = [name for name in model.effects if name.startswith("elastic")][:1]
     for names in ((), soft):
         own = [p.probes[-1] for name in names for p in model.effects[name].parameters]
-        starts = [Start(record.trial, np.zeros((2, bare.nv))) for record in model.records]
         began = time.process_time()
         vectors = np.tile(own, (VECTORS, 1)).reshape(VECTORS, -1)
-        model.rollout.simulate(starts, times_s, [model.effects[n] for n in names], vectors)
+        effects = [model.effects[n] for n in names]
+        model.rollout.simulate(range(len(windows)), times_s, effects, vectors)
         took.append(time.process_time() - began)
     return {"no effect": round(took[1] / took[0], 2), "elastic": round(took[2] / took[0], 2)}
 

@@ -28,20 +28,6 @@ PERIOD_S, QUANTUM = 0.01, 1e-4
 AMPLITUDE = np.array([1.0, 0.3])
 
 
-def said_of(model: mujoco.MjModel, **more: object) -> dict[str, object]:
-    """Return what robot.yaml says of such a folder."""
-    joints = [model.joint(j).name for j in range(model.njnt)]
-    drives = [model.actuator(a).name for a in range(model.nu)]
-    return {
-        "model": "robot.xml",
-        "logs": "log*.csv",
-        "time": {"column": "t", "unit": "s"},
-        "drive": {f"actuator[{a}]": {"column": f"u_{a}"} for a in drives},
-        "measured": {f"joint[{j}].position": {"column": f"q_{j}"} for j in joints},
-        **more,
-    }
-
-
 def write_folder(
     folder: Path,
     xml: str = SLIDER,
@@ -57,9 +43,17 @@ def write_folder(
     model = mujoco.MjModel.from_xml_string(xml)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "robot.xml").write_text(xml, encoding="utf-8")
-    said = said_of(model, **more)
-    (folder / "robot.yaml").write_text(yaml.safe_dump(said, sort_keys=False), encoding="utf-8")
     names = [model.joint(j).name for j in range(model.njnt)]
+    drives = [model.actuator(a).name for a in range(model.nu)]
+    said = {
+        "model": "robot.xml",
+        "logs": "log*.csv",
+        "time": {"column": "t", "unit": "s"},
+        "drive": {f"actuator[{a}]": {"column": f"u_{a}"} for a in drives},
+        "measured": {f"joint[{j}].position": {"column": f"q_{j}"} for j in names},
+        **more,
+    }
+    (folder / "robot.yaml").write_text(yaml.safe_dump(said, sort_keys=False), encoding="utf-8")
     if spring:
         spec = mujoco.MjSpec.from_string(xml)
         joint = spec.joints[0]
@@ -83,17 +77,14 @@ def write_folder(
             seen = own + noise * rng.normal(size=len(names))
             rows.append([t_s, *command, *(np.round(seen / QUANTUM) * QUANTUM)])
             mujoco.mj_step(model, data, per_sample)
-        columns = ["t", *(f"u_{model.actuator(a).name}" for a in range(model.nu))]
-        columns += [f"q_{name}" for name in names]
+        columns = ["t", *(f"u_{a}" for a in drives), *(f"q_{j}" for j in names)]
         table = pl.DataFrame(dict(zip(columns, np.array(rows).T, strict=True)))
         table.write_csv(folder / f"log{number}.csv")
     return folder
 
 
-def dry(torque: float) -> Callable[[mujoco.MjModel], None]:
-    """Hide dry friction in the first joint."""
-
-    def change(model: mujoco.MjModel) -> None:
-        model.dof_frictionloss[0] = torque
-
-    return change
+def rewrite(folder: Path, *columns: pl.Expr) -> Path:
+    """Replace columns of all logs."""
+    for path in folder.glob("*.csv"):
+        pl.read_csv(path).with_columns(*columns).write_csv(path)
+    return folder

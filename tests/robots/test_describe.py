@@ -9,18 +9,15 @@ import yaml
 
 from robotcast.robots.describe import describe
 from robotcast.robots.robot_case import read_case
-from tests.robots.made_up_robot import ARM, write_folder
+from tests.robots.made_up_robot import ARM, rewrite, write_folder
 
 
-def folder_with(tmp_path: Path, names: dict[str, str], degrees: bool = False) -> Path:
-    """Return an arm's folder without robot.yaml, its columns called otherwise."""
-    folder = write_folder(tmp_path, ARM, logs=2)
+def folder_with(tmp_path: Path, names: dict[str, str], *columns: pl.Expr) -> Path:
+    """Return an arm's folder without robot.yaml, columns replaced and then called otherwise."""
+    folder = rewrite(write_folder(tmp_path, ARM, logs=2), *columns)
     (folder / "robot.yaml").unlink()
     for path in folder.glob("*.csv"):
-        table = pl.read_csv(path)
-        if degrees:
-            table = table.with_columns(pl.col("q_shoulder", "q_elbow").degrees())
-        table.rename(names).write_csv(path)
+        pl.read_csv(path).rename(names).write_csv(path)
     return folder
 
 
@@ -41,16 +38,22 @@ def test_what_is_guessed_runs(tmp_path: Path, names: dict[str, str]) -> None:
     assert "measured" in yaml.safe_load(path.read_text())
 
 
-def test_degrees_are_seen_in_how_far_a_joint_turns(tmp_path: Path) -> None:
-    path, _ = describe(folder_with(tmp_path, {}, degrees=True))
-    measured = yaml.safe_load(path.read_text())["measured"]
-    assert measured["joint[shoulder].position"]["unit"] == "deg"
-
-
-SERVO, MOTOR = (
-    '<position name="drive" joint="elbow" kp="25"/>',
-    '<motor name="drive" joint="elbow"/>',
+@pytest.mark.parametrize(
+    ("columns", "part", "name"),
+    [
+        (pl.col("q_shoulder", "q_elbow").degrees(), "measured", "joint[shoulder].position"),
+        (pl.col("u_s").degrees(), "drive", "actuator[s]"),  # far more than its joint turns
+    ],
 )
+def test_degrees_are_seen_in_how_far_a_joint_turns_and_is_commanded(
+    tmp_path: Path, columns: pl.Expr, part: str, name: str
+) -> None:
+    path, _ = describe(folder_with(tmp_path, {}, columns))
+    assert yaml.safe_load(path.read_text())[part][name]["unit"] == "deg"
+
+
+SERVO = '<position name="drive" joint="elbow" kp="25"/>'
+MOTOR = '<motor name="drive" joint="elbow"/>'
 GEARED = '<motor name="drive" joint="elbow" gear="50"/>'
 MOTOR_OF_SHOULDER = '<motor name="s" joint="shoulder" gear="-5" ctrlrange="-40 40"/>'
 TENDON = '<motor name="drive" tendon="cable"/>'
@@ -83,16 +86,6 @@ def test_a_drive_and_its_unit_are_told_by_the_name_of_a_column(
     assert yaml.safe_load(path.read_text())["drive"] == drive
 
 
-def test_a_servo_that_is_commanded_far_more_than_its_joint_turns_is_so_in_degrees(
-    tmp_path: Path,
-) -> None:
-    folder = folder_with(tmp_path, {})
-    for log in folder.glob("*.csv"):
-        pl.read_csv(log).with_columns(pl.col("u_s").degrees()).write_csv(log)
-    path, _ = describe(folder)
-    assert yaml.safe_load(path.read_text())["drive"]["actuator[s]"]["unit"] == "deg"
-
-
 @pytest.mark.parametrize("unit", ["rad", "deg"])
 def test_a_motor_that_is_logged_by_commanded_positions_asks_for_the_gains_of_its_servo(
     tmp_path: Path, unit: str
@@ -103,9 +96,8 @@ def test_a_motor_that_is_logged_by_commanded_positions_asks_for_the_gains_of_its
     servo = '<position name="s" joint="shoulder" kp="25" kv="1.2"/>'
     (folder / "robot.xml").write_text(text.replace(servo, MOTOR_OF_SHOULDER))
     (folder / "robot.yaml").unlink()
-    for log in folder.glob("*.csv"):
-        table = pl.read_csv(log)
-        table.with_columns(pl.col("u_s").degrees() if unit == "deg" else "u_s").write_csv(log)
+    if unit == "deg":
+        rewrite(folder, pl.col("u_s").degrees())
     path, said = describe(folder)
     assert any("actuator[s]: motors of torque" in sentence for sentence in said)
     assert yaml.safe_load(path.read_text())["drive"]["actuator[s]"]["unit"] == unit
@@ -119,10 +111,8 @@ def test_a_motor_that_is_logged_by_commanded_positions_asks_for_the_gains_of_its
 
 
 def test_a_torque_that_looks_like_its_joints_position_is_no_command(tmp_path: Path) -> None:
-    folder = folder_with(tmp_path, {"u_e": "elbow_torque"})
-    for log in folder.glob("*.csv"):
-        pl.read_csv(log).with_columns(elbow_torque="q_elbow").write_csv(log)
-    path, _ = describe(folder)
+    like_it = pl.col("q_elbow").alias("u_e")
+    path, _ = describe(folder_with(tmp_path, {"u_e": "elbow_torque"}, like_it))
     assert "servos" not in yaml.safe_load(path.read_text())
 
 

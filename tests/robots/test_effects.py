@@ -19,8 +19,8 @@ from robotcast.robots.effects import (
     Stribeck,
 )
 from robotcast.robots.library import parts_of, within
-from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
-from tests.robots.made_up_robot import ARM, PERIOD_S, write_folder
+from robotcast.robots.robot_case import diagnose_by_joint, read_case
+from tests.robots.made_up_robot import ARM, PERIOD_S, rewrite, write_folder
 
 WHERE = Where("axis", (0,), (1,), (0,), (0,))
 LEGS = "".join(
@@ -47,11 +47,8 @@ def parameters(*names: str) -> list[Parameter]:
 def test_a_late_encoder_is_what_makes_a_log_with_a_shifted_column(tmp_path: Path) -> None:
     late, windows = 2, {"length_s": 0.4, "most": 6}
     folder = write_folder(tmp_path, ARM, logs=3, windows=windows, noise=0.0)
-    for path in folder.glob("log*.csv"):
-        table = pl.read_csv(path)
-        shifted = pl.col("q_elbow").shift(late).fill_null(strategy="backward")
-        table.with_columns(shifted).write_csv(path)
-    model = read_case(folder).model
+    shifted = pl.col("q_elbow").shift(late).fill_null(strategy="backward")
+    model = read_case(rewrite(folder, shifted)).model
     tau = np.array([[0.0], [late * PERIOD_S]])
     found = model.predict(model.records, ["encoder_latency_elbow"], tau)
     off = [
@@ -141,21 +138,3 @@ def test_a_joint_is_told_apart_within_its_group(tmp_path: Path) -> None:
     torque = found["model"]["parameters"]["dry_friction_right_knee_joint.torque"]
     assert torque["value"] == pytest.approx(0.1, rel=0.1)
     assert "told apart" in found["notes"][0]
-
-
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory: pytest.TempPathFactory) -> RobotCase:
-    windows = {"length_s": 0.3, "most": 4}
-    return read_case(write_folder(tmp_path_factory.mktemp("arm"), ARM, logs=2, windows=windows))
-
-
-def test_tendons_without_friction_change_nothing(arm: RobotCase) -> None:
-    coupled, bare = arm.robot.model, mujoco.MjModel.from_xml_path(str(arm.robot.model_path))
-    assert coupled.ntendon == 2
-    ends = []
-    for model in (coupled, bare):
-        data = mujoco.MjData(model)
-        data.ctrl[:] = 0.5, 0.2
-        mujoco.mj_step(model, data, 300)
-        ends.append(data.qpos.tobytes())
-    assert ends[0] == ends[1]

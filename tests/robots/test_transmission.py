@@ -38,6 +38,14 @@ def elastic() -> ElasticJoint:
     return ElasticJoint("elastic", "", [parameter("c"), parameter("retardation")], WHERE)
 
 
+def backlash() -> Backlash:
+    return Backlash("backlash", "", [parameter("gap")], WHERE, usual=1.0)
+
+
+def sine(t_s: float) -> float:
+    return 0.5 * np.sin(9 * t_s)
+
+
 def moved(
     effect: ElasticJoint | Backlash,
     values: dict[str, list[float]],
@@ -106,13 +114,10 @@ def test_retardation_damps_a_spring_as_it_says() -> None:
 
 @pytest.mark.parametrize("brake", BRAKES)
 @pytest.mark.parametrize("drive", [MOTOR, SERVO])
-@pytest.mark.parametrize("effect", ["elastic", "backlash"])
-def test_the_null_limit_is_the_rigid_joint(effect: str, drive: str, brake: str) -> None:
-    if effect == "elastic":
-        made, values = elastic(), {"c": [0.0, 1e-8, 1e-5], "retardation": [0.0] * 3}
-    else:
-        made = Backlash("backlash", "", [parameter("gap")], WHERE, usual=1.0)
-        values = {"gap": [0.0, 1e-8, 1e-5]}
+@pytest.mark.parametrize("name", ["c", "gap"])
+def test_the_null_limit_is_the_rigid_joint(name: str, drive: str, brake: str) -> None:
+    made = elastic() if name == "c" else backlash()
+    values = {p.name: [0.0] * 3 for p in made.parameters} | {name: [0.0, 1e-8, 1e-5]}
     shown, _ = moved(made, values, lambda t_s: np.sin(12 * t_s), drive=drive, brake=brake)
     off = np.abs(shown[:, 1:] - shown[:, :1]).max(axis=0) / np.abs(shown[:, 0]).max()
     assert off[0] < 1e-3
@@ -121,14 +126,8 @@ def test_the_null_limit_is_the_rigid_joint(effect: str, drive: str, brake: str) 
 
 def test_a_rotor_turns_within_its_gap_while_friction_holds_the_link() -> None:
     gap = 0.08
-    made = Backlash("backlash", "", [parameter("gap")], WHERE, usual=1.0)
-    shown, link = moved(
-        made,
-        {"gap": [gap, gap / 2]},
-        lambda t_s: 0.5 * np.sin(9 * t_s),
-        held=30.0,
-        length_s=3.0,
-    )
+    values = {"gap": [gap, gap / 2]}
+    shown, link = moved(backlash(), values, sine, held=30.0, length_s=3.0)
     assert np.ptp(link, axis=0).max() < 0.05 * gap
     late = shown[len(shown) // 3 :]
     np.testing.assert_allclose(np.ptp(late, axis=0), [gap, gap / 2], rtol=0.1)
@@ -137,21 +136,15 @@ def test_a_rotor_turns_within_its_gap_while_friction_holds_the_link() -> None:
 
 @pytest.mark.parametrize("brake", BRAKES)
 @pytest.mark.parametrize("drive", [MOTOR, SERVO])
-@pytest.mark.parametrize("effect", ["elastic", "backlash"])
+@pytest.mark.parametrize(
+    ("made", "values"),
+    [(elastic(), {"c": 0.02, "retardation": 0.002}), (backlash(), {"gap": 0.1})],
+)
 def test_a_second_joint_in_the_patched_model_moves_alike(
-    effect: str, drive: str, brake: str
+    made: ElasticJoint | Backlash, values: dict[str, float], drive: str, brake: str
 ) -> None:
-    if effect == "elastic":
-        made, values = elastic(), {"c": 0.02, "retardation": 0.002}
-    else:
-        made, values = Backlash("play", "", [parameter("gap")], WHERE, usual=1.0), {"gap": 0.1}
-
-    def command(t_s: float) -> float:
-        return 0.5 * np.sin(9 * t_s)
-
-    null = dict.fromkeys(values, 0.0)
-    both = {name: [values[name], null[name]] for name in values}
-    shown, _ = moved(made, both, command, drive=drive, brake=brake, step_s=STEP_S / 4)
+    both = {name: [value, 0.0] for name, value in values.items()}
+    shown, _ = moved(made, both, sine, drive=drive, brake=brake, step_s=STEP_S / 4)
     xml = JOINT.replace("DRIVE", drive).replace("BRAKE", brake)
     spec = mujoco.MjSpec.from_string(xml)
     assert made.patch(spec, mujoco.MjModel.from_xml_string(xml), **values)
@@ -160,7 +153,7 @@ def test_a_second_joint_in_the_patched_model_moves_alike(
     data, path = mujoco.MjData(model), []
     for k in range(len(shown)):
         path.append(float(data.qpos[0]))
-        data.ctrl[:] = command(k * STEP_S / 4)
+        data.ctrl[:] = sine(k * STEP_S / 4)
         mujoco.mj_step(model, data, 2)
     off, moves = np.abs(shown[:, 0] - path).max(), np.abs(shown[:, 0] - shown[:, 1]).max()
     assert off < 0.15 * moves

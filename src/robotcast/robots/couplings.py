@@ -98,8 +98,6 @@ def _neighbours(spec: mujoco.MjSpec) -> list[tuple[str, str]]:
 class CoupledFriction(RobotEffect):
     """Dry friction of the sum or of the difference of two joints' speeds, by its `sign`."""
 
-    part = "pair"
-
     def __init__(self, *args: Any, sign: float, **more: Any) -> None:
         super().__init__(*args, **more)
         self.sign = sign

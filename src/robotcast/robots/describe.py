@@ -1,8 +1,7 @@
 """A first robot.yaml, guessed from the names in a model and in the header of a log."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import mujoco
@@ -31,23 +30,10 @@ SPELLED = {  # SI unit → how a column's name has a unit of its kind → the un
 }
 LENGTHS = {*SPELLED["rad"], *SPELLED["m"]}
 ANY = LENGTHS.union(*SPELLED.values()) - set(SPELLED["s"])
+TORQUES = ("N m", "N")
 AS_COMMANDED = 0.5  # of a joint's variance: what is nearer to it is the position that it follows
 MORE = 8.0  # times as far as the joint: its command, or speed, is in degrees
 PERIODS = (("ns", 2e4), ("us", 200.0), ("ms", 0.3))  # unit → least usual step in it
-
-
-@dataclass
-class Guess:
-    """What robot.yaml will say: target → column and unit."""
-
-    time: str
-    time_unit: str
-    weld: list[str]
-    drive: dict[str, tuple[str, str]] = field(default_factory=dict)
-    measured: dict[str, tuple[str, str]] = field(default_factory=dict)
-    unused: list[str] = field(default_factory=list)
-    unmeasured: list[str] = field(default_factory=list)
-    servos: list[str] = field(default_factory=list)
 
 
 def describe(folder: Path) -> tuple[Path, list[str]]:
@@ -61,7 +47,7 @@ def describe(folder: Path) -> tuple[Path, list[str]]:
         raise ValueError(f"{folder}: no log (.csv, .parquet or .mcap) lies in it")
     spec = load_spec(model_path)
     _, table = tables_of(logs[0])[0]
-    guess = _guessed(compiled(spec, model_path), table)
+    guess = _Guess(compiled(spec, model_path), table)
     load_spec(model_path, guess.weld)  # what cannot be welded is said before anything is written
     write_text(path, _text(folder, model_path, logs, guess))
     return path, _remarks(logs[0], guess)
@@ -84,67 +70,132 @@ def _model_in(folder: Path) -> Path:
     return tops[0]
 
 
-def _guessed(model: mujoco.MjModel, table: pl.DataFrame) -> Guess:
-    columns = [c for c in table.columns if table[c].dtype.is_numeric()]
-    if not columns:
-        raise ValueError(f"no column of the log holds numbers; it has {', '.join(table.columns)}")
-    time = next((c for c in columns if _tokens(c) & TIMES), columns[0])
-    names = names_of(model, "joint")
-    single = {n: j for j, n in enumerate(names) if model.jnt_type[j] >= 2}
-    guess = Guess(time, _time_unit(table[time]), [n for n in names if n not in single])
-    left, actuators = [c for c in columns if c != time], names_of(model, "actuator")
-    by_kind = {kind: [c for c in left if _kind(c, names, actuators) == kind] for kind in WORDS}
-    for kind in ("position", "velocity"):
-        for joint, column in _assigned(by_kind[kind], {n: [n] for n in single}).items():
-            unit = _unit(model, single[joint], table, column, kind, guess)
-            guess.measured[f"joint[{joint}].{kind}"] = (column, unit)
-    follows = {}
-    for target, column in _driven(model, by_kind, single).items():
-        guess.drive[target] = (column, _drive_unit(model, target, table, column, guess))
-        follows[target] = _followed(model, target, table, column, guess)
-    guess.servos = [t for t, unit in follows.items() if unit is not None and any(follows.values())]
-    for target in guess.servos:  # one that stood still has the unit of the others
-        unit = follows[target] or next(filter(None, follows.values()))
-        guess.drive[target] = (guess.drive[target][0], unit)
-    guess.servos = ["actuator[*]"] if len(guess.servos) == model.nu > 1 else guess.servos
-    used = {column for column, _ in (*guess.drive.values(), *guess.measured.values())}
-    for sensor, address in _sensors(model):
-        if sensor in left and sensor not in used:
-            guess.measured[address] = (sensor, "")
-    used |= {column for column, _ in guess.measured.values()}
-    guess.unused = [c for c in left if c not in used]
-    guess.unmeasured = [n for n in single if f"joint[{n}].position" not in guess.measured]
-    return guess
+class _Guess:
+    """What robot.yaml will say of a model and a log: target → column and unit."""
 
+    def __init__(self, model: mujoco.MjModel, table: pl.DataFrame) -> None:
+        columns = [c for c in table.columns if table[c].dtype.is_numeric()]
+        if not columns:
+            has = ", ".join(table.columns)
+            raise ValueError(f"no column of the log holds numbers; it has {has}")
+        self._model, self._table = model, table
+        self._joints, actuators = names_of(model, "joint"), names_of(model, "actuator")
+        on = (joint_of_actuator(model, a) for a in range(model.nu))
+        moved = ["" if joint is None else self._joints[joint] for joint in on]
+        self._moved = dict(zip(actuators, moved, strict=True))
+        self.time = next((c for c in columns if _tokens(c) & TIMES), columns[0])
+        times = table[self.time].drop_nulls().to_numpy().astype(float)
+        step = float(np.median(np.diff(times)))
+        self.time_unit = next((unit for unit, least in PERIODS if step >= least), "s")
+        single = [n for j, n in enumerate(self._joints) if model.jnt_type[j] >= 2]
+        self.weld = [n for n in self._joints if n not in single]
+        left = [c for c in columns if c != self.time]
+        kinds = {c: _kind(c, self._joints, actuators) for c in left}
+        by_kind = {kind: [c for c in left if kinds[c] == kind] for kind in WORDS}
+        self.measured: dict[str, tuple[str, str]] = {}
+        for kind in ("position", "velocity"):
+            for joint, column in _assigned(by_kind[kind], {n: [n] for n in single}).items():
+                unit = self._unit(joint, column, kind)
+                self.measured[f"joint[{joint}].{kind}"] = (column, unit)
+        self.drive, follows = {}, {}
+        for target, column in self._driven(by_kind, single).items():
+            unit, follows[target] = self._drive_unit(target, column)
+            self.drive[target] = (column, unit)
+        usual = next(filter(None, follows.values()), "")
+        self.servos = [t for t, unit in follows.items() if usual and unit is not None]
+        for target in self.servos:  # one that stood still has the unit of the others
+            self.drive[target] = (self.drive[target][0], follows[target] or usual)
+        if len(self.servos) == model.nu > 1:
+            self.servos = ["actuator[*]"]
+        used = {column for column, _ in (*self.drive.values(), *self.measured.values())}
+        for i, sensor in enumerate(names_of(model, "sensor")):
+            size = int(model.sensor_dim[i])
+            for end in [""] if size == 1 else [f"[{k}]" for k in range(size)]:
+                if (column := f"{sensor}{end}") in left and column not in used:
+                    self.measured[f"sensor[{sensor}]{end}"] = (column, "")
+                    used.add(column)
+        self.unused = [c for c in left if c not in used]
+        self.unmeasured = [n for n in single if f"joint[{n}].position" not in self.measured]
 
-def _driven(
-    model: mujoco.MjModel, by_kind: Mapping[str, list[str]], single: Mapping[str, int]
-) -> dict[str, str]:
-    """Match commands to actuators; else commanded torques, else measured ones, to what they drive.
+    def _driven(self, by_kind: Mapping[str, list[str]], single: Sequence[str]) -> dict[str, str]:
+        """Match commands to actuators; else commanded torques, else measured ones, to joints.
 
-    That is a joint's motor, whose limits then count, if its control is the joint's torque; else
-    the joint itself, or an actuator on no joint.
-    """
-    joints = names_of(model, "joint")
-    moved = {
-        name: "" if (joint := joint_of_actuator(model, a)) is None else joints[joint]
-        for a, name in enumerate(names_of(model, "actuator"))
-    }
-    found = _assigned(by_kind["command"], {name: [name, on] for name, on in moved.items()})
-    if found:
-        return {f"actuator[{name}]": column for name, column in found.items()}
-    place = {name: f"joint[{name}].torque" for name in single}
-    for a, (name, on) in enumerate(moved.items()):
-        if on in single and _control(model, a) in ("N m", "N") and model.actuator_gear[a, 0] == 1:
-            place[on] = f"actuator[{name}]"
-    of_actuator = {name: place.get(on, f"actuator[{name}]") for name, on in moved.items()}
-    called: dict[str, list[str]] = {}
-    for name, target in (*place.items(), *of_actuator.items()):
-        called.setdefault(target, []).append(name)
-    commanded = [c for c in by_kind["torque"] if _tokens(c) & KINDS["command"]]
-    columns = commanded or by_kind["torque"]
-    in_order = of_actuator if len(columns) == model.nu else place
-    return _assigned(columns, called, list(dict.fromkeys(in_order.values())))
+        Of a joint the torque is its motor's, whose limits then count, if the motor's control is
+        that torque; else the joint's itself. An actuator on no joint has its own.
+        """
+        model, moved = self._model, self._moved
+        found = _assigned(by_kind["command"], {name: [name, on] for name, on in moved.items()})
+        if found:
+            return {f"actuator[{name}]": column for name, column in found.items()}
+        place = {name: f"joint[{name}].torque" for name in single}
+        for a, (name, on) in enumerate(moved.items()):
+            if on in place and _control(model, a) in TORQUES and model.actuator_gear[a, 0] == 1:
+                place[on] = f"actuator[{name}]"
+        of_actuator = {name: place.get(on, f"actuator[{name}]") for name, on in moved.items()}
+        called: dict[str, list[str]] = {}
+        for name, target in (*place.items(), *of_actuator.items()):
+            called.setdefault(target, []).append(name)
+        commanded = [c for c in by_kind["torque"] if _tokens(c) & KINDS["command"]]
+        columns = commanded or by_kind["torque"]
+        in_order = of_actuator if len(columns) == model.nu else place
+        return _assigned(columns, called, list(dict.fromkeys(in_order.values())))
+
+    def _drive_unit(self, target: str, column: str) -> tuple[str, str | None]:
+        """Return the unit of a column that drives, nothing where it is that of the actuator.
+
+        Then, of a motor's column that is no torque, the unit of the position that its joint
+        follows: nothing where it does not, and None where the column can be no position.
+        """
+        kind, name = target.removesuffix(".torque")[:-1].split("[", 1)
+        if kind == "joint":
+            si = "N m" if self._length(name) == "rad" else "N"
+            return _named_unit(column, name, si) or si, None
+        si, on = _control(self._model, list(self._moved).index(name)), self._moved[name]
+        place, unit = self.measured.get(f"joint[{on}].position", ("", ""))
+        kinds = TORQUES if si in TORQUES else (si,) if si else ()
+        named = _named_unit(column, f"{name} {on}", *kinds)
+        if named or not place or si not in ("rad", *TORQUES):
+            return named, None
+        length = self._length(on)
+        commanded, measured = self._numbers(column), self._numbers(place) * UNITS[length][unit]
+        if si == "rad":
+            far = np.nanstd(commanded) > MORE * np.nanstd(measured) > 0
+            return "deg" if far else "", None
+        if _tokens(column) & KINDS["torque"]:
+            return "", None
+        named = _named_unit(column, f"{name} {on}", length)
+        for one in [named] if named else [unit, length, *(["deg"] * (length == "rad"))]:
+            off = commanded * UNITS[length][one] - measured
+            if np.nanvar(off) < AS_COMMANDED * np.nanvar(measured):
+                return "", one
+        return "", ""
+
+    def _unit(self, joint: str, column: str, kind: str) -> str:
+        """Return the unit of a position or a velocity: as the column is named, or by its size."""
+        per, length = "" if kind == "position" else "/s", self._length(joint)
+        named = _named_unit(column, joint, f"{length}{per}")
+        if named or length == "m":
+            return named or f"m{per}"
+        values, number = self._numbers(column), self._joints.index(joint)
+        times_s = self._numbers(self.time) * UNITS["s"][self.time_unit]
+        most = float(np.nanmax(np.abs(values), initial=0.0))
+        if per:
+            place, unit = self.measured.get(f"joint[{joint}].position", ("", "rad"))
+            if not place:
+                return "deg/s" if most > FAST else "rad/s"
+            rate = np.gradient(self._numbers(place) * UNITS["rad"][unit], times_s)
+            return "deg/s" if np.nanstd(values) > MORE * np.nanstd(rate) else "rad/s"
+        if self._model.jnt_limited[number]:
+            far = most > max(FAR, 2 * np.abs(self._model.jnt_range[number]).max())
+        else:
+            far = most > FAR and _too_fast(self._model, number, values, times_s)
+        return "deg" if far else "rad"
+
+    def _length(self, joint: str) -> str:
+        return "rad" if is_hinge(self._model, self._joints.index(joint)) else "m"
+
+    def _numbers(self, column: str) -> np.ndarray:
+        return self._table[column].cast(pl.Float64).fill_null(np.nan).to_numpy()
 
 
 def _control(model: mujoco.MjModel, actuator: int) -> str:
@@ -160,14 +211,6 @@ def _control(model: mujoco.MjModel, actuator: int) -> str:
     if joint is None or gain[0] not in (-bias[1], -bias[2]):
         return ""
     return ("rad" if hinge else "m") + ("" if bias[1] else "/s")
-
-
-def _sensors(model: mujoco.MjModel) -> Iterator[tuple[str, str]]:
-    for i, name in enumerate(names_of(model, "sensor")):
-        size = int(model.sensor_dim[i])
-        for k in range(size):
-            end = "" if size == 1 else f"[{k}]"
-            yield f"{name}{end}", f"sensor[{name}]{end}"
 
 
 def _tokens(name: str) -> set[str]:
@@ -214,92 +257,12 @@ def _assigned(
     return found
 
 
-def _time_unit(times: pl.Series) -> str:
-    step = float(np.median(np.diff(times.drop_nulls().to_numpy().astype(float))))
-    return next((unit for unit, least in PERIODS if step >= least), "s")
-
-
-def _numbers(table: pl.DataFrame, column: str) -> np.ndarray:
-    return table[column].cast(pl.Float64).fill_null(np.nan).to_numpy()
-
-
 def _named_unit(column: str, name: str, *kinds: str) -> str:
     """Return the unit of some kind that a column's name holds beside a thing's name, or nothing."""
     words = _tokens(column) | set(re.split(r"[^a-z0-9]+", column.lower()))
     words = {re.sub("^(deg|rad)(ree|ian)s?$", r"\1", w) for w in words - _tokens(name)}
     found = {w: SPELLED[kind][w] for kind in kinds for w in words if w in SPELLED[kind]}
     return found[max(found, key=len)] if found else ""  # mNm before m and Nm
-
-
-def _unit(
-    model: mujoco.MjModel, joint: int, table: pl.DataFrame, column: str, kind: str, guess: Guess
-) -> str:
-    values, name = _numbers(table, column), names_of(model, "joint")[joint]
-    times_s = _numbers(table, guess.time) * UNITS["s"][guess.time_unit]
-    per, most = "" if kind == "position" else "/s", float(np.nanmax(np.abs(values), initial=0.0))
-    length = "rad" if is_hinge(model, joint) else "m"
-    named = _named_unit(column, name, f"{length}{per}")
-    if named or length == "m":
-        return named or f"m{per}"
-    if per:
-        place, unit = guess.measured.get(f"joint[{name}].position", ("", "rad"))
-        if not place:
-            return "deg/s" if most > FAST else "rad/s"
-        rate = np.gradient(_numbers(table, place) * UNITS["rad"][unit], times_s)
-        return "deg/s" if np.nanstd(values) > MORE * np.nanstd(rate) else "rad/s"
-    least, largest = model.jnt_range[joint]
-    if model.jnt_limited[joint]:
-        return "deg" if most > max(FAR, 2 * max(abs(least), abs(largest))) else "rad"
-    return "deg" if most > FAR and _too_fast(model, joint, values, times_s) else "rad"
-
-
-def _drive_unit(
-    model: mujoco.MjModel, target: str, table: pl.DataFrame, column: str, guess: Guess
-) -> str:
-    """Return the unit of a column that drives; nothing where it is that of the actuator."""
-    kind, name = target.removesuffix(".torque")[:-1].split("[", 1)
-    which = names_of(model, kind).index(name)
-    if kind == "joint":
-        si = "N m" if is_hinge(model, which) else "N"
-        return _named_unit(column, name, si) or si
-    si, on, place, unit = _driving(model, which, guess)
-    kinds = ("N m", "N") if si.startswith("N") else (si,) if si else ()
-    named = _named_unit(column, f"{name} {on}", *kinds)
-    if named or si != "rad" or not place:
-        return named
-    moved = np.nanstd(_numbers(table, place)) * UNITS["rad"][unit]
-    return "deg" if np.nanstd(_numbers(table, column)) > MORE * moved > 0 else ""
-
-
-def _followed(
-    model: mujoco.MjModel, target: str, table: pl.DataFrame, column: str, guess: Guess
-) -> str | None:
-    """Return the unit of a motor's column that is no torque but the position its joint follows.
-
-    Nothing where it does not, and None where it can be no position.
-    """
-    if target.endswith(".torque"):
-        return None
-    name = target[:-1].split("[", 1)[1]
-    si, on, place, unit = _driving(model, names_of(model, "actuator").index(name), guess)
-    torque = guess.drive[target][1] or _tokens(column) & KINDS["torque"]
-    if si not in ("N m", "N") or torque or not place:
-        return None
-    length = "rad" if si == "N m" else "m"
-    named, to_si = _named_unit(column, f"{name} {on}", length), UNITS[length]
-    measured = _numbers(table, place) * to_si[unit]
-    for one in [named] if named else dict.fromkeys([unit, length, *(["deg"] * (length == "rad"))]):
-        off = _numbers(table, column) * to_si[one] - measured
-        if np.nanvar(off) < AS_COMMANDED * np.nanvar(measured):
-            return one
-    return ""
-
-
-def _driving(model: mujoco.MjModel, actuator: int, guess: Guess) -> tuple[str, str, str, str]:
-    """Return the unit of a control, the joint that it moves, and its position's column and unit."""
-    joint = joint_of_actuator(model, actuator)
-    on = "" if joint is None else names_of(model, "joint")[joint]
-    return _control(model, actuator), on, *guess.measured.get(f"joint[{on}].position", ("", ""))
 
 
 def _too_fast(model: mujoco.MjModel, joint: int, values: np.ndarray, times_s: np.ndarray) -> bool:
@@ -317,7 +280,7 @@ def _too_fast(model: mujoco.MjModel, joint: int, values: np.ndarray, times_s: np
     return 0.5 * mass[dof, dof] * float(np.nanquantile(speed, 0.9)) ** 2 > TOO_MUCH * given
 
 
-def _text(folder: Path, model_path: Path, logs: Sequence[Path], guess: Guess) -> str:
+def _text(folder: Path, model_path: Path, logs: Sequence[Path], guess: _Guess) -> str:
     named = {f"{(p.parent.relative_to(folder) / '*').as_posix()}{p.suffix}" for p in logs}
 
     def lines(said: Mapping[str, tuple[str, str]]) -> str:
@@ -328,11 +291,14 @@ def _text(folder: Path, model_path: Path, logs: Sequence[Path], guess: Guess) ->
         return "\n".join(rows) or "  # nothing was recognised: add lines like those in docs"
 
     joint = next(iter(guess.measured), "joint[NAME].position").rpartition(".")[0]
-    weld = f"weld: [{', '.join(map(_quoted, guess.weld))}]  # stays where the model puts it\n"
-    servos = (
-        "servos:  # commanded positions: the gains kp, kd with which the robot follows them\n"
-        + "".join(f"  {_quoted(one)}: {{ kp: , kd: }}\n" for one in guess.servos)
-    )
+    more = ""
+    if guess.weld:
+        more = f"weld: [{', '.join(map(_quoted, guess.weld))}]  # stays where the model puts it\n"
+    if guess.servos:
+        more += (
+            "servos:  # commanded positions: the gains kp, kd with which the robot follows them\n"
+        )
+        more += "".join(f"  {_quoted(one)}: {{ kp: , kd: }}\n" for one in guess.servos)
     return (
         f"# Written by describe from {model_path.name} and {logs[0].name}: check columns, units.\n"
         f"model: {_quoted(model_path.name)}\n"
@@ -340,7 +306,7 @@ def _text(folder: Path, model_path: Path, logs: Sequence[Path], guess: Guess) ->
         f"time: {{ column: {_quoted(guess.time)}, unit: {guess.time_unit} }}\n"
         f"drive:  # what was commanded\n{lines(guess.drive)}\n"
         f"measured:\n{lines(guess.measured)}\n"
-        f"{weld if guess.weld else ''}{servos if guess.servos else ''}"
+        f"{more}"
         "# tune:  # parameters that the nominal fit may change, with bounds; others are trusted\n"
         f"#   {joint}.damping: [0.0, 1.0]\n"
         "#   body[*].mass: { factor: [0.8, 1.2] }\n"
@@ -352,28 +318,21 @@ def _quoted(text: str) -> str:
     return text if re.fullmatch(r"[A-Za-z_][\w./-]*", text) else f'"{text}"'
 
 
-def _remarks(log: Path, guess: Guess) -> list[str]:
+def _remarks(log: Path, guess: _Guess) -> list[str]:
     said = [f"time is column {guess.time!r} in {guess.time_unit}"]
     for target, (column, unit) in {**guess.drive, **guess.measured}.items():
         said.append(f"{target} is column {column!r}{f' in {unit}' if unit else ''}")
-    if guess.servos:
-        said.append(
-            f"{' and '.join(guess.servos)}: motors of torque, but their columns are positions "
-            "that the joints follow: write the gains of the robot's controller below servos"
-        )
-    if guess.weld:
-        said.append(
-            f"{', '.join(guess.weld)}: a free or a ball joint, which is not simulated; it is taken "
-            "to stay where the model puts it, as on a stand"
-        )
-        own = [c for c in guess.unused if any(_tokens(w) <= _tokens(c) for w in guess.weld)]
-        if own:
-            said.append(f"{', '.join(own)} are not used: if the base moved, this log is of no use")
-    if guess.unmeasured:
-        said.append(
-            f"no position was found for {', '.join(guess.unmeasured)}: name its column below "
-            "measured, or put it into weld if it does not move"
-        )
-    if not guess.drive:
-        said.append(f"no column of {log.name} looks like a command: name what drives the robot")
-    return said
+    base = [c for c in guess.unused if any(_tokens(w) <= _tokens(c) for w in guess.weld)]
+    found = {
+        "{}: motors of torque, but their columns are positions that the joints follow: write the "
+        "gains of the robot's controller below servos": " and ".join(guess.servos),
+        "{}: a free or a ball joint, which is not simulated; it is taken to stay where the model "
+        "puts it, as on a stand": ", ".join(guess.weld),
+        "{} are not used: if the base moved, this log is of no use": ", ".join(base),
+        "no position was found for {}: name its column below measured, or put it into weld if it "
+        "does not move": ", ".join(guess.unmeasured),
+        "no column of {} looks like a command: name what drives the robot": ""
+        if guess.drive
+        else log.name,
+    }
+    return said + [sentence.format(names) for sentence, names in found.items() if names]

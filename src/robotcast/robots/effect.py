@@ -57,10 +57,9 @@ class RobotEffect:
     name : its id, as reports and `diagnosis.json` have it.
     text : what it is, in a few words.
     parameters : in the order in which they stand in parameter vectors.
+    part : what it acts on, as in conf/robot_effects.yaml: joint, pair, body, drive or robot.
     depends_on : None, or of a flexible field that stands for any mechanism, what it depends on.
     """
-
-    part: str = "joint"  # what it acts on: joint, body, drive or robot
 
     def __init__(
         self,
@@ -68,17 +67,14 @@ class RobotEffect:
         text: str,
         parameters: Sequence[Parameter],
         where: Where,
+        *,
+        part: str = "joint",
         depends_on: str | None = None,
     ) -> None:
-        self.name, self.text, self.where = name, text, where
+        self.name, self.text, self.where, self.part = name, text, where, part
         self.parameters, self.depends_on = tuple(parameters), depends_on
         if not any(p.null is not None for p in self.parameters):
             raise ValueError(f"effect {name}: one of its parameters needs a null value")
-
-    @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        """Tell whether the effect can act on a part of this model at all."""
-        return True
 
     def write(self, fields: ModelFields, **values: np.ndarray) -> None:
         """Change fields of the model, before the first step."""
@@ -87,9 +83,7 @@ class RobotEffect:
     def closes(self, model: mujoco.MjModel, bias: np.ndarray, **values: np.ndarray) -> None:
         """Change what servos see of the joints whose loops they close, when all else is written.
 
-        Parameters
-        ----------
-        bias : `actuator_biasprm` of every simulation, (n_sim, nu, n), changed in place.
+        That is `bias`, `actuator_biasprm` of every simulation, (n_sim, nu, n), in place.
         """
         raise NotImplementedError
 

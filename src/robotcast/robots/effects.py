@@ -6,13 +6,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotcast.robots.effect import Motion, RobotEffect, Where
+from robotcast.robots.effect import Motion, RobotEffect
 from robotcast.robots.model_fields import ModelFields
-from robotcast.robots.names import Address, address, names_of
-from robotcast.robots.transmission import LEAST_ROTOR, drives_of, is_plain, link_inertia
-
-AFFINE = int(mujoco.mjtBias.mjBIAS_AFFINE)
-SLIDE = int(mujoco.mjtJoint.mjJNT_SLIDE)
+from robotcast.robots.names import Address, address, is_hinge, names_of
+from robotcast.robots.transmission import LEAST_ROTOR, drives_of, is_servo, link_inertia
 
 
 def in_file(spec: mujoco.MjSpec, joint: Any, value: float) -> float:
@@ -24,10 +21,8 @@ def in_file(spec: mujoco.MjSpec, joint: Any, value: float) -> float:
 class ModelField(RobotEffect):
     """An effect that MuJoCo has itself: numbers of the model are other ones.
 
-    Parameters
-    ----------
-    writes : parameter → fields of the part, "damping" or "ipos[0]", that it changes.
-    how : "add" the parameter, "subtract" it, or "scale" by 1 + it.
+    Each parameter `writes` fields of the part, "damping" or "ipos[0]": what it does, `how`, is to
+    "add" the parameter, to "subtract" it, or to "scale" by 1 + it.
     """
 
     def __init__(
@@ -39,7 +34,7 @@ class ModelField(RobotEffect):
 
     def addresses(self, model: mujoco.MjModel) -> dict[str, list[Address]]:
         """Return what each parameter changes."""
-        kind, numbers = self.objects(model)
+        kind, numbers = self._objects(model)
         names = names_of(model, kind)
         return {
             name: [
@@ -50,13 +45,16 @@ class ModelField(RobotEffect):
             for name, fields in self.writes.items()
         }
 
-    def objects(self, model: mujoco.MjModel) -> tuple[str, Sequence[int]]:
-        """Return the kind and the numbers of what is changed."""
+    def _objects(self, model: mujoco.MjModel) -> tuple[str, Sequence[int]]:
+        """Return the kind and the numbers of what is changed; of the whole robot what may touch."""
         if self.part == "joint":
             return "joint", [int(model.dof_jntid[dof]) for dof in self.where.dofs]
         if self.part == "body":
             return "body", self.where.bodies
-        return "actuator", self.where.actuators
+        if self.part == "drive":
+            return "actuator", self.where.actuators
+        touching = (model.geom_contype | model.geom_conaffinity) != 0
+        return "geom", np.flatnonzero(touching).tolist()
 
     def write(self, fields: ModelFields, **values: np.ndarray) -> None:
         for name, some in self.addresses(fields.model).items():
@@ -67,75 +65,21 @@ class ModelField(RobotEffect):
                     fields.add(at, values[name] if self.how == "add" else -values[name])
 
 
-def is_servo(model: mujoco.MjModel, where: Where) -> bool:
-    """Tell whether all drives of a part close a loop about a position themselves."""
-    return bool(where.actuators) and all(
-        model.actuator_biastype[i] == AFFINE and model.actuator_biasprm[i, 1] != 0
-        for i in where.actuators
-    )
-
-
-class JointField(ModelField):
-    """A number of joints."""
-
-    part = "joint"
-
-
-class BodyField(ModelField):
-    """A number of bodies."""
-
-    part = "body"
-
-
-class ServoField(ModelField):
-    """A number of actuators that close a loop, position servos."""
-
-    part = "drive"
-
-    @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        return is_servo(model, where)
-
-
-class ServoDamping(ServoField):
-    """A servo's velocity gain: viscous friction, bit by bit, unless its force is limited."""
-
-    @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        limited = model.actuator_forcelimited[list(where.actuators)]
-        return is_servo(model, where) and bool(limited.all())
-
-
-class ContactField(ModelField):
-    """A number of all geoms that may touch."""
-
-    part = "robot"
-
-    def objects(self, model: mujoco.MjModel) -> tuple[str, Sequence[int]]:
-        touching = (model.geom_contype | model.geom_conaffinity) != 0
-        return "geom", np.flatnonzero(touching).tolist()
-
-
 class Tilt(RobotEffect):
     """Gravity is turned by small angles about x and y, as if the base stood askew."""
 
-    part = "robot"
-
     def write(self, fields: ModelFields, *, about_x: np.ndarray, about_y: np.ndarray) -> None:
         x, y, z = fields.model.opt.gravity
-        turned = (
-            np.cos(about_y) * x + np.sin(about_y) * z,
-            np.cos(about_x) * y - np.sin(about_x) * z,
+        more = (
+            np.cos(about_y) * x + np.sin(about_y) * z - x,
+            np.cos(about_x) * y - np.sin(about_x) * z - y,
         )
-        for column, (new, old) in enumerate(zip(turned, (x, y), strict=True)):
-            at = Address("option.gravity", "opt.gravity", (), column)
-            fields.add(at, new - old)
+        for column, values in enumerate(more):
+            fields.add(Address("option.gravity", "opt.gravity", (), column), values)
 
 
 class DriveGain(RobotEffect):
     """Drives push (1 + k) times as hard as commanded: torque constants, gear ratios."""
-
-    part = "drive"
 
     def write(self, fields: ModelFields, *, k: np.ndarray) -> None:
         rows = self.where.actuators
@@ -151,8 +95,6 @@ class DriveGain(RobotEffect):
 class DeadTime(RobotEffect):
     """Commands act `tau` late."""
 
-    part = "drive"
-
     def delay_s(self, *, tau: np.ndarray) -> np.ndarray:
         return tau
 
@@ -165,8 +107,6 @@ class DeadTime(RobotEffect):
 
 class Lag(RobotEffect):
     """Commands act through a first-order filter of time constant `tau`."""
-
-    part = "drive"
 
     def command(self, drive: np.ndarray, step_s: float, *, tau: np.ndarray) -> np.ndarray:
         lags = tau[:, 0] > 0
@@ -188,14 +128,16 @@ class Lag(RobotEffect):
         return True
 
 
+def _limit(s: np.ndarray) -> np.ndarray:
+    """Return 1/s, infinite at 0."""
+    return np.where(s > 0, 1 / np.where(s > 0, s, 1.0), np.inf)
+
+
 class CommandLimit(RobotEffect):
     """Drives follow commands up to ±1/s only: torque of a motor, position of a servo."""
 
-    part = "drive"
-
     def command(self, drive: np.ndarray, step_s: float, *, s: np.ndarray) -> np.ndarray:
-        limit = np.where(s > 0, 1 / np.where(s > 0, s, 1.0), np.inf)
-        return np.clip(drive, -limit, limit)
+        return np.clip(drive, -_limit(s), _limit(s))
 
     def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, s: float) -> bool:
         for i in self.where.actuators:
@@ -207,21 +149,13 @@ class CommandLimit(RobotEffect):
 class ForceLimit(RobotEffect):
     """Servos push with up to ±1/s only."""
 
-    part = "drive"
-
-    @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        return is_servo(model, where)
-
     def write(self, fields: ModelFields, *, s: np.ndarray) -> None:
         rows = self.where.actuators
-        limit = np.where(s > 0, 1 / np.where(s > 0, s, 1.0), np.inf)
-        for column, bound in enumerate((np.maximum, np.minimum)):
+        limited = fields.model.actuator_forcelimited[list(rows)].astype(bool)
+        for column, sign, bound in ((0, -1.0, np.maximum), (1, 1.0, np.minimum)):
             at = Address("actuator.forcerange", "actuator_forcerange", rows, column)
-            limited = fields.model.actuator_forcelimited[list(rows)].astype(bool)
-            sign = (-1.0, 1.0)[column]
             known = np.where(limited, at.nominal(fields.model), sign * np.inf)
-            fields.set(at, bound(known, sign * limit))
+            fields.set(at, bound(known, sign * _limit(s)))
 
     def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, s: float) -> bool:
         for i in self.where.actuators:
@@ -231,12 +165,6 @@ class ForceLimit(RobotEffect):
 
 class CommandRate(RobotEffect):
     """Servos follow commands that change by up to 1/s a second only: a limit of their speed."""
-
-    part = "drive"
-
-    @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        return is_servo(model, where)
 
     def command(self, drive: np.ndarray, step_s: float, *, s: np.ndarray) -> np.ndarray:
         limits = s[:, 0] > 0
@@ -252,12 +180,6 @@ class CommandRate(RobotEffect):
 class SpeedLimit(RobotEffect):
     """Motors push no faster than ±1/s: from 0.8/s on their torque fades."""
 
-    part = "drive"
-
-    @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        return bool(where.dofs) and not is_servo(model, where)
-
     def force(self, motion: Motion, *, s: np.ndarray) -> np.ndarray:
         along = np.sign(motion.torque) * motion.qvel * s
         return -motion.torque * np.clip((along - 0.8) / 0.2, 0.0, 1.0)
@@ -266,28 +188,17 @@ class SpeedLimit(RobotEffect):
 class Transmitted(RobotEffect):
     """Something between a drive and its link, see `Transmission`."""
 
-    part = "drive"
-
-    @classmethod
-    def fits(cls, model: mujoco.MjModel, where: Where) -> bool:
-        """Tell whether plain actuators or given torques drive every joint."""
-        return len(where.channels) >= len(where.dofs) > 0 and all(
-            is_plain(model, a) for dof in where.dofs for a in drives_of(model, dof)
-        )
-
     def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, **values: float) -> bool:
         """Insert a second joint behind each, so that the old one is the rotor's."""
         given = {name: np.array([[v]]) for name, v in values.items()}
-        compliance, retardation_s, half_gap, _ = (
-            part.item() for part in self.transmission(**given)
-        )
-        slides = (model.jnt_type[model.dof_jntid[dof]] == SLIDE for dof in self.where.dofs)
-        if any(slides) or spec.keys:
+        compliance, retardation_s, half_gap, _ = map(np.ndarray.item, self.transmission(**given))
+        joints = [int(model.dof_jntid[dof]) for dof in self.where.dofs]
+        if spec.keys or not all(is_hinge(model, joint) for joint in joints):
             # MuJoCo takes two slides along one axis of a body for orthogonal ones, and the
             # positions of a keyframe would be one too few
             return False
-        for dof in self.where.dofs:
-            old = spec.joints[int(model.dof_jntid[dof])]
+        for dof, joint in zip(self.where.dofs, joints, strict=True):
+            old = spec.joints[joint]
             new = old.parent.add_joint(name=f"{old.name}_{self.name}", type=old.type)
             new.axis, new.pos = old.axis, old.pos
             rotor = LEAST_ROTOR * float(link_inertia(model, [dof])[0])
@@ -295,8 +206,7 @@ class Transmitted(RobotEffect):
             if compliance:
                 new.stiffness[0], new.damping[0] = 1 / compliance, retardation_s / compliance
             if half_gap:
-                angular = old.type == mujoco.mjtJoint.mjJNT_HINGE and spec.compiler.degree
-                reach = np.degrees(half_gap) if angular else half_gap
+                reach = in_file(spec, old, half_gap)
                 new.limited, new.range = int(mujoco.mjtLimited.mjLIMITED_TRUE), [-reach, reach]
                 new.solref_limit = [2 * model.opt.timestep, 1.0]  # as stiff as a step allows
         return True
@@ -371,7 +281,7 @@ class Encoder(RobotEffect):
     def closes(self, model: mujoco.MjModel, bias: np.ndarray, **values: np.ndarray) -> None:
         at_0, at_1 = (self.seen(np.full((len(bias), 1), q), **values)[:, 0] for q in (0.0, 1.0))
         for a in (a for dof in self.where.dofs for a in drives_of(model, dof)):
-            if model.actuator_biastype[a] == AFFINE and model.actuator_biasprm[a, 1] != 0:
+            if is_servo(model, a):
                 bias[:, a, 0] += bias[:, a, 1] * model.actuator_gear[a, 0] * at_0
                 bias[:, a, 1:3] *= (at_1 - at_0)[:, None]
 
@@ -412,10 +322,7 @@ class EncoderScale(Encoder):
 class TorqueField(RobotEffect):
     """A flexible field: any torque that depends on one quantity, piecewise linear between knots.
 
-    Parameters
-    ----------
-    of : "position", "speed", "torque" or "time".
-    knots : where it is given, (n,); as many parameters.
+    It is a field `of` "position", "speed", "torque" or "time", with a parameter at each knot (n,).
     """
 
     def __init__(self, *args: Any, of: str, knots: np.ndarray, **more: Any) -> None:

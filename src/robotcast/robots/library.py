@@ -1,7 +1,7 @@
 """The candidates for one robot: every entry of conf/robot_effects.yaml on every part it fits."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -13,9 +13,10 @@ from robotcast.fitting.parameter import Parameter
 from robotcast.robots.couplings import coupled
 from robotcast.robots.effect import RobotEffect, Where
 from robotcast.robots.effects import ModelField, TorqueField
-from robotcast.robots.names import joint_of_dof, names_of
+from robotcast.robots.names import driven_dof, joint_of_dof, names_of
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.sizes import Sizes
+from robotcast.robots.transmission import drives_of, is_plain, is_servo
 
 FEW_JOINTS = 4  # up to as many, each is looked at alone; of more, groups of them
 FIELD_KNOTS = np.array([-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0])
@@ -23,9 +24,9 @@ PLACES = 21  # of a field over the range of positions: ripple has several waves 
 PROBE, BOUND = 0.1, 2.0  # of a field, in usual torques
 
 
-def library(path: Path = CONFIGURATION / "robot_effects.yaml") -> dict[str, dict[str, Any]]:
+def library() -> dict[str, dict[str, Any]]:
     """Return the entries of the library, by name."""
-    return yaml.safe_load(path.read_text(encoding="utf-8"))
+    return yaml.safe_load((CONFIGURATION / "robot_effects.yaml").read_text(encoding="utf-8"))
 
 
 def candidates(robot: RobotFile, sizes: Sizes) -> tuple[RobotEffect, ...]:
@@ -57,22 +58,20 @@ def within(robot: RobotFile, sizes: Sizes, effect: RobotEffect) -> tuple[RobotEf
 def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     """Return the joints, links and drives that effects act on: each alone, or groups of them."""
     model, groups = robot.model, dict(robot.groups) or _groups(robot.model)
-    channels = list(robot.drive)
+    channels, names = list(robot.drive), names_of(model, "body")
     joints = [_where(robot, name, dofs) for name, dofs in groups.items()]
     drives = [one for one in joints if one.channels]
     known = {c for one in joints for c in one.channels}
-    for c in range(len(channels)):
-        if c not in known:
-            drives.append(_where(robot, channels[c].name, (), (c,)))
+    others = [(c, at) for c, at in enumerate(channels) if c not in known]
+    drives += [_where(robot, at.name, (), (c,)) for c, at in others]
     bodies = [int(model.dof_bodyid[dof]) for dof in range(model.nv)]
     if model.nv > FEW_JOINTS:  # loads hang on the last bodies
         bodies = [b for b in bodies if not (model.body_parentid == b).any()]
-    names = names_of(model, "body")
     links = [Where(names[b], (), (b,), (), ()) for b in dict.fromkeys(bodies)]
-    pairs = []
-    for one, other in coupled(model):
-        dofs = tuple(int(model.joint(name).dofadr[0]) for name in (one, other))
-        pairs.append(_where(robot, f"{one}_and_{other}", dofs, ()))
+    pairs = [
+        _where(robot, "_and_".join(pair), tuple(int(model.joint(j).dofadr[0]) for j in pair), ())
+        for pair in coupled(model)
+    ]
     whole = _where(robot, "", tuple(range(model.nv)), range(len(channels)))
     return {"joint": joints, "pair": pairs, "body": links, "drive": drives, "robot": [whole]}
 
@@ -107,26 +106,17 @@ def _where(
     """Return a part by its joints, with the channels that drive them unless others are named."""
     model, channels = robot.model, list(robot.drive)
     if own is None:
-        own = [c for c, at in enumerate(channels) if _driven_dof(model, at) in dofs]
+        own = [c for c, at in enumerate(channels) if driven_dof(model, at) in dofs]
     bodies = tuple(dict.fromkeys(int(model.dof_bodyid[dof]) for dof in dofs))
     actuators = tuple(a for c in own if (a := channels[c].actuator) is not None)
     return Where(name, dofs, bodies, tuple(own), actuators)
-
-
-def _driven_dof(model: mujoco.MjModel, at: Any) -> int | None:
-    """Return the joint that a channel drives, None of a tendon or a site."""
-    if at.dof is not None:
-        return at.dof
-    if model.actuator_trntype[at.actuator] != int(mujoco.mjtTrn.mjTRN_JOINT):
-        return None
-    return int(model.jnt_dofadr[model.actuator_trnid[at.actuator, 0]])
 
 
 def _made(
     model: mujoco.MjModel, name: str, entry: Mapping[str, Any], where: Where, sizes: Sizes
 ) -> RobotEffect | None:
     """Make one effect on one part, None where it cannot act there."""
-    more = {k: v for k, v in entry.items() if k not in ("text", "parameters", "part", "needs")}
+    more = {k: v for k, v in entry.items() if k not in ("text", "parameters", "needs")}
     dofs = where.dofs or tuple(range(model.nv))
     if not _needed(model, entry.get("needs"), where, sizes):
         return None
@@ -137,63 +127,59 @@ def _made(
         name=f"{name}_{where.name}" if where.name else name,
         text=entry["text"].format(where=where.name.replace("_", " ")),
         parameters=[
-            _parameter(n, p, dofs, where.channels, sizes) for n, p in entry["parameters"].items()
+            _parameter(n, given, *sizes.of(given["of"], dofs, where.channels))
+            for n, given in entry["parameters"].items()
         ],
         where=where,
     )
-    if not type(effect).fits(model, where):
-        return None
-    return _within_physics(model, effect)
+    _keep_physical(model, effect)
+    return effect
 
 
 def _needed(model: mujoco.MjModel, what: str | None, where: Where, sizes: Sizes) -> bool:
     """Tell whether a part has what an effect needs.
 
-    All encoders late are all drives late, so that latency needs others that are not.
+    All encoders late are all drives late, so that latency needs others that are not. A servo's
+    velocity gain is viscous friction, bit by bit, unless its force is limited.
     """
+    own = list(where.actuators)
+    servo = bool(own) and all(is_servo(model, a) for a in own)
+    driven = len(where.channels) >= len(where.dofs) > 0
     return {
         None: True,
         "gravity": bool(np.any(model.opt.gravity)),
         "drive": bool(where.channels),
+        "plain drive": driven
+        and all(is_plain(model, a) for dof in where.dofs for a in drives_of(model, dof)),
+        "motor": bool(where.dofs) and not servo,
+        "servo": servo,
+        "limited servo": servo and bool(model.actuator_forcelimited[own].all()),
         "others": len(where.dofs) < model.nv,
         "contact": sizes.touches,
     }[what]
 
 
-def _parameter(
-    name: str,
-    given: Mapping[str, Any],
-    dofs: Sequence[int],
-    channels: Sequence[int],
-    sizes: Sizes,
-) -> Parameter:
+def _parameter(name: str, given: Mapping[str, Any], size: float, unit: str) -> Parameter:
     """Make a parameter whose numbers are in units of a usual size."""
-    size, unit = sizes.of(given["of"], dofs, channels)
     null = given.get("null_at")
+    nominal = size * (given["nominal"] if null is None else null)
     lower, upper = size * given["lower"], size * given["upper"]
-    nominal = size * (null if null is not None else given["nominal"])
     probes = tuple(size * p for p in given.get("probes", ()))
-    return Parameter(
-        name, unit, lower, upper, nominal, null=None if null is None else nominal, probes=probes
-    )
+    null = None if null is None else nominal
+    return Parameter(name, unit, lower, upper, nominal, null=null, probes=probes)
 
 
-def _within_physics(model: mujoco.MjModel, effect: RobotEffect) -> RobotEffect | None:
+def _keep_physical(model: mujoco.MjModel, effect: RobotEffect) -> None:
     """Keep what is added to friction, damping and armature from making them negative."""
     if not isinstance(effect, ModelField) or effect.how != "add" or effect.part != "joint":
-        return effect
+        return
     bounded = []
     for parameter in effect.parameters:
         least = min(at.nominal(model).min() for at in effect.addresses(model)[parameter.name])
         lower = max(parameter.lower, -float(least))
         probes = tuple(p for p in parameter.probes if p > lower)
-        bounded.append(
-            Parameter(
-                parameter.name, parameter.unit, lower, parameter.upper, 0.0, null=0.0, probes=probes
-            )
-        )
+        bounded.append(replace(parameter, lower=lower, probes=probes))
     effect.parameters = tuple(bounded)
-    return effect
 
 
 def _tuned(robot: RobotFile, effect: RobotEffect) -> bool:
@@ -216,7 +202,7 @@ def _fields(joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:
     for where in joints:
         torque, unit = sizes.of("torque", where.dofs, ())
         speed, _ = sizes.of("speed", where.dofs, ())
-        at = list(where.dofs)
+        at, joint = list(where.dofs), where.name.replace("_", " ")
         span = np.linspace(sizes.lowest[at].min(), sizes.highest[at].max(), PLACES)
         knots = {
             "speed": speed * FIELD_KNOTS,
@@ -226,22 +212,17 @@ def _fields(joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:
         if where.channels:
             knots["torque"] = torque * FIELD_KNOTS
         for of, places in knots.items():
+            bound, probes = BOUND * torque, (PROBE * torque,)
             own = [
-                Parameter(
-                    f"c{k}",
-                    unit,
-                    -BOUND * torque,
-                    BOUND * torque,
-                    0.0,
-                    null=0.0,
-                    probes=(PROBE * torque,),
-                )
+                Parameter(f"c{k}", unit, -bound, bound, 0.0, null=0.0, probes=probes)
                 for k in range(len(places))
             ]
             what = {"time": "the time into the log", "torque": "the torque it carries"}
-            on = what.get(of, f"its {of}")
-            text = f"a torque on {where.name.replace('_', ' ')} that depends on {on}"
-            name = f"{of}_field_{where.name}"
-            depends = f"the {of} of {where.name.replace('_', ' ')}" if of != "time" else "time"
-            found.append(TorqueField(name, text, own, where, depends, of=of, knots=places))
+            text = f"a torque on {joint} that depends on {what.get(of, f'its {of}')}"
+            name, depends = (
+                f"{of}_field_{where.name}",
+                "time" if of == "time" else f"the {of} of {joint}",
+            )
+            more = {"depends_on": depends, "of": of, "knots": places}
+            found.append(TorqueField(name, text, own, where, **more))
     return found

@@ -1,15 +1,16 @@
 """Logs of a robot: read, converted to SI units, and checked before anything is simulated."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import polars as pl
 
-from robotcast.robots.names import Channel, Signal, joint_of_actuator
+from robotcast.robots.names import Channel, Signal, driven_dof
 from robotcast.robots.recordings import episodes, read_bag
 from robotcast.robots.robot_file import Column, RobotFile
 
@@ -45,6 +46,25 @@ class Log:
     def period_s(self) -> float:
         """The median time between two samples."""
         return float(np.median(np.diff(self.times_s)))
+
+    @cached_property
+    def _driven(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times with the end, (k + 1,), and the integral of the drive up to each."""
+        times_s = np.r_[self.times_s, self.times_s[-1] + self.period_s]
+        steps = np.diff(times_s)[:, None] * self.drive
+        return times_s, np.vstack([np.zeros(self.drive.shape[1]), np.cumsum(steps, axis=0)])
+
+    def mean_drive(self, edges_s: np.ndarray, delay_s: np.ndarray) -> np.ndarray:
+        """Return the means (n, n_channels) between n + 1 edges, every channel so much later."""
+        times_s, driven = self._driven
+        found = np.empty((len(edges_s) - 1, len(delay_s)))
+        for channel, late in enumerate(delay_s):
+            at, ends = edges_s - late, self.drive[[0, -1], channel]
+            total = np.interp(np.clip(at, times_s[0], times_s[-1]), times_s, driven[:, channel])
+            before, after = np.minimum(at - times_s[0], 0), np.maximum(at - times_s[-1], 0)
+            total += before * ends[0] + after * ends[1]
+            found[:, channel] = np.diff(total) / np.diff(at)
+        return found
 
 
 def read_logs(robot: RobotFile) -> tuple[Log, ...]:
@@ -115,30 +135,24 @@ def _read_text(path: Path) -> pl.DataFrame:
 
 
 def _read(path: Path, table: pl.DataFrame, robot: RobotFile) -> Log:
-    row = _Rows(path)
     times_s = _numbers(path, table, robot.time, "time")
-    drive = _stacked(path, table, robot.drive)
-    measured = _stacked(path, table, robot.measured)
+    drive, measured = (
+        np.column_stack([_numbers(path, table, c, at.name) for at, c in some.items()])
+        for some in (robot.drive, robot.measured)
+    )
     if len(times_s) < LEAST_SAMPLES:
         raise ValueError(f"{path}: {len(times_s)} samples; a log needs at least {LEAST_SAMPLES}")
-    _check_times(row, times_s)
-    for k, at in enumerate(robot.drive):
-        _check_drive(row, robot.model, at, drive[:, k])
-    for k, at in enumerate(robot.measured):
-        column = robot.measured[at]
-        _check(row, robot.model, at, times_s, measured[:, k])
-        _refuse_stuck(row, at, column, measured[:, k])
+    _check_times(path, times_s)
+    for at, values in zip(robot.drive, drive.T, strict=True):
+        _check_drive(path, robot.model, at, values)
+    for (at, column), values in zip(robot.measured.items(), measured.T, strict=True):
+        _check(path, robot.model, at, times_s, values)
+        _refuse_stuck(path, at, column, values)
     _refuse_other_units(path, robot, times_s, measured)
     if not any(_moves(one) for one in measured.T):
         raise ValueError(f"{path}: nothing moves in it; take it out of logs")
     _refuse_frozen(path, robot, drive, measured)
     return Log(path, times_s, drive, measured)
-
-
-def _stacked(
-    path: Path, table: pl.DataFrame, columns: Mapping[Channel, Column] | Mapping[Signal, Column]
-) -> np.ndarray:
-    return np.column_stack([_numbers(path, table, c, at.name) for at, c in columns.items()])
 
 
 def _numbers(path: Path, table: pl.DataFrame, column: Column, what: str) -> np.ndarray:
@@ -150,27 +164,22 @@ def _numbers(path: Path, table: pl.DataFrame, column: Column, what: str) -> np.n
     cells = table[column.name]
     values = cells.cast(pl.Float64, strict=False)
     wrong = (values.is_null() & cells.is_not_null()).to_numpy()
-    _Rows(path).refuse(wrong, lambda i: f"{column.name}: {cells[i]!r} is no number")
+    _refuse(path, wrong, lambda i: f"{column.name}: {cells[i]!r} is no number")
     return values.fill_null(np.nan).to_numpy().astype(float) * column.factor + column.offset
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """Names rows of a log as an editor does: the header of a CSV file is line 1."""
-
-    path: Path
-
-    def refuse(self, bad: np.ndarray, say: Callable[[int], str]) -> None:
-        if bad.any():
-            i = int(np.argmax(bad))
-            text = self.path.suffix.lower() in (".csv", ".txt")
-            row = f"line {i + 2}" if text else f"row {i + 1}"
-            raise ValueError(f"{self.path}, {row}: {say(i)}")
+def _refuse(path: Path, bad: np.ndarray, say: Callable[[int], str]) -> None:
+    """Refuse the first bad row, called as an editor does: the header of a CSV file is line 1."""
+    if bad.any():
+        i = int(np.argmax(bad))
+        text = path.suffix.lower() in (".csv", ".txt")
+        raise ValueError(f"{path}, {f'line {i + 2}' if text else f'row {i + 1}'}: {say(i)}")
 
 
-def _check_times(row: _Rows, times_s: np.ndarray) -> None:
-    row.refuse(~np.isfinite(times_s), lambda i: "no time; every row needs one")
-    row.refuse(
+def _check_times(path: Path, times_s: np.ndarray) -> None:
+    _refuse(path, ~np.isfinite(times_s), lambda i: "no time; every row needs one")
+    _refuse(
+        path,
         np.r_[False, np.diff(times_s) <= 0],
         lambda i: (
             f"time goes from {times_s[i - 1]:.6g} s to {times_s[i]:.6g} s; it must rise: "
@@ -180,20 +189,22 @@ def _check_times(row: _Rows, times_s: np.ndarray) -> None:
     period_s = float(np.median(np.diff(times_s)))
     if not PERIODS_S[0] < period_s < PERIODS_S[1]:
         raise ValueError(
-            f"{row.path}: a sample every {period_s:.3g} s; no robot is logged like that: is the "
+            f"{path}: a sample every {period_s:.3g} s; no robot is logged like that: is the "
             "unit of the time right?"
         )
 
 
-def _check_drive(row: _Rows, model: mujoco.MjModel, at: Channel, values: np.ndarray) -> None:
-    row.refuse(
+def _check_drive(path: Path, model: mujoco.MjModel, at: Channel, values: np.ndarray) -> None:
+    _refuse(
+        path,
         ~np.isfinite(values),
         lambda i: f"{at.name}: no value is commanded; fill the gap, or cut the log there",
     )
     if at.actuator is None or not model.actuator_ctrllimited[at.actuator]:
         return
     least, most = model.actuator_ctrlrange[at.actuator]
-    row.refuse(
+    _refuse(
+        path,
         (values < 2 * least - most) | (values > 2 * most - least),
         lambda i: (
             f"{at.name} is commanded {values[i]:.4g}, where the model clips at {least:.4g} and "
@@ -203,13 +214,14 @@ def _check_drive(row: _Rows, model: mujoco.MjModel, at: Channel, values: np.ndar
 
 
 def _check(
-    row: _Rows, model: mujoco.MjModel, at: Signal, times_s: np.ndarray, values: np.ndarray
+    path: Path, model: mujoco.MjModel, at: Signal, times_s: np.ndarray, values: np.ndarray
 ) -> None:
     if not np.isfinite(values).any():
-        raise ValueError(f"{row.path}: {at.name} holds no number; take the log or the signal out")
+        raise ValueError(f"{path}: {at.name} holds no number; take the log or the signal out")
     unit, ask = at.unit.removesuffix("/s"), "; is the unit right?"
     if at.kind == "velocity":
-        row.refuse(
+        _refuse(
+            path,
             np.abs(values) > FASTEST[unit],
             lambda i: f"{at.name} is {values[i]:.4g} {at.unit}; no joint is so fast{ask}",
         )
@@ -219,18 +231,20 @@ def _check(
     least, most = model.jnt_range[joint]
     if model.jnt_limited[joint]:
         beyond = max(BEYOND[unit], 0.25 * (most - least))  # a limit gives way a little
-        row.refuse(
+        _refuse(
+            path,
             (values < least - beyond) | (values > most + beyond),
             lambda i: (
                 f"{at.name} is {values[i]:.4g} {unit}, far outside of its range of "
                 f"{least:.4g} to {most:.4g} in the model{ask}"
             ),
         )
-    elif (span := float(np.ptp(_known(values)))) > SWINGS[unit]:
-        ends = _known(values)[[0, -1]]
-        far = np.abs(values - ends[0]) > SWINGS[unit]
-        row.refuse(
-            far if span > 1.5 * abs(ends[1] - ends[0]) else np.zeros_like(far),
+    else:
+        known = _known(values)
+        to_and_fro = np.ptp(known) > max(SWINGS[unit], 1.5 * abs(known[-1] - known[0]))
+        _refuse(
+            path,
+            to_and_fro & (np.abs(values - known[0]) > SWINGS[unit]),
             lambda i: (
                 f"{at.name} is {values[i]:.4g} {unit}, and it comes back{ask} If it does "
                 "move so far, give the joint a range in the model"
@@ -240,7 +254,8 @@ def _check(
         speed = np.r_[0.0, np.abs(np.diff(values)) / np.diff(times_s)]
         # a glitch of one sample is noise; a wrong unit shows in how fast it usually moves
         usual = np.nanquantile(speed, 0.9)
-    row.refuse(
+    _refuse(
+        path,
         (speed > FASTEST[unit]) & (usual > FASTEST[unit] / 10),
         lambda i: f"{at.name} moves at {speed[i]:.4g} {unit}/s; no joint does{ask}",
     )
@@ -250,26 +265,25 @@ def _refuse_other_units(
     path: Path, robot: RobotFile, times_s: np.ndarray, measured: np.ndarray
 ) -> None:
     """Refuse velocities that are far from what the positions of the same joint say."""
-    column = {(at.kind, at.dof): k for k, at in enumerate(robot.measured)}
-    for (kind, dof), k in column.items():
-        if kind != "velocity" or ("position", dof) not in column:
+    signals = list(zip(robot.measured, measured.T, strict=True))
+    place = {at.dof: values for at, values in signals if at.kind == "position"}
+    for at, speed in signals:
+        if at.kind != "velocity" or at.dof not in place:
             continue
-        rate = np.gradient(measured[:, column["position", dof]], times_s)
-        speed = measured[:, k]
+        rate = np.gradient(place[at.dof], times_s)
         seen = np.isfinite(rate) & np.isfinite(speed)
         if not seen.any() or not (np.ptp(rate[seen]) and np.ptp(speed[seen])):
             continue
         slope = np.sqrt(np.mean(rate[seen] ** 2) / np.mean(speed[seen] ** 2))
         alike = np.corrcoef(rate[seen], speed[seen])[0, 1]
         if abs(alike) > 0.8 and not 1 / OTHER_UNIT < slope < OTHER_UNIT:
-            name = list(robot.measured)[k].name
             raise ValueError(
-                f"{path}: the position moves {slope:.3g} times as fast as {name} says; one of the "
-                "two units is wrong (deg is 57.3 times rad, rad/s 9.55 times rpm)"
+                f"{path}: the position moves {slope:.3g} times as fast as {at.name} says; one of "
+                "the two units is wrong (deg is 57.3 times rad, rad/s 9.55 times rpm)"
             )
 
 
-def _refuse_stuck(row: _Rows, at: Signal, column: Column, values: np.ndarray) -> None:
+def _refuse_stuck(path: Path, at: Signal, column: Column, values: np.ndarray) -> None:
     """Refuse runs of equal samples between fast ones: no joint stops and starts like that.
 
     A joint may stick: then it goes on from where it was, while a sensor that froze jumps to where
@@ -292,35 +306,27 @@ def _refuse_stuck(row: _Rows, at: Signal, column: Column, values: np.ndarray) ->
         n = int((values == values[first]).sum()) if clipped else end - first + 1
         if n >= PLATEAU and end - first > SHORT and all(edge.max() > fast for edge in edges):
             why = f"the end of what column {column.name!r} reaches: a saturated"
-            why = why if clipped else "a frozen"
-            row.refuse(
-                np.arange(len(values)) == first,
-                lambda i, why=why, n=n: (
-                    f"{at.name} stays at {values[i]:.6g} for {n} samples amid a motion, {why} "
-                    "sensor; take the log or the signal out, or leave these cells empty"
-                ),
+            said = (
+                f"{at.name} stays at {values[first]:.6g} for {n} samples amid a motion, "
+                f"{why if clipped else 'a frozen'} sensor; take the log or the signal out, or "
+                "leave these cells empty"
             )
+            _refuse(path, np.arange(len(values)) == first, lambda i, said=said: said)
 
 
 def _refuse_frozen(path: Path, robot: RobotFile, drive: np.ndarray, measured: np.ndarray) -> None:
     """Refuse a joint that never moves although it is driven, or hangs on others that move."""
-    for k, at in enumerate(robot.measured):
-        if np.ptp(_known(measured[:, k])) > 0:
+    for at, values in zip(robot.measured, measured.T, strict=True):
+        if np.ptp(_known(values)) > 0:
             continue
-        own = [c for c, channel in enumerate(robot.drive) if _moves_dof(robot.model, channel, at)]
+        driven = [driven_dof(robot.model, channel) for channel in robot.drive]
+        own = [c for c, dof in enumerate(driven) if dof is not None and dof == at.dof]
         if not own or np.ptp(drive[:, own], axis=0).any():
             raise ValueError(
-                f"{path}: {at.name} stays at {_known(measured[:, k])[0]:.6g} in all rows, where "
+                f"{path}: {at.name} stays at {_known(values)[0]:.6g} in all rows, where "
                 f"{'it is driven' if own else 'others move'}: a frozen sensor, or the wrong "
                 "column; take the log or the signal out"
             )
-
-
-def _moves_dof(model: mujoco.MjModel, channel: Channel, at: Signal) -> bool:
-    if channel.actuator is None:
-        return channel.dof == at.dof
-    joint = joint_of_actuator(model, channel.actuator)
-    return joint is not None and int(model.jnt_dofadr[joint]) == at.dof
 
 
 def _moves(values: np.ndarray) -> bool:

@@ -5,41 +5,24 @@ Among them the masses that were fixed to links in some of the logs.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from robotcast.robots.names import Address, elements, field_of
+from robotcast.robots.names import Address, field_of
 
 CONSTANTS = ("body_mass", "body_inertia", "body_ipos", "dof_armature", "actuator_armature")
 """Fields from which MuJoCo derives others: `mj_setConst` follows a change of them."""
 
-
 Change = Callable[[np.ndarray], np.ndarray]
 
 
-class ModelFields(Protocol):
-    """What `RobotEffect.write` changes: values are (n_sim, 1) or (n_sim, n_rows)."""
+class ModelFields:
+    """Fields as arrays with one row a simulation, wherever they lie.
 
-    model: mujoco.MjModel
-
-    def add(self, at: Address, values: np.ndarray) -> None:
-        """Add to the addressed elements."""
-        ...
-
-    def multiply(self, at: Address, values: np.ndarray) -> None:
-        """Multiply the addressed elements; of masses the inertias too."""
-        ...
-
-    def set(self, at: Address, values: np.ndarray) -> None:
-        """Overwrite the addressed elements."""
-        ...
-
-
-class _Written:
-    """Fields as arrays with one row a simulation, wherever they lie."""
+    `RobotEffect.write` changes them by values of shape (n_sim, 1) or (n_sim, n_rows).
+    """
 
     model: mujoco.MjModel
 
@@ -48,35 +31,29 @@ class _Written:
         raise NotImplementedError
 
     def add(self, at: Address, values: np.ndarray) -> None:
+        """Add to the addressed elements."""
         self._change(at, lambda old: old + values)
 
     def multiply(self, at: Address, values: np.ndarray) -> None:
+        """Multiply the addressed elements; of masses the inertias too."""
         self._change(at, lambda old: old * values)
         if at.mass:
             inertia = self.field("body_inertia")
             inertia[:, list(at.rows)] *= np.asarray(values)[..., None]
 
     def set(self, at: Address, values: np.ndarray) -> None:
+        """Overwrite the addressed elements; of masses, scale the inertias."""
         if at.mass:
-            self.multiply(at, values / elements(self.field(at.field), at))
+            self.multiply(at, values / self.field(at.field)[at.index])
         else:
             self._change(at, lambda old: np.broadcast_to(values, old.shape))
 
     def _change(self, at: Address, change: Change) -> None:
         field = self.field(at.field)
-        new = change(elements(field, at))
-        rows = list(at.rows)
-        if not at.rows and at.column is None:
-            field[...] = new[..., 0]
-        elif not at.rows:
-            field[:, at.column] = new[..., 0]
-        elif at.column is None:
-            field[:, rows] = new
-        else:
-            field[:, rows, at.column] = new
+        field[at.index] = change(field[at.index])
 
 
-class BatchFields(_Written):
+class BatchFields(ModelFields):
     """Fields of a batch, one row a simulation."""
 
     def __init__(self, batch: Batch) -> None:
@@ -93,7 +70,7 @@ class BatchFields(_Written):
             self._batch.set_const()
 
 
-class OneModel(_Written):
+class OneModel(ModelFields):
     """Fields of a single model, as a batch of one; `changed` is what was."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -106,8 +83,8 @@ class OneModel(_Written):
     def _change(self, at: Address, change: Change) -> None:
         self.changed.append(at)
         if at.field.startswith("opt.") and at.column is None:  # a number, not a view of it
-            old = field_of(self.model, at.field)[None]
-            setattr(self.model.opt, at.field[4:], float(change(old[:, None])[0, 0]))
+            old = self.field(at.field)[at.index]
+            setattr(self.model.opt, at.field[4:], float(change(old)[0, 0]))
         else:
             super()._change(at, change)
 
@@ -121,14 +98,10 @@ class Payload:
     place_m: tuple[float, float, float]
 
 
-def load(
-    of_sim: Sequence[Sequence[Payload]],
-    mass: np.ndarray,
-    ipos: np.ndarray,
-    inertia: np.ndarray,
-    iquat: np.ndarray,
-) -> None:
-    """Add every simulation's payloads to its `body_mass` (n_sim, n_body) and the like, in place."""
+def load(of_sim: Sequence[Sequence[Payload]], fields: ModelFields) -> None:
+    """Add every simulation's payloads to the masses of its bodies."""
+    parts = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
+    mass, ipos, inertia, iquat = map(fields.field, parts)
     for sim, payloads in enumerate(of_sim):
         for one in payloads:
             b, own = one.body, mass[sim, one.body]
@@ -149,12 +122,6 @@ def load(
 def loaded(model: mujoco.MjModel, payloads: Sequence[Payload]) -> mujoco.MjModel:
     """Return the model with these payloads, a copy."""
     model = model.__copy__()
-    load(
-        [payloads],
-        model.body_mass[None],
-        model.body_ipos[None],
-        model.body_inertia[None],
-        model.body_iquat[None],
-    )
+    load([payloads], OneModel(model))
     mujoco.mj_setConst(model, mujoco.MjData(model))
     return model

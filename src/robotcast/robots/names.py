@@ -7,18 +7,12 @@ import math
 import re
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
 
-OBJECTS = {
-    "joint": mujoco.mjtObj.mjOBJ_JOINT,
-    "body": mujoco.mjtObj.mjOBJ_BODY,
-    "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
-    "geom": mujoco.mjtObj.mjOBJ_GEOM,
-    "sensor": mujoco.mjtObj.mjOBJ_SENSOR,
-}
+OBJECTS = {"joint": "njnt", "body": "nbody", "actuator": "nu", "geom": "ngeom", "sensor": "nsensor"}
 FIELDS = {  # what may be set of each: a field of MjModel, most of them called as in MJCF
     "joint": {
         "damping": "dof_damping",
@@ -45,9 +39,7 @@ WIDTH = {mujoco.mjtJoint.mjJNT_FREE: 6, mujoco.mjtJoint.mjJNT_BALL: 3}
 class Address:
     """Elements of one field of an MjModel: `rows`, and of each row the `column` where it has any.
 
-    Attributes
-    ----------
-    mass : whether the bodies' inertias go along, as those of bodies of the same shape.
+    With a `mass` the bodies' inertias go along, as those of bodies of the same shape.
     """
 
     name: str
@@ -59,7 +51,15 @@ class Address:
 
     def nominal(self, model: mujoco.MjModel) -> np.ndarray:
         """Return the values in the model, (n_rows,)."""
-        return elements(field_of(model, self.field), self)
+        return field_of(model, self.field)[self.index]
+
+    @property
+    def index(self) -> tuple[Any, ...]:
+        """Index of the elements in a field (..., n, columns), which gives (..., n_rows)."""
+        rows = list(self.rows)
+        if not rows:  # an option: one vector, or one number
+            return ..., None if self.column is None else [self.column]
+        return (..., rows) if self.column is None else (..., rows, self.column)
 
 
 @dataclass(frozen=True)
@@ -95,19 +95,9 @@ def field_of(model: mujoco.MjModel, field: str) -> np.ndarray:
     return np.asarray(getattr(owner, field.removeprefix("opt.")))
 
 
-def elements(values: np.ndarray, at: Address) -> np.ndarray:
-    """Return the addressed elements of a field (..., n, columns), (..., n_rows)."""
-    if not at.rows:  # an option: one vector, or one number
-        return values[..., None] if at.column is None else values[..., [at.column]]
-    rows = list(at.rows)
-    return values[..., rows] if at.column is None else values[..., rows, at.column]
-
-
 def names_of(model: mujoco.MjModel, kind: str) -> list[str]:
     """Return the names of all objects of a kind; one without is called by its number."""
-    n = {"joint": model.njnt, "body": model.nbody, "actuator": model.nu, "geom": model.ngeom}
-    count = n.get(kind, model.nsensor)
-    return [mujoco.mj_id2name(model, OBJECTS[kind], i) or str(i) for i in range(count)]
+    return [getattr(model, kind)(i).name or str(i) for i in range(getattr(model, OBJECTS[kind]))]
 
 
 def joint_of_dof(model: mujoco.MjModel, dof: int) -> str:
@@ -119,6 +109,14 @@ def joint_of_actuator(model: mujoco.MjModel, actuator: int) -> int | None:
     """Return the joint that an actuator drives, None where it drives a tendon or a site."""
     of_joint = model.actuator_trntype[actuator] == int(mujoco.mjtTrn.mjTRN_JOINT)
     return int(model.actuator_trnid[actuator, 0]) if of_joint else None
+
+
+def driven_dof(model: mujoco.MjModel, at: Channel) -> int | None:
+    """Return the degree of freedom that a channel drives, None of a tendon or a site."""
+    if at.actuator is None:
+        return at.dof
+    joint = joint_of_actuator(model, at.actuator)
+    return None if joint is None else int(model.jnt_dofadr[joint])
 
 
 def is_hinge(model: mujoco.MjModel, joint: int) -> bool:
@@ -134,16 +132,16 @@ def address(model: mujoco.MjModel, text: str, where: str) -> Address:
         forms = ", ".join(f"{k}.{a}" for k, some in FIELDS.items() for a in some)
         raise ValueError(f"{where}: {kind}.{attribute} cannot be set; these can: {forms}")
     values = field_of(model, field)
-    rows: list[int] = []
-    if kind != "option":
-        rows = [r for i in matching(model, kind, pattern, where) for r in _rows(model, i, field)]
-    size = values.shape[-1] if values.ndim > (0 if kind == "option" else 1) else 0
+    option = kind == "option"
+    found = [] if option else matching(model, kind, pattern, where)
+    rows = tuple(row for i in found for row in _rows(model, i, field))
+    size = values.shape[-1] if values.ndim > (0 if option else 1) else 0
     if size and index is None and attribute in FIRST_OF:
         index = 0
     if size and (index is None or index >= size):
         raise ValueError(f"{where}: it has {size} elements; end it with [0] to [{size - 1}]")
     column = index if size else None
-    return Address(text, field, tuple(rows), column, mass=attribute == "mass")
+    return Address(text, field, rows, column, mass=attribute == "mass")
 
 
 def channel(model: mujoco.MjModel, text: str, where: str) -> Channel:

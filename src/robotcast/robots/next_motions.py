@@ -20,7 +20,7 @@ from robotcast.diagnosis.next_trials import Further
 from robotcast.files import atomic_file
 from robotcast.robots.logs import Log, periods
 from robotcast.robots.model_fields import Payload, loaded
-from robotcast.robots.names import joint_of_actuator, names_of
+from robotcast.robots.names import driven_dof, names_of
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.robot_model import RobotModel
 from robotcast.robots.sizes import Sizes
@@ -77,10 +77,12 @@ def motions(
     robot: RobotFile, model: RobotModel, sizes: Sizes, length_s: float, noise: np.ndarray
 ) -> Motions:
     """Return the motions from which the next ones are chosen, each a window in its middle."""
-    logs = model.rollout.logs
-    bounds = _Bounds(robot, sizes)
-    some = [one for one in _tried(robot, sizes, logs) if bounds.hold(one.log)]
-    some = [_named(one, number) for number, one in enumerate(some)]
+    some = []
+    for number, (told, loads, drive, log) in enumerate(_tried(robot, sizes, model.rollout.logs)):
+        path = Path(f"motion {number}")
+        moved = _moved(robot, loads, drive, log, periods(model.rollout.logs), path)
+        if _feasible(robot, sizes, moved):
+            some.append(Motion(told, loads, moved))
     if not some:
         return Motions(robot, (), Further(model, ()))
     own = replace(robot, payloads={one.log.path.name: one.payloads for one in some})
@@ -103,11 +105,10 @@ def motions(
     return Motions(robot, tuple(some), Further(simulated, tuple(nowhere)))
 
 
-def _named(motion: Motion, number: int) -> Motion:
-    return replace(motion, log=replace(motion.log, path=Path(f"motion {number}")))
-
-
-def _tried(robot: RobotFile, sizes: Sizes, logs: Sequence[Log]) -> Iterator[Motion]:
+def _tried(
+    robot: RobotFile, sizes: Sizes, logs: Sequence[Log]
+) -> Iterator[tuple[dict[str, Any], tuple[Payload, ...], np.ndarray, Log]]:
+    """Yield what is told of a motion, its payloads, its commands, and the log it begins as."""
     model, channels = robot.model, list(robot.drive)
     bodies = [int(b) for b in np.unique(model.dof_bodyid)]
     leaves = [b for b in bodies if b not in model.body_parentid[bodies]][:2]
@@ -117,26 +118,18 @@ def _tried(robot: RobotFile, sizes: Sizes, logs: Sequence[Log]) -> Iterator[Moti
         place = model.body_ipos[body]
         own = (Payload(body, mass_kg, (place[0], place[1], place[2])),) if mass_kg else ()
         weight = {"payload_kg": mass_kg, "fixed_to": names[body] if mass_kg else "–"}
-        loaded_model = loaded(model, own) if own else model
         for log, share in product(logs[:REPLAYED], AMPLITUDES[1:]):
             if share == 1.0 and not own:
                 continue  # that was logged
             k = min(len(log.times_s), round(LENGTH_S / period_s))
             middle = np.median(log.drive, axis=0)
             drive = middle + share * (log.drive[:k] - middle)
-            told = {
-                "motion": f"{log.path.name} again",
-                "size": f"{100 * share:.0f} %",
-                "hertz": None,
-            }
-            yield _moved(robot, loaded_model, own, told | weight, drive, log, period_s)
+            size = f"{100 * share:.0f} %"
+            told = {"motion": f"{log.path.name} again", "size": size, "hertz": None}
+            yield told | weight, own, drive, log
         for c, rate, share in product(range(min(len(channels), REPLAYED)), RATES, AMPLITUDES):
-            joint = channels[c].dof
-            if channels[c].actuator is not None:
-                j = joint_of_actuator(model, channels[c].actuator or 0)
-                joint = None if j is None else int(model.jnt_dofadr[j])
-            usual = sizes.speed / sizes.position / (2 * np.pi)
-            hertz = rate * float(np.median(usual) if joint is None else usual[joint])
+            usual, dof = sizes.speed / sizes.position / (2 * np.pi), driven_dof(model, channels[c])
+            hertz = rate * float(np.median(usual) if dof is None else usual[dof])
             middle, half = _commanded(model, channels[c].actuator, [g.drive[:, c] for g in logs])
             times_s = period_s * np.arange(round(LENGTH_S / period_s))
             drive = np.tile(np.median(logs[0].drive, axis=0), (len(times_s), 1))
@@ -144,7 +137,7 @@ def _tried(robot: RobotFile, sizes: Sizes, logs: Sequence[Log]) -> Iterator[Moti
             column = list(robot.drive.values())[c]
             size = f"{share * half / abs(column.factor):.3g} {column.unit or channels[c].unit}"
             told = {"motion": f"sine on {channels[c].name}", "size": size.strip(), "hertz": hertz}
-            yield _moved(robot, loaded_model, own, told | weight, drive, logs[0], period_s)
+            yield told | weight, own, drive, logs[0]
 
 
 def _commanded(
@@ -159,19 +152,18 @@ def _commanded(
 
 def _moved(
     robot: RobotFile,
-    model: mujoco.MjModel,
     payloads: tuple[Payload, ...],
-    told: dict[str, Any],
     drive: np.ndarray,
     log: Log,
     period_s: float,
-) -> Motion:
+    path: Path,
+) -> Log:
     """Simulate commands from where a log begins, at rest."""
+    model = loaded(robot.model, payloads) if payloads else robot.model
     data, signals = mujoco.MjData(model), list(robot.measured)
-    for k, at in enumerate(signals):
+    for at, values in zip(signals, log.measured.T, strict=True):
         if at.kind == "position":
-            known = log.measured[np.isfinite(log.measured[:, k]), k]
-            data.qpos[at.index] = known[0]
+            data.qpos[at.index] = values[np.isfinite(values)][0]
     times_s = period_s * np.arange(len(drive))
     steps = np.diff(np.round(times_s / model.opt.timestep).astype(int), append=0)
     seen = np.full((len(drive), len(signals)), np.nan)
@@ -185,30 +177,23 @@ def _moved(
         row[:] = [from_data[at.kind][at.index] for at in signals]
         if n > 0:  # the last command is never held
             mujoco.mj_step(model, data, n)
-    return Motion(told, payloads, Log(Path("motion"), times_s, drive, seen))
+    return Log(path, times_s, drive, seen)
 
 
-class _Bounds:
-    """Where joints may be, and how fast."""
-
-    def __init__(self, robot: RobotFile, sizes: Sizes) -> None:
-        model, joints = robot.model, robot.model.dof_jntid
-        wide = WIDER * (sizes.highest - sizes.lowest)
-        limited = model.jnt_limited[joints].astype(bool)
-        self._low = np.where(limited, model.jnt_range[joints, 0], sizes.lowest - wide)
-        self._high = np.where(limited, model.jnt_range[joints, 1], sizes.highest + wide)
-        self._speed = FASTER * 3 * sizes.speed  # three root mean squares are about the largest
-        self._positions = [(k, s.dof) for k, s in enumerate(robot.measured) if s.kind == "position"]
-
-    def hold(self, log: Log) -> bool:
-        """Tell whether a motion stays within."""
-        if not np.isfinite(log.measured).all():
-            return False
-        for k, dof in self._positions:
-            path = log.measured[:, k]
+def _feasible(robot: RobotFile, sizes: Sizes, log: Log) -> bool:
+    """Tell whether joints stay where they may be, and no faster than they may move."""
+    model, joints = robot.model, robot.model.dof_jntid
+    wide = WIDER * (sizes.highest - sizes.lowest)
+    limited = model.jnt_limited[joints].astype(bool)
+    low = np.where(limited, model.jnt_range[joints, 0], sizes.lowest - wide)
+    high = np.where(limited, model.jnt_range[joints, 1], sizes.highest + wide)
+    fastest = FASTER * 3 * sizes.speed  # three root mean squares are about the largest
+    if not np.isfinite(log.measured).all():
+        return False
+    for at, path in zip(robot.measured, log.measured.T, strict=True):
+        if at.kind == "position":
             speed = np.abs(np.diff(path)) / np.diff(log.times_s)
-            if path.min() < self._low[dof] or path.max() > self._high[dof]:
+            inside = low[at.dof] <= path.min() and path.max() <= high[at.dof]
+            if not inside or speed.max() > fastest[at.dof]:
                 return False
-            if speed.max() > self._speed[dof]:
-                return False
-        return True
+    return True

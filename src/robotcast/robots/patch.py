@@ -13,16 +13,10 @@ from robotcast.robots.couplings import serve
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import in_file
 from robotcast.robots.model_fields import OneModel
-from robotcast.robots.names import Address
+from robotcast.robots.names import FIELDS, Address
 from robotcast.robots.robot_file import Moving, RobotFile, compiled, load_spec
 
-OF_JOINTS = {
-    "dof_damping": "damping",
-    "dof_frictionloss": "frictionloss",
-    "dof_armature": "armature",
-    "jnt_stiffness": "stiffness",
-    "qpos_spring": "springref",
-}
+OF_JOINTS = {field: name for name, field in FIELDS["joint"].items()}
 
 
 def write_patched(
@@ -30,9 +24,7 @@ def write_patched(
 ) -> list[str]:
     """Write the model that a diagnosis ended with; return the effects that MJCF cannot hold.
 
-    Parameters
-    ----------
-    said : `model` of diagnosis.json: the effects that act, and every parameter's value.
+    What is `said` is `model` of diagnosis.json: the effects that act, every parameter's value.
     """
     values = {name: size["value"] for name, size in said["parameters"].items()}
     acting = [
@@ -62,8 +54,7 @@ def patched(
     left_out = []
     zeros = [one for one in acting if one[0].acts_through("closes")]
     for effect, values in (one for one in acting if one not in zeros):
-        writes = effect.acts_through("write")
-        if writes:
+        if writes := effect.acts_through("write"):
             effect.write(fields, **{name: np.array([[v]]) for name, v in values.items()})
         if not effect.patch(moving, robot.model, **values) and not writes:
             left_out.append(effect.name)
@@ -79,22 +70,20 @@ def patched(
 def _copy(model: mujoco.MjModel, spec: mujoco.MjSpec, at: Address) -> None:
     """Write the addressed elements of a model into the spec that it was compiled from."""
     if at.field.startswith("opt."):
-        name = at.field[4:]
-        setattr(spec.option, name, getattr(model.opt, name))
+        setattr(spec.option, at.field[4:], getattr(model.opt, at.field[4:]))
         return
     values = getattr(model, at.field)
     for row in at.rows:
         if at.field in OF_JOINTS:
-            joint = _joint(model, at.field, row)
-            owner, name = spec.joints[joint], OF_JOINTS[at.field]
+            owner, name = spec.joints[_joint(model, at.field, row)], OF_JOINTS[at.field]
             if name == "springref":
                 owner.springref = in_file(spec, owner, float(values[row]))
+            elif name == "dampingpoly":
+                owner.damping[1:] = values[row]
             elif name in ("damping", "stiffness"):
                 getattr(owner, name)[0] = values[row]
             else:
                 setattr(owner, name, float(values[row]))
-        elif at.field == "dof_dampingpoly":
-            spec.joints[_joint(model, at.field, row)].damping[1:] = values[row]
         elif at.field.startswith("body_"):
             body = spec.bodies[row]
             body.explicitinertial = True

@@ -25,12 +25,8 @@ def episodes(path: Path, table: pl.DataFrame) -> list[tuple[str, pl.DataFrame]]:
         table = table.with_columns(parts).drop(column)
     if "episode_index" not in table.columns:
         return [(path.name, table)]
-    return [
-        (f"{path.name}#{number}", part)
-        for (number,), part in table.partition_by(
-            "episode_index", as_dict=True, maintain_order=True
-        ).items()
-    ]
+    parts = table.partition_by("episode_index", as_dict=True, maintain_order=True)
+    return [(f"{path.name}#{number}", part) for (number,), part in parts.items()]
 
 
 def _features(path: Path) -> dict[str, list[str]]:

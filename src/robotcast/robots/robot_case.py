@@ -25,7 +25,7 @@ from robotcast.robots.names import to_si
 from robotcast.robots.next_motions import Motions, motions
 from robotcast.robots.robot_file import RobotFile, read_robot
 from robotcast.robots.robot_model import RobotModel, tuned_parameters
-from robotcast.robots.rollout import Rollout, Start
+from robotcast.robots.rollout import Rollout
 from robotcast.robots.sizes import Sizes, sizes_of
 from robotcast.robots.windows import GROUPS, LEAST_SAMPLES, StartStates, Window, cut, noise_of
 from robotcast.running import Progress, silent
@@ -65,9 +65,8 @@ class RobotCase:
     @property
     def wording(self) -> Wording:
         """What windows and signals are called, and the units that the logs have them in."""
-        columns = zip(self.robot.measured.items(), self.model.units.si, strict=True)
         axes = []
-        for (at, column), si in columns:
+        for (at, column), si in zip(self.robot.measured.items(), self.model.units.si, strict=True):
             unit = column.unit or at.unit
             axes.append(Axis(at.spoken, unit, scale=si / to_si(unit or None, at.unit, None, "")))
         return Wording(
@@ -134,19 +133,18 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
     floor = float(np.hypot(known, step))
     notes = _notes(robot, logs, windows, length_s)
     if missed > FAR_OFF:
-        notes = (
+        notes.insert(
+            0,
             f"Within {length_s:.2g} s the model as it is errs by {missed:.0f} times the usual "
             "motion: look whether a unit, a sign or a column in robot.yaml is wrong.",
-            *notes,
         )
     if step > known:
-        notes = (
-            *notes,
+        notes.append(
             f"The model's own step of {1e3 * robot.model.opt.timestep:.3g} ms makes it err by "
-            f"{step:.2g} % of the usual motion, more than noise: a shorter timestep shows more.",
+            f"{step:.2g} % of the usual motion, more than noise: a shorter timestep shows more."
         )
     return RobotCase(
-        robot, model, starts, sizes, length_s, floor, step, repeated is not None, notes
+        robot, model, starts, sizes, length_s, floor, step, repeated is not None, tuple(notes)
     )
 
 
@@ -175,16 +173,14 @@ def _length(
     Longer windows show more of a small effect, until an error that grows has lost the trial. Of a
     joint that hardly moves that is one beyond its noise.
     """
-    total_s = sum(log.times_s[-1] - log.times_s[0] for log in logs)
-    shortest_s = min(log.times_s[-1] - log.times_s[0] for log in logs)
-    longest_s = max(min(LONGEST_S, total_s / (2 * GROUPS), shortest_s / 2.5), 1e-9)
+    spans_s = [log.times_s[-1] - log.times_s[0] for log in logs]
+    longest_s = max(min(LONGEST_S, sum(spans_s) / (2 * GROUPS), min(spans_s) / 2.5), 1e-9)
     wide = replace(robot, most_windows=LOOKED_AT)
     windows = cut(wide, logs, starts, longest_s)
     rollout = Rollout(robot, logs, windows, threads)
-    still = np.zeros((2, robot.model.nv))
     times = [logs[w.log].times_s[w.first : w.end] - logs[w.log].times_s[w.first] for w in windows]
     nominal = np.array([[p.nominal for p in tuned_parameters(robot)]])
-    found = rollout.simulate([Start(k, still) for k in range(len(windows))], times, (), nominal)[0]
+    found = rollout.simulate(range(len(windows)), times, (), nominal)[0]
     at = [k for k, signal in enumerate(robot.measured) if signal.kind == "position"]
     travel = np.nanstd(np.vstack([log.measured[:, at] for log in logs]), axis=0)
     travel = np.maximum(travel, MOVES * noise[at])
@@ -227,7 +223,7 @@ def _repeated_miss(robot: RobotFile, logs: Sequence[Log], model: RobotModel) -> 
 
 def _notes(
     robot: RobotFile, logs: Sequence[Log], windows: Sequence[Window], length_s: float
-) -> tuple[str, ...]:
+) -> list[str]:
     chosen = "as robot.yaml says" if robot.length_s else "about as long as a prediction holds"
     notes = [
         f"The logs were cut into {len(windows)} windows of {length_s:.2g} s, {chosen}; each starts "
@@ -239,15 +235,14 @@ def _notes(
             "states leave of a perfect model. What else differs from run to run is not in it: "
             "repeat one motion three times and name the logs in repeats."
         )
-    parts = len({w.part for w in windows})
-    if parts > len(logs):
+    if (parts := len({w.part for w in windows})) > len(logs):
         few = "One log is" if len(logs) == 1 else f"{len(logs)} logs are"
         notes.append(
             f"{few} too few to hold out whole ones: each was cut, into {parts} parts in all. What "
             "stays the same throughout a log, such as its temperature or a calibration, is not put "
             "to the test."
         )
-    return tuple(notes)
+    return notes
 
 
 Tell = Callable[[dict[str, Any]], object]

@@ -4,7 +4,7 @@ Last, the ParameterDict of `mujoco.sysid` as it stands on disk, a YAML file of p
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,22 +27,15 @@ from robotcast.robots.names import (
 )
 
 FILE = "robot.yaml"
-KEYS = {
+NEEDED = {
     "model": "the MJCF or URDF file",
     "logs": "file names or patterns, from the folder",
-    "time": "column and unit",
     "drive": "what the columns drive",
     "measured": "what the columns measure",
-    "servos": "motors whose columns are commanded positions → kp, kd of the robot's controller",
-    "weld": "joints that stay where the model puts them, a base on a stand",
-    "tune": "parameters of the model that the nominal fit may change, with bounds",
-    "sysid": "a ParameterDict of mujoco.sysid, as it saves it, for values and bounds of `tune`",
-    "groups": "name → joints that share their effects",
-    "payloads": "body[NAME] → log → mass [kg] that was fixed to it",
-    "repeats": "lists of logs that repeat one motion",
-    "windows": "length_s, most",
-    "exclude": "effects that are not tried",
 }
+KEYS = """model logs time drive measured servos weld tune sysid groups payloads repeats windows
+exclude"""
+MOST_WINDOWS = 60
 COLUMN_KEYS = ("column", "unit", "scale", "offset", "noise", "torque_constant")
 
 
@@ -93,15 +86,15 @@ class RobotFile:
     time: Column
     drive: Mapping[Channel, Column]
     measured: Mapping[Signal, Column]
-    weld: tuple[str, ...] = ()
-    servos: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    tune: tuple[Tunable, ...] = ()
-    groups: Mapping[str, tuple[int, ...]] = field(default_factory=dict)  # joints' dofs
-    payloads: Mapping[str, tuple[Payload, ...]] = field(default_factory=dict)  # by log
-    repeats: tuple[tuple[str, ...], ...] = ()
-    length_s: float | None = None
-    most_windows: int = 60
-    exclude: tuple[str, ...] = ()
+    weld: tuple[str, ...]
+    servos: Mapping[str, tuple[float, float]]
+    tune: tuple[Tunable, ...]
+    groups: Mapping[str, tuple[int, ...]]  # joints' dofs
+    payloads: Mapping[str, tuple[Payload, ...]]  # by log
+    repeats: tuple[tuple[str, ...], ...]
+    length_s: float | None
+    most_windows: int
+    exclude: tuple[str, ...]
 
 
 def load_spec(path: Path, weld: Sequence[str] = ()) -> mujoco.MjSpec:
@@ -199,13 +192,13 @@ def read_robot(folder: Path) -> RobotFile:
         write = f"python stages/describe.py robot={folder}"
         raise ValueError(f"{folder} has no {FILE}: {write} writes one")
     try:
-        said = _Said(path, FILE, yaml.safe_load(path.read_text(encoding="utf-8")))
+        said = _Said(path, "", yaml.safe_load(path.read_text(encoding="utf-8")))
     except yaml.YAMLError as error:
         raise ValueError(f"{path}: not YAML: {_one_line(error)}") from None
-    said.allow(*KEYS)
-    for key in ("model", "logs", "drive", "measured"):
+    said.allow(*KEYS.split())
+    for key, what in NEEDED.items():
         if not said.get(key):
-            raise ValueError(f"{path}: {key!r} is missing: it names {KEYS[key]}")
+            raise ValueError(f"{path}: {key!r} is missing: it names {what}")
     model_path, weld = folder / str(said.get("model")), tuple(said.names("weld"))
     servos = _servos(said.part("servos"))
     spec = couple(load_spec(model_path, weld))
@@ -235,7 +228,7 @@ def read_robot(folder: Path) -> RobotFile:
         payloads=_payloads(said.part("payloads"), model),
         repeats=_repeats(said),
         length_s=windows.number("length_s"),
-        most_windows=int(windows.number("most") or RobotFile.most_windows),
+        most_windows=int(windows.number("most") or MOST_WINDOWS),
         exclude=tuple(said.names("exclude")),
     )
 
@@ -252,60 +245,57 @@ class _Said:
         if not isinstance(self.values, dict):
             raise self.wrong("expected `key: value` lines", self.values)
 
-    def wrong(self, rule: str, got: Any) -> ValueError:
-        """Return the error that a rule was broken here."""
-        return ValueError(f"{self.path}: {self.where}: {rule}, got {got!r}")
+    def at(self, key: Any = "") -> str:
+        """Return where it stands, or the value of a key in it."""
+        return f"{self.path}: {f'{self.where} {key}'.strip() or FILE}"
+
+    def wrong(self, rule: str, got: Any, key: Any = "") -> ValueError:
+        """Return the error that a rule was broken there."""
+        return ValueError(f"{self.at(key)}: {rule}, got {got!r}")
 
     def allow(self, *keys: str) -> None:
         """Refuse any other key."""
         if unknown := [key for key in self.values if key not in keys]:
-            raise ValueError(
-                f"{self.path}: {self.where}: no key is called {unknown[0]!r}; "
-                f"there are {', '.join(keys)}"
-            )
+            there = ", ".join(keys)
+            raise ValueError(f"{self.at()}: no key is called {unknown[0]!r}; there are {there}")
 
-    def get(self, key: str) -> Any:
+    def get(self, key: Any) -> Any:
         return self.values.get(key)
 
-    def at(self, key: str) -> str:
-        return key if self.where == FILE else f"{self.where} {key}"
-
-    def part(self, key: str, short: str = "", otherwise: Any = None) -> "_Said":
+    def part(self, key: Any, short: str = "", otherwise: Any = None) -> "_Said":
         """Return a mapping below; what stands there alone is its `short` key."""
         value = self.values.get(key, otherwise)
         if short and not isinstance(value, dict):
             value = {short: value}
-        return _Said(self.path, self.at(key), {} if value is None else value)
+        return _Said(self.path, f"{self.where} {key}".strip(), {} if value is None else value)
 
     def names(self, key: str) -> list[str]:
         """Return a list of words, or one."""
-        some = self.values.get(key) or []
+        some = self.get(key) or []
         return [some] if isinstance(some, str) else [str(one) for one in some]
 
     def number(self, key: str) -> float | None:
         """Return a number, None where it is not given."""
-        value = self.values.get(key)
-        if value is None:
-            return None
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise _Said(self.path, self.at(key), {}).wrong("expected a number", value)
-        return float(value)
+        value = self.get(key)
+        if isinstance(value, bool) or not isinstance(value, int | float | None):
+            raise self.wrong("expected a number", value, key)
+        return None if value is None else float(value)
 
 
 def _log_paths(folder: Path, said: _Said) -> tuple[Path, ...]:
     found: list[Path] = []
     for pattern in said.names("logs"):
         some = sorted(folder.glob(pattern))
+        found += some
         if not some:
-            raise ValueError(f"{said.path}: logs: no file matches {pattern!r} in {folder}")
-        found += [one for one in some if one not in found]
-    return tuple(found)
+            raise ValueError(f"{said.at('logs')}: no file matches {pattern!r} in {folder}")
+    return tuple(dict.fromkeys(found))
 
 
 def _columns(said: _Said, parse: Callable[..., Any], model: mujoco.MjModel) -> dict:
     found = {}
     for target in said.values:
-        at = parse(model, target, f"{said.path}: {said.at(target)}")
+        at = parse(model, target, said.at(target))
         found[at] = _column(said.part(target, "column"), at.unit)
     return found
 
@@ -316,24 +306,20 @@ def _column(said: _Said, wanted: str) -> Column:
     if not isinstance(said.get("column"), str | int | float):
         raise said.wrong("name the column of the logs", said.get("column"))
     unit, constant = said.get("unit"), said.number("torque_constant")
-    factor = to_si(unit, wanted, constant, f"{said.path}: {said.where}")
+    factor = to_si(unit, wanted, constant, said.at())
     factor *= 1.0 if (scale := said.number("scale")) is None else scale
     noise = said.number("noise")
-    return Column(
-        str(said.get("column")),
-        factor,
-        factor * (said.number("offset") or 0.0),
-        None if noise is None else abs(factor) * noise,
-        "" if unit is None or said.get("scale") is not None else str(unit),
-    )
+    noise = None if noise is None else abs(factor) * noise
+    shown = "" if unit is None or said.get("scale") is not None else str(unit)
+    offset = factor * (said.number("offset") or 0.0)
+    return Column(str(said.get("column")), factor, offset, noise, shown)
 
 
 def _tunables(said: _Said, known: Mapping[str, Mapping[str, Any]], model: Any) -> list[Tunable]:
     """Read `tune`; a word in the place of bounds names a parameter of the ParameterDict."""
-    found, own = [], said.part("tune").values
-    for name, how in (own or {name: name for name in known}).items():
-        at = address(model, name, f"{said.path}: tune {name}")
-        wrong = _Said(said.path, f"tune {name}", {}).wrong
+    found, part = [], said.part("tune")
+    for name, how in (part.values or {name: name for name in known}).items():
+        at = address(model, name, part.at(name))
         if isinstance(how, str) and how in known:
             found.append(Tunable(at, factor=False, **known[how]))
             continue
@@ -343,7 +329,7 @@ def _tunables(said: _Said, known: Mapping[str, Mapping[str, Any]], model: Any) -
         if numbers != [True, True] or not bounds[0] < bounds[1]:
             also = f", or one of {', '.join(known)} of {said.get('sysid')}" if known else ""
             rule = f"expected bounds [least, most], or factor: [least, most] of the model's{also}"
-            raise wrong(rule, how)
+            raise part.wrong(rule, how, name)
         found.append(Tunable(at, float(bounds[0]), float(bounds[1]), factor))
     return found
 
@@ -355,11 +341,8 @@ def _servos(said: _Said) -> dict[str, tuple[float, float]]:
         part.allow("kp", "kd")
         kp, kd = part.number("kp"), part.number("kd")
         if kp is None or kd is None or not (kp > 0 and kd >= 0):
-            raise part.wrong(
-                "expected {kp: …, kd: …}, the gains with which the robot follows a position "
-                "[N m/rad, N m s/rad]",
-                part.values,
-            )
+            gains = "the gains with which the robot follows a position [N m/rad, N m s/rad]"
+            raise part.wrong(f"expected {{kp: …, kd: …}}, {gains}", part.values)
         found[str(target)] = kp, kd
     return found
 
@@ -367,8 +350,8 @@ def _servos(said: _Said) -> dict[str, tuple[float, float]]:
 def _groups(said: _Said, model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
     groups = {}
     for name in said.values:
-        where = f"{said.path}: {said.at(name)}"
-        found = [j for one in said.names(name) for j in matching(model, "joint", one, where)]
+        patterns, where = said.names(name), said.at(name)
+        found = [j for one in patterns for j in matching(model, "joint", one, where)]
         groups[str(name)] = tuple(dict.fromkeys(int(model.jnt_dofadr[j]) for j in found))
     return groups
 
@@ -379,7 +362,7 @@ def _payloads(said: _Said, model: mujoco.MjModel) -> dict[str, tuple[Payload, ..
     for target in said.values:
         part = said.part(target)
         name = str(target).removeprefix("body[").removesuffix("]")
-        (body, *_) = matching(model, "body", name, f"{said.path}: {part.where}")
+        body = matching(model, "body", name, part.at())[0]
         for log in part.values:
             given = part.part(log, "kg")
             given.allow("kg", "at")
@@ -394,7 +377,7 @@ def _payloads(said: _Said, model: mujoco.MjModel) -> dict[str, tuple[Payload, ..
 def _repeats(said: _Said) -> tuple[tuple[str, ...], ...]:
     groups = said.get("repeats") or ()
     if wrong := [group for group in groups if not isinstance(group, list)]:
-        raise _Said(said.path, "repeats", {}).wrong("expected lists of logs", wrong[0])
+        raise said.wrong("expected lists of logs", wrong[0], "repeats")
     return tuple(tuple(Path(name).name for name in group) for group in groups)
 
 
@@ -425,13 +408,8 @@ def write_parameters(path: Path, sizes: Mapping[str, Mapping[str, Any]]) -> None
     said = {}
     for name, size in sizes.items():
         value = float(size["value"])
-        ends = [value if size.get(end) is None else float(size[end]) for end in ("low", "high")]
-        said[name] = {
-            "name": name,
-            "nominal": [value],
-            "min_value": [min(ends[0], value)],
-            "max_value": [max(ends[1], value)],
-            "value": [value],
-            "frozen": ends[0] == ends[1],
-        }
+        low, high = (value if size.get(k) is None else float(size[k]) for k in ("low", "high"))
+        said[name] = {"name": name, "nominal": [value]}
+        said[name] |= {"min_value": [min(low, value)], "max_value": [max(high, value)]}
+        said[name] |= {"value": [value], "frozen": low == high}
     write_text(path, yaml.safe_dump(said, sort_keys=False))

@@ -20,7 +20,7 @@ from robotcast.fitting.parameter import Parameter
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.logs import Log
 from robotcast.robots.robot_file import RobotFile
-from robotcast.robots.rollout import Rollout, Start
+from robotcast.robots.rollout import Rollout
 from robotcast.robots.windows import Window
 
 PART = 0.02  # of how far a signal moves: what is missed by so much counts as one
@@ -44,8 +44,7 @@ class Units:
             some = logs[w.log].measured[w.first : w.end]
             squares.append(np.nanmean((some - np.nanmean(some, axis=0)) ** 2, axis=0))
         travel = np.sqrt(np.nanmean(squares, axis=0))
-        if not (travel > 0).all():
-            travel = np.where(travel > 0, travel, travel.max())
+        travel = np.where(travel > 0, travel, travel.max())
         si = np.hypot(noise, PART * travel)
         return cls(si, noise / si)
 
@@ -102,9 +101,8 @@ class RobotModel:
     ) -> np.ndarray:
         """Predict the windows' signals from their fitted start states (see `Model`)."""
         effects = [self.effects[name] for name in active]
-        still = np.zeros((2, self.rollout.robot.model.nv))
-        starts = [Start(record.trial, still) for record in records]
-        found = self.rollout.simulate(starts, [r.times_s for r in records], effects, vectors)
+        of = [r.trial for r in records], [r.times_s for r in records]
+        found = self.rollout.simulate(*of, effects, vectors)
         found /= self.units.si
         for row, record in enumerate(records):
             k = len(record.times_s)
@@ -141,7 +139,7 @@ class RobotModel:
 
     @property
     def finer(self) -> "RobotModel":
-        """The same model with a shorter step."""
+        """The same model with a shorter step: diagnosis asks it by what that shifts sizes."""
         assert len(self._slopes)  # of the start states, which both have in common
         other, known = copy(self), self.rollout
         other.__dict__.pop("nominal_misses", None)
@@ -153,12 +151,10 @@ class RobotModel:
 
         What the tuned parameters take up of it, by their slopes, is not missed.
         """
-        still = np.zeros((2, self.rollout.robot.model.nv))
-        starts = [Start(record.trial, still) for record in self.records]
-        times_s = [record.times_s for record in self.records]
+        numbers, times_s = range(len(self.records)), [record.times_s for record in self.records]
         vectors = _about(self.parameters)
-        coarse = self.rollout.simulate(starts, times_s, (), vectors)
-        exact = self.finer.rollout.simulate(starts, times_s, (), vectors[:1])
+        coarse = self.rollout.simulate(numbers, times_s, (), vectors)
+        exact = self.finer.rollout.simulate(numbers, times_s, (), vectors[:1])
         moved = np.concatenate([coarse[:1] - exact, coarse[1:] - coarse[:1]]) / self.units.si
         parts = []
         for row, record in enumerate(self.records):
@@ -201,33 +197,29 @@ class RobotModel:
     @cached_property
     def _slopes(self) -> np.ndarray:
         """By one deviation of every start coordinate, (n_windows, k, d, 2 nv), nominal model."""
-        rollout = self.rollout
-        nv = rollout.robot.model.nv
-        starts, times_s = [], []
-        for record, window in zip(self.records, rollout.windows, strict=True):
-            for column in range(2 * nv + 1):
-                moved = np.zeros((2, nv))
-                if column:
-                    moved.ravel()[column - 1] = window.start_sd.ravel()[column - 1]
-                starts.append(Start(record.trial, moved))
-                times_s.append(record.times_s)
+        windows, nv = self.rollout.windows, self.rollout.robot.model.nv
+        n = 1 + 2 * nv
+        moved = np.zeros((len(windows), n, 2, nv))  # the first of each not at all
+        for window, own in zip(windows, moved, strict=True):
+            own[1:] = np.diag(window.start_sd.ravel()).reshape(-1, 2, nv)
+        numbers = np.repeat(np.arange(len(windows)), n).tolist()
+        times_s = [self.records[k].times_s for k in numbers]
         nominal = np.array([[p.nominal for p in self.parameters]])
-        found = rollout.simulate(starts, times_s, (), nominal)[0] / self.units.si
-        found = found.reshape(len(self.records), 2 * nv + 1, *found.shape[1:])
+        found = self.rollout.simulate(numbers, times_s, (), nominal, moved.reshape(-1, 2, nv))
+        found = found[0] / self.units.si
+        found = found.reshape(len(windows), n, *found.shape[1:])
         return np.nan_to_num(np.moveaxis(found[:, 1:] - found[:, :1], 1, -1))
 
 
 def _about(parameters: Sequence[Parameter]) -> np.ndarray:
     """Return the nominal values (1 + n_free, n), and others with one of them a step away."""
-    nominal = np.array([p.nominal for p in parameters])
-    rows = [nominal]
+    rows = [np.array([p.nominal for p in parameters])]
     for k, p in enumerate(parameters):
         unit = float(p.to_unit(np.asarray(p.nominal)))
         if not p.frozen:
             there = unit + (DIFFERENCE if unit < 0.5 else -DIFFERENCE)
-            rows.append(
-                np.where(np.arange(len(nominal)) == k, p.from_unit(np.asarray(there)), nominal)
-            )
+            rows.append(rows[0].copy())
+            rows[-1][k] = p.from_unit(np.asarray(there))
     return np.array(rows)
 
 
@@ -235,8 +227,9 @@ def tuned_parameters(robot: RobotFile) -> tuple[Parameter, ...]:
     """Return the parameters of the nominal fit, about what the model says."""
     found = []
     for one in robot.tune:
-        nominal = 1.0 if one.factor else float(np.mean(one.at.nominal(robot.model)))
-        nominal = nominal if one.start is None else one.start
+        nominal = one.start
+        if nominal is None:
+            nominal = 1.0 if one.factor else float(np.mean(one.at.nominal(robot.model)))
         if not one.lower <= nominal <= one.upper:
             raise ValueError(
                 f"{robot.path}: tune {one.at.name}: the model's {nominal:g} lies outside of the "

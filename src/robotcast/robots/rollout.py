@@ -6,7 +6,6 @@ the drive over it, so that a delay by a part of a step has an effect; without on
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -25,25 +24,16 @@ BATCH = 256  # simulations stepped side by side
 CHECK_EVERY = 50  # steps between looks for runs that diverged
 DIVERGED_RATE = 1e4  # rad/s or m/s: no robot moves like that
 INPUTS = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED)
-STEPWISE = ("force", "friction", "transmission")  # hooks that are asked at every step
+FORCES = ("force", "friction")
+STEPWISE = (*FORCES, "transmission")  # hooks that are asked at every step
 LEAD_S = 0.3  # of commands before a window, for effects that remember them
 MEMORY_S = 1.0  # the same for actuators with a state of their own
 
 
-@dataclass(frozen=True)
-class Start:
-    """Deviations of a start from the measured state, (2, nv): of positions and of velocities."""
-
-    window: int
-    moved: np.ndarray
-
-
 class Rollout:
-    """Simulates windows of a robot's logs; results do not depend on `threads`.
+    """Simulates windows of a robot's logs, the model's own step cut into `finer` parts.
 
-    Parameters
-    ----------
-    finer : into how many parts the model's own step is cut.
+    Results do not depend on `threads`.
     """
 
     def __init__(
@@ -66,43 +56,52 @@ class Rollout:
         self._step_s = float(self._model.opt.timestep)
         self._channels = list(robot.drive)
         self._signals = list(robot.measured)
-        own_delay_s, own_latency_s = self._model.actuator_delay, self._model.sensor_delay
-        commanded = [at.actuator for at in self._channels]
-        self._own_delay_s = [0.0 if a is None else own_delay_s[a] for a in commanded]
-        of_data = np.repeat(own_latency_s, self._model.sensor_dim)
-        sensed = [s.index if s.kind == "sensor" else None for s in self._signals]
-        self._own_latency_s = [0.0 if k is None else of_data[k] for k in sensed]
-        own_delay_s[:], own_latency_s[:] = (
-            0.0,
-            0.0,
-        )  # MuJoCo's buffers are too short for finer steps
-        self._drives = [_Drive(log) for log in logs]
-        self._payloads = [robot.payloads.get(logs[w.log].path.name, ()) for w in windows]
+        self._delay_s, self._latency_s = self._own_delays()
         self.qpos_of_dof = self._model.jnt_qposadr[self._model.dof_jntid]
+
+    def _own_delays(self) -> tuple[np.ndarray, np.ndarray]:
+        """Take the model's own delays of commands and of sensors [s] out of it, by column.
+
+        MuJoCo's buffers are made for the model's step, and too short for a finer one.
+        """
+        model, of_data = self._model, np.repeat(self._model.sensor_delay, self._model.sensor_dim)
+        commands = [
+            0.0 if c.actuator is None else model.actuator_delay[c.actuator] for c in self._channels
+        ]
+        signals = [of_data[s.index] if s.kind == "sensor" else 0.0 for s in self._signals]
+        model.actuator_delay[:], model.sensor_delay[:] = 0.0, 0.0
+        return np.array(commands), np.array(signals)
 
     def simulate(
         self,
-        starts: Sequence[Start],
+        numbers: Sequence[int],
         times_s: Sequence[np.ndarray],
         effects: Sequence[RobotEffect],
         vectors: np.ndarray,
+        moved: np.ndarray | None = None,
     ) -> np.ndarray:
         """Return all signals in SI units, (n_vectors, n_starts, k_max, n_signals).
 
         Parameters
         ----------
+        numbers : of the windows, one for every start.
         times_s : of every start, when its signals are wanted, from the start of its window.
         vectors : ndarray (n_vectors, n), the tuned parameters, then those of the effects.
+        moved : how far from the measured states it starts, in positions and velocities,
+            (n_starts, 2, nv); None for nothing.
         """
+        windows = [self.windows[k] for k in numbers]
+        moved = np.zeros((len(windows), 2, self._model.nv)) if moved is None else moved
         k_max = max(map(len, times_s))
-        found = np.full((len(vectors), len(starts), k_max, len(self._signals)), np.nan)
+        found = np.full((len(vectors), len(windows), k_max, len(self._signals)), np.nan)
         by_steps = stepwise(self.robot.tune, effects, vectors)
         for alike in (np.flatnonzero(~by_steps), np.flatnonzero(by_steps)):
-            pairs = np.array([(v, s) for s in range(len(starts)) for v in alike])
+            pairs = np.array([(v, s) for s in range(len(windows)) for v in alike])
             for part in np.array_split(pairs, -(-len(pairs) // BATCH)) if len(pairs) else ():
                 of_vector, of_start = part.T
                 paths = self._run(
-                    [starts[s] for s in of_start],
+                    [windows[s] for s in of_start],
+                    moved[of_start],
                     [times_s[s] for s in of_start],
                     _acting(self.robot.tune, effects, vectors[of_vector]),
                     vectors[of_vector],
@@ -114,42 +113,42 @@ class Rollout:
 
     def _run(
         self,
-        starts: Sequence[Start],
+        windows: Sequence[Window],
+        moved: np.ndarray,
         times_s: Sequence[np.ndarray],
         acting: Acting,
         values: np.ndarray,
         by_steps: bool,
     ) -> list[np.ndarray]:
         """Simulate one batch; row by row a start with its own values (n_sim, n)."""
-        batch = Batch(self._model, len(starts), nthread=self.threads)
+        batch = Batch(self._model, len(windows), nthread=self.threads)
         fields = BatchFields(batch)
         for k, tunable in enumerate(self.robot.tune):
             write = fields.multiply if tunable.factor else fields.set
             write(tunable.at, values[:, k : k + 1])
         for effect, own in _through("write", acting):
             effect.write(fields, **own)
-        if self.robot.payloads:
-            parts = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
-            load([self._payloads[s.window] for s in starts], *map(fields.field, parts))
+        if payloads := self.robot.payloads:
+            load([payloads.get(self.logs[w.log].path.name, ()) for w in windows], fields)
         fields.finish()
         for effect, own in _through("closes", acting):
             effect.closes(self._model, batch.expand("actuator_biasprm"), **own)
         n_steps = int(np.ceil(max(t[-1] for t in times_s) / self._step_s - 1e-9)) + 1
-        before, drive = self._drive(starts, acting, n_steps)
+        before, drive = self._drive(windows, acting, n_steps)
         if self._model.na:
-            self._recall(batch, starts, before)
-        self._place(batch, starts, acting)
+            self._recall(batch, windows, before)
+        self._place(batch, windows, moved, acting)
         if by_steps:
-            path = self._stepped(batch, starts, acting, drive)
+            path = self._stepped(batch, windows, acting, drive)
         else:
             path = self._rolled(batch, drive)
-        return self._observed(path, starts, times_s, acting)
+        return self._observed(path, windows, times_s, acting)
 
-    def _place(self, batch: Batch, starts: Sequence[Start], acting: Acting) -> None:
+    def _place(
+        self, batch: Batch, windows: Sequence[Window], moved: np.ndarray, acting: Acting
+    ) -> None:
         """Write the states at the starts: where encoders show them, less what those distort."""
-        windows = [self.windows[s.window] for s in starts]
         qpos = np.array([w.qpos for w in windows])
-        moved = np.array([s.moved for s in starts])
         qpos[:, self.qpos_of_dof] += moved[:, 0]
         for effect, own in _through("unseen", acting):
             at = self.qpos_of_dof[list(effect.where.dofs)]
@@ -162,15 +161,15 @@ class Rollout:
             qvel[:, dofs] += late_s * qacc
         batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos, qvel
 
-    def _recall(self, batch: Batch, starts: Sequence[Start], drive: np.ndarray) -> None:
+    def _recall(self, batch: Batch, windows: Sequence[Window], drive: np.ndarray) -> None:
         """Bring the actuators' own states to where the time before the start leaves them.
 
         It is simulated with the joints led along as they were measured. When a log begins, drives
         are taken to be at rest: servos want to be where they are.
         """
         since_s = self._step_s * np.arange(-drive.shape[1], 0)
-        led = {s.window: self._led(self.windows[s.window], since_s) for s in starts}
-        qpos, logged = (np.array([led[s.window][k] for s in starts]) for k in (0, 1))
+        led = {(w.log, w.first): self._led(w, since_s) for w in windows}
+        qpos, logged = (np.array([led[w.log, w.first][k] for w in windows]) for k in (0, 1))
         qvel = np.gradient(qpos[:, :, self.qpos_of_dof], self._step_s, axis=1)
         model, ctrl, act = self._model, batch.bind("ctrl"), batch.bind("act")
         controls = [(c, at.actuator) for c, at in enumerate(self._channels)]
@@ -198,23 +197,22 @@ class Rollout:
         return qpos, at_s >= log.times_s[0]
 
     def _drive(
-        self, starts: Sequence[Start], acting: Acting, n_steps: int
+        self, windows: Sequence[Window], acting: Acting, n_steps: int
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return what drives the steps before the start and those after, (n_sim, n, n_channels)."""
         lead_s = LEAD_S if any(True for _ in _through("command", acting)) else 0.0
         lead = round((MEMORY_S if self._model.na else lead_s) / self._step_s)
-        delay_s = np.tile(self._own_delay_s, (len(starts), 1))
+        delay_s = np.tile(self._delay_s, (len(windows), 1))
         for effect, own in _through("delay_s", acting):
             delay_s[:, list(effect.where.channels)] += effect.delay_s(**own)
         since_s = self._step_s * np.arange(-lead, n_steps + 1)
-        drive = np.empty((len(starts), lead + n_steps, len(self._channels)))
-        known: dict[tuple[int, bytes], np.ndarray] = {}
-        for row, start, late in zip(drive, starts, delay_s, strict=True):
-            key = (start.window, late.tobytes())
+        drive = np.empty((len(windows), lead + n_steps, len(self._channels)))
+        known: dict[tuple[int, int, bytes], np.ndarray] = {}
+        for row, window, late in zip(drive, windows, delay_s, strict=True):
+            key = (window.log, window.first, late.tobytes())
             if key not in known:
-                window = self.windows[start.window]
                 from_s = self.logs[window.log].times_s[window.first]
-                known[key] = self._drives[window.log].mean(from_s + since_s, late)
+                known[key] = self.logs[window.log].mean_drive(from_s + since_s, late)
             row[:] = known[key]
         for effect, own in _through("command", acting):
             at = list(effect.where.channels)
@@ -248,21 +246,23 @@ class Rollout:
         return path.swapaxes(0, 1)
 
     def _stepped(
-        self, batch: Batch, starts: Sequence[Start], acting: Acting, drive: np.ndarray
+        self, batch: Batch, windows: Sequence[Window], acting: Acting, drive: np.ndarray
     ) -> np.ndarray:
         """Step to the end; return qpos, qvel and sensors of every step (n_steps, n_sim, m)."""
         model, n_steps = self._model, drive.shape[1]
         nq_nv = model.nq + model.nv
         qpos, qvel, ctrl = (batch.bind(name) for name in ("qpos", "qvel", "ctrl"))
         applied = batch.bind("qfrc_applied")
-        sensors = batch.bind("sensordata") if model.nsensor else np.zeros((len(starts), 0))
-        path = np.empty((n_steps, len(starts), nq_nv + sensors.shape[1]))
+        sensors = batch.bind("sensordata") if model.nsensor else np.zeros((len(windows), 0))
+        path = np.empty((n_steps, len(windows), nq_nv + sensors.shape[1]))
         channels = list(enumerate(self._channels))
         controls = [(c, at.actuator) for c, at in channels if at.actuator is not None]
         torques = [(c, at.dof) for c, at in channels if at.dof is not None]
         soft = list(_through("transmission", acting))
         between = Transmission(batch, soft, self.qpos_of_dof) if soft else None
-        acts = _Forces(self, batch, starts, acting)
+        acts = any(True for hook in FORCES for _ in _through(hook, acting))
+        forces = _Forces(self, batch, windows, acting) if acts else None
+        lost = np.zeros(len(windows), bool)
         for k in range(n_steps):
             applied[:] = 0.0
             for channel, actuator in controls:
@@ -270,13 +270,14 @@ class Rollout:
             for channel, dof in torques:
                 applied[:, dof] = drive[:, k, channel]
             if between and k == 0:
-                between.place(np.array([self.windows[s.window].bends for s in starts]))
+                between.place(np.array([w.bends for w in windows]))
             shown_qpos, shown_qvel = path[k, :, : model.nq], path[k, :, model.nq : nq_nv]
             shown_qpos[:], shown_qvel[:] = qpos, qvel
             if between:
                 between.show(shown_qpos, shown_qvel)
                 between.apply()
-            acts.apply(k * self._step_s)
+            if forces:
+                forces.apply(k * self._step_s)
             try:
                 batch.step()
             except SimulationError as error:
@@ -285,18 +286,16 @@ class Rollout:
                 between.advance()
             path[k, :, nq_nv:] = sensors
             if k % CHECK_EVERY == 0 or k == n_steps - 1:
-                lost = ~(np.abs(qvel).max(axis=1) < DIVERGED_RATE)
-                if lost.any():
-                    path[: k + 1, lost] = np.nan
-                    qpos[lost], qvel[lost] = model.qpos0, 0.0
-                    acts.lost |= lost
-        path[:, acts.lost] = np.nan
+                wild = ~(np.abs(qvel).max(axis=1) < DIVERGED_RATE)
+                qpos[wild], qvel[wild] = model.qpos0, 0.0
+                lost |= wild
+        path[:, lost] = np.nan
         return path
 
     def _observed(
         self,
         path: np.ndarray,
-        starts: Sequence[Start],
+        windows: Sequence[Window],
         times_s: Sequence[np.ndarray],
         acting: Acting,
     ) -> list[np.ndarray]:
@@ -308,8 +307,10 @@ class Rollout:
             path[:, :, at] = shown.swapaxes(0, 1)
         first = {"position": 0, "velocity": nq, "sensor": nq + nv}
         columns = [first[s.kind] + s.index for s in self._signals]
-        late_s = self._latency_s(path.shape[1], acting)
-        windows = [self.windows[s.window] for s in starts]
+        late_s = np.tile(self._latency_s, (path.shape[1], 1))
+        for effect, own in _through("latency_s", acting):
+            at = [s.dof in effect.where.dofs for s in self._signals]
+            late_s[:, at] += effect.latency_s(**own)
         found = []
         for sim, wanted_s in enumerate(times_s):
             since_s = wanted_s[:, None] - late_s[sim]
@@ -324,15 +325,6 @@ class Rollout:
             found.append(shown)
         return found
 
-    def _latency_s(self, n_sim: int, acting: Acting) -> np.ndarray:
-        """Return by how much every signal comes late, (n_sim, n_signals)."""
-        late_s = np.tile(self._own_latency_s, (n_sim, 1))
-        for effect, own in _through("latency_s", acting):
-            late_s[:, [s.dof in effect.where.dofs for s in self._signals]] += effect.latency_s(
-                **own
-            )
-        return late_s
-
     def _before_start(self, window: Window, since_s: np.ndarray, late_s: np.ndarray) -> np.ndarray:
         """Return how far the signals were from where they start, before it, (k, n_signals)."""
         away = np.zeros_like(since_s)
@@ -345,43 +337,16 @@ class Rollout:
         return away
 
 
-class _Drive:
-    """What a log commands, as the mean over any span of time."""
-
-    def __init__(self, log: Log) -> None:
-        times_s = np.r_[log.times_s, log.times_s[-1] + log.period_s]
-        self._times_s, self._values = times_s, log.drive
-        steps = np.diff(times_s)[:, None] * log.drive
-        self._sum = np.vstack([np.zeros(log.drive.shape[1]), np.cumsum(steps, axis=0)])
-
-    def mean(self, edges_s: np.ndarray, delay_s: np.ndarray) -> np.ndarray:
-        """Return the means (n, n_channels) between n + 1 edges, every channel so much later."""
-        first, last = self._times_s[[0, -1]]
-        found = np.empty((len(edges_s) - 1, len(delay_s)))
-        for channel, late in enumerate(delay_s):
-            at = edges_s - late
-            inside = np.clip(at, first, last)
-            total = np.interp(inside, self._times_s, self._sum[:, channel])
-            ends = self._values[[0, -1], channel]
-            total += np.minimum(at - first, 0) * ends[0] + np.maximum(at - last, 0) * ends[1]
-            found[:, channel] = np.diff(total) / np.diff(at)
-        return found
-
-
 class _Forces:
     """Applies what effects compute at every step: torques on the joints, and dry friction."""
 
     def __init__(
-        self, owner: Rollout, batch: Batch, starts: Sequence[Start], acting: Acting
+        self, owner: Rollout, batch: Batch, windows: Sequence[Window], acting: Acting
     ) -> None:
-        self.lost = np.zeros(len(starts), bool)
         self._forces, self._frictions = (
             [(list(e.where.dofs), getattr(e, hook), own) for e, own in _through(hook, acting)]
-            for hook in ("force", "friction")
+            for hook in FORCES
         )
-        if not (self._forces or self._frictions):
-            return
-        windows = [owner.windows[s.window] for s in starts]
         began = [owner.logs[w.log].times_s[w.first] - owner.logs[w.log].times_s[0] for w in windows]
         self._log_time_s = np.array(began)[:, None]
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
@@ -393,13 +358,10 @@ class _Forces:
 
     def apply(self, time_s: float) -> None:
         """Write the forces of the step that begins at `time_s`."""
-        if not (self._forces or self._frictions):
-            return
-        torque = self._actuated + self._applied
+        torque, log_time_s = self._actuated + self._applied, self._log_time_s + time_s
         qpos = self._qpos[:, self._qpos_of_dof]
 
         def of(dofs: list[int]) -> Motion:
-            log_time_s = self._log_time_s + time_s
             return Motion(log_time_s, qpos[:, dofs], self._qvel[:, dofs], torque[:, dofs])
 
         for dofs, force, own in self._forces:

@@ -18,15 +18,12 @@ MOST_STATES = 400
 def shown(case: RobotCase, base: Mapping[str, Any], last: Mapping[str, Any]) -> dict[str, Any]:
     """Return `robot` of diagnosis.json: windows with traces, and torques against speed.
 
-    Parameters
-    ----------
-    base, last : `base` and `model` of diagnosis.json; the last may be empty.
+    From its `base` and its `model`, the last, which may be empty.
     """
     before = _predicted(case, (), [p["value"] for p in base["parameters"].values()])
     after = before
     if last:
-        values = [p["value"] for p in last["parameters"].values()]
-        after = _predicted(case, last["effects"], values)
+        after = _predicted(case, last["effects"], [p["value"] for p in last["parameters"].values()])
     return {**_traces(case, before, after), "torques": _torques(case)}
 
 
@@ -44,7 +41,6 @@ def _traces(case: RobotCase, before: np.ndarray, after: np.ndarray) -> dict[str,
     """Return signals with what is missed of them, and windows with their traces, in their units."""
     model, axes = case.model, case.wording.axes
     scale = np.array([axis.scale for axis in axes])
-
     off, off_after = model.misses(before), model.misses(after)
     size = [float(np.nanmean(np.linalg.norm(one, axis=1))) for one in off]
     order = np.argsort(np.nan_to_num(size, nan=np.inf), kind="stable")
@@ -101,8 +97,7 @@ def _torques(case: RobotCase) -> list[dict[str, Any]]:
     position, speed, missing = (np.array(part) for part in zip(*rows, strict=True))
     degrees = any(column.unit == "deg" for column in robot.measured.values())
     found = []
-    for dof in range(robot.model.nv):
-        hinge = bool(case.sizes.hinge[dof])
+    for dof, hinge in enumerate(case.sizes.hinge):
         length = ("deg" if degrees else "rad") if hinge else "m"
         scale = np.degrees(1.0) if length == "deg" else 1.0
         found.append(

@@ -1,6 +1,6 @@
 """How large things usually are on a robot's logs, so that bounds of effects fit any robot."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -10,18 +10,18 @@ from robotcast.robots.logs import Log
 from robotcast.robots.windows import StartStates
 
 MOST_STATES = 200
-UNITS = {  # what a size is, of a hinge and of a slide
-    "torque": ("N m", "N"),
-    "speed": ("rad/s", "m/s"),
-    "position": ("rad", "m"),
-    "damping": ("N m s/rad", "N s/m"),
-    "drag": ("N m s²/rad²", "N s²/m²"),
-    "stiffness": ("N m/rad", "N/m"),
-    "compliance": ("rad/N m", "m/N"),
-    "inertia": ("kg m²", "kg"),
-    "per command": ("1", "1"),  # one over the largest command
-    "per torque": ("1/(N m)", "1/N"),
-    "per speed": ("s/rad", "s/m"),
+SIZES: dict[str, tuple[str, str, Callable[["Sizes"], np.ndarray]]] = {
+    # its unit, of a hinge and of a slide, and what it is of each joint
+    "torque": ("N m", "N", lambda usual: usual.torque),
+    "speed": ("rad/s", "m/s", lambda usual: usual.speed),
+    "position": ("rad", "m", lambda usual: usual.position),
+    "damping": ("N m s/rad", "N s/m", lambda usual: usual.torque / usual.speed),
+    "drag": ("N m s²/rad²", "N s²/m²", lambda usual: usual.torque / usual.speed**2),
+    "stiffness": ("N m/rad", "N/m", lambda usual: usual.torque / usual.position),
+    "compliance": ("rad/N m", "m/N", lambda usual: usual.position / usual.torque),
+    "inertia": ("kg m²", "kg", lambda usual: usual.inertia),
+    "per torque": ("1/(N m)", "1/N", lambda usual: 1 / usual.torque),
+    "per speed": ("s/rad", "s/m", lambda usual: 1 / usual.speed),
 }
 
 
@@ -56,25 +56,13 @@ class Sizes:
         """Return the size of a kind over joints or channels, and its unit; of others 1."""
         if kind == "length":
             return self.reach_m, "m"
-        if kind not in UNITS:
-            return 1.0, kind
         if kind == "per command":
             return 1 / float(self.command[list(channels)].max()), "1"
+        if kind not in SIZES:
+            return 1.0, kind
+        of_hinge, of_slide, size = SIZES[kind]
         at = list(dofs)
-        torque, speed, position = self.torque[at], self.speed[at], self.position[at]
-        values = {
-            "torque": torque,
-            "speed": speed,
-            "position": position,
-            "damping": torque / speed,
-            "drag": torque / speed**2,
-            "stiffness": torque / position,
-            "compliance": position / torque,
-            "inertia": self.inertia[at],
-            "per torque": 1 / torque,
-            "per speed": 1 / speed,
-        }[kind]
-        return float(np.median(values)), UNITS[kind][0 if self.hinge[at[0]] else 1]
+        return float(np.median(size(self)[at])), of_hinge if self.hinge[at[0]] else of_slide
 
 
 def inverse_states(

@@ -25,6 +25,7 @@ import numpy as np
 from mujoco.batch import Batch
 
 from robotcast.robots.effect import Acting
+from robotcast.robots.names import joint_of_actuator
 
 LEAST_ROTOR = 0.02  # of a joint's inertia, taken from its link where the model gives no armature
 IMPLICIT = 2 / 3  # of a step, by which a spring that it does not resolve is damped
@@ -36,10 +37,7 @@ FIXED_GAIN, AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS
 def drives_of(model: mujoco.MjModel, dof: int) -> list[int]:
     """Return the actuators that drive a joint themselves."""
     joint = int(model.dof_jntid[dof])
-    of_joint = (model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)) & (
-        model.actuator_trnid[:, 0] == joint
-    )
-    return np.flatnonzero(of_joint).tolist()
+    return [a for a in range(model.nu) if joint_of_actuator(model, a) == joint]
 
 
 def is_plain(model: mujoco.MjModel, actuator: int) -> bool:
@@ -49,6 +47,12 @@ def is_plain(model: mujoco.MjModel, actuator: int) -> bool:
         and model.actuator_gaintype[actuator] == FIXED_GAIN
         and model.actuator_biastype[actuator] in (int(mujoco.mjtBias.mjBIAS_NONE), AFFINE)
     )
+
+
+def is_servo(model: mujoco.MjModel, actuator: int) -> bool:
+    """Tell whether an actuator closes a loop about a position itself."""
+    affine = model.actuator_biastype[actuator] == AFFINE
+    return bool(affine and model.actuator_biasprm[actuator, 1] != 0)
 
 
 def link_inertia(model: mujoco.MjModel, dofs: Sequence[int]) -> np.ndarray:
@@ -63,12 +67,8 @@ def link_inertia(model: mujoco.MjModel, dofs: Sequence[int]) -> np.ndarray:
 class Transmission:
     """The rotors of all joints that some effect makes soft, in all simulations of a batch.
 
-    Parameters
-    ----------
-    acting : effects with a `transmission`.
-    qpos_of_dof : where every joint's position stands.
-
-    Rows in which all of them are at their null are left to MuJoCo, bit by bit.
+    All that is `acting` has a `transmission`; rows in which all are at their null are left to
+    MuJoCo, bit by bit. `qpos_of_dof` is where every joint's position stands.
     """
 
     def __init__(self, batch: Batch, acting: Acting, qpos_of_dof: np.ndarray) -> None:
@@ -159,9 +159,7 @@ class Transmission:
     def place(self, bends: np.ndarray) -> None:
         """Start where encoders show the rotors, the links behind them by the equation of these.
 
-        Parameters
-        ----------
-        bends : the rotors' acceleration and its rate there, (n_sim, 2, nv).
+        There `bends` are the rotors' acceleration and its rate, (n_sim, 2, nv).
         """
         dt, stiffness = self._step_s, np.where(self.soft, self._stiffness, 1.0)
         acceleration, its_rate = bends[:, 0, self.dofs], bends[:, 1, self.dofs]

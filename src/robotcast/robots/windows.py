@@ -57,14 +57,13 @@ def noise_of(robot: RobotFile, logs: Sequence[Log]) -> np.ndarray:
         if column.noise is not None:
             found.append(column.noise)
             continue
-        third = np.concatenate([np.diff(log.measured[:, k], 3) for log in logs])
-        third = np.abs(third[np.isfinite(third)])
-        steps = np.concatenate([np.abs(np.diff(log.measured[:, k])) for log in logs])
-        steps = steps[np.isfinite(steps) & (steps > 0)]
+        steps, third = (
+            np.abs(np.concatenate([np.diff(log.measured[:, k], n) for log in logs])) for n in (1, 3)
+        )
+        steps, third = steps[np.isfinite(steps) & (steps > 0)], third[np.isfinite(third)]
         quantum = float(np.quantile(steps, 0.01)) if len(steps) else 0.0
         white = float(np.median(third)) / 0.6745 / np.sqrt(20.0) if len(third) else 0.0
-        known = np.concatenate([log.measured[:, k] for log in logs])
-        travel = float(np.nanstd(known))
+        travel = float(np.nanstd(np.concatenate([log.measured[:, k] for log in logs])))
         found.append(max(white, min(quantum, travel) / np.sqrt(12.0), 1e-6 * travel))
     return np.array(found)
 
@@ -74,7 +73,8 @@ class StartStates:
 
     def __init__(self, robot: RobotFile, logs: Sequence[Log], noise: np.ndarray) -> None:
         self._robot, self._logs, self._noise = robot, logs, noise
-        self._margin = max(ABOUT_SAMPLES, round(ABOUT_S / periods(logs)))
+        # how many samples before and after a start are looked at
+        self.margin = max(ABOUT_SAMPLES, round(ABOUT_S / periods(logs)))
         self._of_dof: dict[int, list[tuple[int, Signal]]] = {}
         for k, at in enumerate(robot.measured):
             if at.dof is not None:
@@ -87,18 +87,13 @@ class StartStates:
                     "knows from where a window starts; measure it, or weld it if it does not move"
                 )
 
-    @property
-    def margin(self) -> int:
-        """How many samples before and after a start are looked at."""
-        return self._margin
-
     def at(self, log: int, first: int) -> tuple[np.ndarray, ...] | None:
         """Return qpos (nq,), qvel (nv,) and their deviations (2, nv); None where samples lack.
 
         Then acceleration and its rate, and their deviations, (2, nv) each.
         """
         model, some = self._robot.model, self._logs[log]
-        rows = slice(first - self._margin, first + self._margin + 1)
+        rows = slice(first - self.margin, first + self.margin + 1)
         if rows.start < 0 or rows.stop > len(some.times_s):
             return None
         since_s = some.times_s[rows] - some.times_s[first]

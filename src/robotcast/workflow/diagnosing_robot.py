@@ -136,22 +136,16 @@ def _compared(
         wording=case.wording,
     )
     said = fitted(inquiry, revision, errors.vectors, question.rule)
-    own = {p.name: p for p in model.parameters}
-    start = {"parameters": {name: {"value": p.nominal} for name, p in own.items()}}
+    start = {"parameters": {p.name: {"value": p.nominal} for p in model.parameters}}
     how = "fitted to these windows" if inquiry.free(effects).any() else "as it is"
     with_effects = f" with {' and '.join(map(effect_name, effects))}" if effects else ""
-    return (
-        {
-            **found.as_dict(),
-            **_facts(config),
-            "model": f"the MJCF{with_effects}, {how}",
-            "noise_floor_percent": case.floor_percent,
-            "notes": list(case.notes),
-            "robot": plain(shown(case, start, said)),
-        },
-        said,
-        float(errors.waypoint.mean()),
-    )
+    facts = {
+        "model": f"the MJCF{with_effects}, {how}",
+        "noise_floor_percent": case.floor_percent,
+        "notes": list(case.notes),
+        "robot": plain(shown(case, start, said)),
+    }
+    return found.as_dict() | _facts(config) | facts, said, float(errors.waypoint.mean())
 
 
 def _written(case: RobotCase, found: Mapping[str, Any], folder: Path) -> dict[str, Any]:
