@@ -65,8 +65,3 @@ def test_motions_of_other_plans_are_not_believed():
     assert not fit_following(list(zip(motions, other, strict=True)), PERIOD_S).believed
     exact = exact_following(PERIOD_S)
     assert exact.motion(motions[0]).pose == pytest.approx(motions[0].pose)
-
-
-def test_without_a_cast_nothing_is_known():
-    with pytest.raises(ValueError, match="no cast that tells"):
-        fit_following([], PERIOD_S)

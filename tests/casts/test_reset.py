@@ -62,11 +62,6 @@ def test_the_motion_is_smooth():
     assert np.abs(acceleration).max() < 15.0
 
 
-def test_a_yaw_beyond_a_turn_unwinds_to_the_nearest_whole_turn():
-    motion = reset(start=np.array([0.6, 0.0, 6.0]))
-    assert motion.yaw_rad[-1] == pytest.approx(2 * np.pi)
-
-
 def test_a_mirrored_start_gives_the_mirrored_motion():
     motion, image = reset(), reset(START * np.array([1, -1, -1]))
     np.testing.assert_array_equal(image.position_m, motion.position_m * np.array([1, -1, 1]))

@@ -4,8 +4,7 @@ Along the angle the tool moves from rest to rest with limited jerk, as ruckig pl
 """
 
 import math
-from dataclasses import dataclass, fields
-from typing import Self
+from dataclasses import dataclass, replace
 
 import numpy as np
 import ruckig
@@ -13,48 +12,34 @@ import ruckig
 
 @dataclass(frozen=True)
 class PlanLimits:
-    """Limits of the planned tool motion.
+    """Limits of the planned tool motion."""
 
-    Attributes
-    ----------
-    angular_acceleration_rad_s2, angular_jerk_rad_s3 : of the polar angle θ(t).
-    period_s : sample period of the planned motion, 8 ms for a UR5 CB3.
-    vmax_m_s : largest v_max that may be asked for.
-    angle_rad : largest |θ₁| and |θ₂|.
-    alpha_rad : largest |α|.
-    r_min_m, r_max_m : radii between which the tool may plan to move.
-    """
-
-    angular_acceleration_rad_s2: float = 15.0
+    angular_acceleration_rad_s2: float = 15.0  # of the polar angle θ(t), as is the jerk
     angular_jerk_rad_s3: float = 250.0
-    period_s: float = 0.008
-    vmax_m_s: float = 2.5
-    angle_rad: float = 1.5
-    alpha_rad: float = math.pi
-    r_min_m: float = 0.5
+    period_s: float = 0.008  # of its samples
+    vmax_m_s: float = 2.5  # largest v_max that may be asked for
+    angle_rad: float = 1.5  # largest |θ₁| and |θ₂|
+    alpha_rad: float = math.pi  # largest |α|
+    r_min_m: float = 0.5  # between these radii the tool may plan to move
     r_max_m: float = 0.9
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
+        for name, value in vars(self).items():
             if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"plan limits: {field.name} must be positive, got {value}")
+                raise ValueError(f"plan limits: {name} must be positive, got {value}")
         if self.r_min_m >= self.r_max_m:
             raise ValueError(
                 f"plan limits: r_min_m must be below r_max_m, got {self.r_min_m}, {self.r_max_m}"
             )
 
 
-PIECES = 7
-"""Pieces of constant jerk in one move."""
+PIECES = 7  # of constant jerk in one move
 
 
 class RestToRest:
     """Solves one move after another without allocating a solver for each.
 
-    Parameters
-    ----------
-    acceleration, jerk : largest magnitudes, in the unit of the distance per s² and s³.
+    Largest magnitudes are in the unit of the distance per s, s² and s³.
     """
 
     def __init__(self, acceleration: float, jerk: float) -> None:
@@ -65,12 +50,9 @@ class RestToRest:
         self._input.max_jerk = [jerk]
 
     def solve(self, distance: float, velocity: float) -> tuple[list[float], list[float]]:
-        """Return the durations [s] and jerks of the seven pieces of the fastest move.
+        """Return the durations [s] and jerks of the pieces of the fastest move over `distance` > 0.
 
-        Parameters
-        ----------
-        distance : how far to go, > 0.
-        velocity : largest velocity on the way, > 0.
+        Raises ValueError where there is none.
         """
         self._input.target_position = [distance]
         self._input.max_velocity = [velocity]
@@ -82,8 +64,7 @@ class RestToRest:
 
 
 SAMPLES_PER_PIECE = 32
-SPEED_MARGIN = 5e-4
-"""The planned peak stays this fraction below v_max: room for peaks between samples."""
+SPEED_MARGIN = 5e-4  # the planned peak stays so much below v_max: peaks between samples have room
 SPEED_TOLERANCE = 1e-6
 ROUNDS = 100
 
@@ -92,17 +73,13 @@ ROUNDS = 100
 class CastCurves:
     """Planned casts, one a row (paper, "Parameterized Actions").
 
-    Attributes
-    ----------
-    actions : ndarray of shape (n, 6), columns `ACTION_COLUMNS`, r₁ filled in.
-    r0_m : radius where every cast starts.
-    durations_s, jerks_rad_s3 : ndarrays of shape (n, 14), pieces of constant jerk of θ(t):
-        seven from 0 to θ₁ and seven from θ₁ to θ₂, at rest in between.
+    θ(t) is made of pieces of constant jerk: seven from 0 to θ₁ and seven from θ₁ to θ₂, at rest in
+    between.
     """
 
-    actions: np.ndarray
-    r0_m: float
-    durations_s: np.ndarray
+    actions: np.ndarray  # (n, 6), columns `ACTION_COLUMNS`, r₁ filled in
+    r0_m: float  # radius where every cast starts
+    durations_s: np.ndarray  # (n, 14) of the pieces
     jerks_rad_s3: np.ndarray
 
     @property
@@ -115,14 +92,10 @@ class CastCurves:
         """When each tool arrives in θ₂, (n,)."""
         return self.turn_s + self.durations_s[:, PIECES:].sum(axis=1)
 
-    def rows(self, chosen: slice | np.ndarray) -> Self:
+    def rows(self, chosen: slice | np.ndarray) -> "CastCurves":
         """Return the chosen casts."""
-        return type(self)(
-            self.actions[chosen],
-            self.r0_m,
-            self.durations_s[chosen],
-            self.jerks_rad_s3[chosen],
-        )
+        arrays = {name: a[chosen] for name, a in vars(self).items() if name != "r0_m"}
+        return replace(self, **arrays)
 
     def _piece_states(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return time, angular rate and acceleration where each piece begins, each (n, 14)."""
