@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 import yaml
 
@@ -17,7 +18,6 @@ from robotcast.casts.plan import PlanLimits, plan_actions
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.measurements.reader import write_measurement_set
 from robotcast.simulators.d_sim import (
-    Generated,
     Shard,
     generate_casts,
     mean_reach,
@@ -55,53 +55,51 @@ def test_the_free_end_starts_where_resets_left_it_on_average() -> None:
     np.testing.assert_allclose(reach_m, [0.63, 0.003])
     actions = CAST.action.as_array()[None]
     told = generate_casts(Still(), np.zeros(0), actions, PLAN, settle_s=1.0, reach_m=reach_m)
-    np.testing.assert_allclose(told.endpoints_m, [[1.23, 0.003]])
+    np.testing.assert_allclose(told, [[1.23, 0.003]])
 
 
 def test_casts_that_show_no_start_leave_it_to_the_tool() -> None:
     assert mean_reach([SimulatedCast(CAST.tool, np.ones(1))]) is None
     actions = CAST.action.as_array()[None]
     told = generate_casts(Still(), np.zeros(0), actions, PLAN, settle_s=1.0)
-    assert np.isnan(told.endpoints_m).all()
+    assert np.isnan(told).all()
 
 
-def generated(n: int) -> Generated:
-    rng = np.random.default_rng(0)
-    diverged = np.arange(n) % 5 == 3
-    ends = np.where(diverged[:, None], np.nan, rng.normal(size=(n, 2)))
-    return Generated(rng.normal(size=(n, 6)), ends, diverged)
+RANDOM = np.random.default_rng(0)
+ACTIONS, ENDS = RANDOM.normal(size=(11, 6)), RANDOM.normal(size=(11, 2))
+ENDS[3::5] = np.nan  # they diverged
 
 
-def cut(whole: Generated, shard: Shard) -> Generated:
-    rows = shard.part(np.arange(len(whole.actions)))
-    return Generated(whole.actions[rows], whole.endpoints_m[rows], whole.diverged[rows])
-
-
-def write_shards(folder: Path, whole: Generated, of: int) -> list[Path]:
+def write_shards(folder: Path, of: int) -> list[Path]:
     shards = [Shard(number, of) for number in range(of)]
     for shard in shards:
-        write_d_sim(folder / shard.name, cut(whole, shard), {**FACTS, "subject": "one"})
+        facts = {**FACTS, "subject": "one"}
+        write_d_sim(folder / shard.name, shard.part(ACTIONS), shard.part(ENDS), facts)
     return [folder / shard.name for shard in shards]
 
 
 @pytest.mark.parametrize("of", [1, 3, 4])
 def test_shards_merge_into_the_bytes_of_the_whole(tmp_path: Path, of: int) -> None:
-    whole = generated(11)
-    write_d_sim(tmp_path / "whole", whole, FACTS)
-    merge_shards(write_shards(tmp_path, whole, of), tmp_path / "merged")
+    write_d_sim(tmp_path / "whole", ACTIONS, ENDS, FACTS)
+    merge_shards(write_shards(tmp_path, of), tmp_path / "merged")
+    assert_same(tmp_path / "merged", tmp_path / "whole")
+    assert pl.read_parquet(tmp_path / "whole" / "casts.parquet").height == 9
+
+
+def assert_same(one: Path, other: Path) -> None:
     for name in ("casts.parquet", "generation.yaml"):
-        assert (tmp_path / "merged" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+        assert (one / name).read_bytes() == (other / name).read_bytes()
 
 
 def test_a_missing_shard_is_named(tmp_path: Path) -> None:
-    folders = write_shards(tmp_path, generated(11), 3)
+    folders = write_shards(tmp_path, 3)
     (folders[1] / "generation.yaml").unlink()
     with pytest.raises(FileNotFoundError, match="1-of-3"):
         merge_shards(folders, tmp_path / "merged")
 
 
 def test_shards_of_different_simulators_do_not_merge(tmp_path: Path) -> None:
-    folders = write_shards(tmp_path, generated(11), 3)
+    folders = write_shards(tmp_path, 3)
     facts = yaml.safe_load((folders[2] / "generation.yaml").read_text())
     (folders[2] / "generation.yaml").write_text(yaml.safe_dump({**facts, "subject": "two"}))
     with pytest.raises(ValueError, match="come from different"):
@@ -133,8 +131,7 @@ def test_a_sweep_over_shards_gives_the_bytes_of_one_run(tmp_path: Path) -> None:
     run("generate", *common, f"paths.simulated={tmp_path / 'whole'}")
     run("generate", "-m", *common, *shards, "generate.shard=2,0,1")
     run("generate", *common, "generate.shards=3", f"paths.simulated={tmp_path / 'merged'}")
-    for name in ("casts.parquet", "generation.yaml"):
-        assert (tmp_path / "merged" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    assert_same(tmp_path / "merged", tmp_path / "whole")
     facts = yaml.safe_load((tmp_path / "merged" / "generation.yaml").read_text())
     assert facts["arm"]["lag_s"] == pytest.approx(LATE_S, abs=1e-3)
     assert facts["reach_m"] == pytest.approx([0.63, 0.01])

@@ -67,7 +67,7 @@ def generate_d_sim(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         actions = shard.part(actions)
         folder, title = Path(config.paths.shards) / shard.name, f"{title} {shard.name}"
     with bar(f"generate {title}") as progress:
-        generated = generate_casts(
+        endpoints_m = generate_casts(
             simulator,
             vector,
             actions,
@@ -77,7 +77,7 @@ def generate_d_sim(config: DictConfig) -> tuple[Path, dict[str, Any]]:
             reach_m=reach_m,
             progress=progress,
         )
-    return folder, write_d_sim(folder, generated, facts)
+    return folder, write_d_sim(folder, actions, endpoints_m, facts)
 
 
 def _following(trials: Sequence[Trial], r0_m: float, limits: PlanLimits) -> Following:
