@@ -36,12 +36,7 @@ from numba import njit
 from scipy.linalg import eigh
 
 from robotcast.effects.effect import ActiveEffects
-from robotcast.simulators.chain import (
-    GRAVITY_M_S2,
-    CableState,
-    Run,
-    capsule_inertia,
-)
+from robotcast.simulators.chain import GRAVITY_M_S2, CableState, Run, capsule_inertia
 from robotcast.simulators.simulator import BatchSimulator, Settings
 
 STEP_RATE = 1.5  # step × fastest frequency of the springs; from 2 on an explicit step diverges
@@ -92,8 +87,7 @@ class BulletRun(Run):
         capsules_kg = values["cable_mass_kg"] * geometry.lengths_m / cable.length_m
         capsules_kg = self._distributed(capsules_kg[None])[0].astype(float)
         points_kg = np.append(capsules_kg, tip_kg).astype(np.float32)
-        friction = np.append(np.full(n, rough), 1.0)
-        friction = values["dynamic_friction"] * friction
+        friction = values["dynamic_friction"] * np.append(np.full(n, rough), 1.0)
         self._points_kg = points_kg[None]
         self._friction_n = (friction * GRAVITY_M_S2).astype(np.float32) * self._points_kg
         self._bending = values["bending_stiffness_n_m2"] / geometry.bends_m
