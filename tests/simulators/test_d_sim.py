@@ -1,8 +1,5 @@
 """D_sim: its casts begin as the measured ones did, and shards merge into the bytes of the whole."""
 
-import os
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import partial
@@ -15,7 +12,7 @@ import yaml
 
 from robotcast.casts.action import ToolMotion
 from robotcast.casts.plan import PlanLimits, plan_actions
-from robotcast.measurements.measurement_set import Cable, MeasurementSet
+from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import write_measurement_set
 from robotcast.simulators.d_sim import (
     Shard,
@@ -25,11 +22,10 @@ from robotcast.simulators.d_sim import (
     write_d_sim,
 )
 from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast
-from tests.good_casts import good_trial, plan_cast
+from tests.good_casts import CABLE, good_trial, plan_cast
+from tests.stages import run_stage
 
-CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
 LATE_S = 0.024
-ROOT = Path(__file__).resolve().parents[2]
 FACTS = {"simulator": "segmented", "optimizer": "de", "effects": []}
 CAST = plan_cast(0.4, -0.4, 0.7, 0.5, 1.5, r0_m=0.6, limits=PlanLimits())
 PLAN = partial(plan_actions, r0_m=0.6, limits=PlanLimits())
@@ -128,9 +124,13 @@ def test_a_sweep_over_shards_gives_the_bytes_of_one_run(tmp_path: Path) -> None:
     common += ["scale.tune.tune_casts=2", "scale.tune.test_casts=1"]
     common += ["scale.generate.grid={theta1: 3, theta2: 3, r2: 2, alpha: 2, vmax: 1}"]
     shards = ["generate.shards=3", "hydra/launcher=joblib", f"hydra.sweep.dir={tmp_path / 'jobs'}"]
-    run("generate", *common, f"paths.simulated={tmp_path / 'whole'}")
-    run("generate", "-m", *common, *shards, "generate.shard=2,0,1")
-    run("generate", *common, "generate.shards=3", f"paths.simulated={tmp_path / 'merged'}")
+    for given in (
+        (f"paths.simulated={tmp_path / 'whole'}",),
+        ("-m", *shards, "generate.shard=2,0,1"),
+        ("generate.shards=3", f"paths.simulated={tmp_path / 'merged'}"),
+    ):
+        status, said = run_stage("generate", *common, *given)
+        assert status == 0, said
     assert_same(tmp_path / "merged", tmp_path / "whole")
     facts = yaml.safe_load((tmp_path / "merged" / "generation.yaml").read_text())
     assert facts["arm"]["lag_s"] == pytest.approx(LATE_S, abs=1e-3)
@@ -148,9 +148,3 @@ def measured_late() -> MeasurementSet:
         laid = np.where(seen.waypoints_s[:, None] > 0, seen.waypoints_m, [1.23, 0.01])
         trials.append(replace(seen, tool=made, waypoints_m=laid))
     return MeasurementSet(CABLE, 0.6, 0.1, None, tuple(trials))
-
-
-def run(script: str, *arguments: str) -> None:
-    command = [sys.executable, f"stages/{script}.py", *arguments]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**os.environ})
-    assert done.returncode == 0, done.stderr

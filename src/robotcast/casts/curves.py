@@ -34,35 +34,6 @@ class PlanLimits:
 
 
 PIECES = 7  # of constant jerk in one move
-
-
-class RestToRest:
-    """Solves one move after another without allocating a solver for each.
-
-    Largest magnitudes are in the unit of the distance per s, s² and s³.
-    """
-
-    def __init__(self, acceleration: float, jerk: float) -> None:
-        self._solver = ruckig.Ruckig(1)
-        self._trajectory = ruckig.Trajectory(1)
-        self._input = ruckig.InputParameter(1)
-        self._input.max_acceleration = [acceleration]
-        self._input.max_jerk = [jerk]
-
-    def solve(self, distance: float, velocity: float) -> tuple[list[float], list[float]]:
-        """Return the durations [s] and jerks of the pieces of the fastest move over `distance` > 0.
-
-        Raises ValueError where there is none.
-        """
-        self._input.target_position = [distance]
-        self._input.max_velocity = [velocity]
-        result = self._solver.calculate(self._input, self._trajectory)
-        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-            raise ValueError(f"no jerk-limited move of {distance} at {velocity} per s: {result}")
-        profile = self._trajectory.profiles[0][0]
-        return profile.t, profile.j
-
-
 SAMPLES_PER_PIECE = 32
 SPEED_MARGIN = 5e-4  # the planned peak stays so much below v_max: peaks between samples have room
 SPEED_TOLERANCE = 1e-6
@@ -211,14 +182,20 @@ def _solve(actions: np.ndarray, r0_m: float, limits: PlanLimits) -> CastCurves:
     actions = actions.copy()
     durations, jerks = np.zeros((len(actions), 14)), np.zeros((len(actions), 14))
     open_rows = np.arange(len(actions))
-    solver = RestToRest(limits.angular_acceleration_rad_s2, limits.angular_jerk_rad_s3)
+    solver, move, asked = ruckig.Ruckig(1), ruckig.Trajectory(1), ruckig.InputParameter(1)
+    asked.max_acceleration = [limits.angular_acceleration_rad_s2]
+    asked.max_jerk = [limits.angular_jerk_rad_s3]
     for _ in range(ROUNDS):
         for row in open_rows:
             for arc, direction in ((0, 1.0), (1, -1.0)):
-                t, j = solver.solve(distances[row, arc], limit[row, arc])
-                piece = slice(arc * PIECES, (arc + 1) * PIECES)
-                durations[row, piece] = t
-                jerks[row, piece] = np.multiply(j, direction * sign[row])
+                asked.target_position = [distances[row, arc]]
+                asked.max_velocity = [limit[row, arc]]
+                result = solver.calculate(asked, move)
+                if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+                    raise ValueError(f"no jerk-limited move to {actions[row, 0]} rad: {result}")
+                profile, piece = move.profiles[0][0], slice(arc * PIECES, (arc + 1) * PIECES)
+                durations[row, piece] = profile.t
+                jerks[row, piece] = np.multiply(profile.j, direction * sign[row])
         curves = CastCurves(actions, r0_m, durations, jerks).rows(open_rows)
         r1 = np.where(free_r1[open_rows], _spline_r1(curves), actions[open_rows, 1])
         moved = np.nan_to_num(np.abs(r1 - actions[open_rows, 1]), nan=np.inf)

@@ -24,16 +24,13 @@ from robotcast.simulators.chain import Run
 
 @dataclass(frozen=True)
 class SimulatedCast:
-    """How the tool moves in a cast that was never measured, and when to look, (k,).
-
-    `start_m` (2,) is where the free end was seen before the tool moved, None when it was not:
-    then the cable starts along the tool's yaw. `factors` are numbers that are known of the cast,
-    by name, for effects that depend on one: "vmax", "order" in the session.
-    """
+    """How the tool moves in a cast that was never measured, and when to look."""
 
     tool: ToolMotion
-    waypoints_s: np.ndarray
+    waypoints_s: np.ndarray  # (k,)
+    # (2,), where the free end was seen before the tool moved; None starts along the tool's yaw
     start_m: np.ndarray | None = None
+    # what is known of the cast, for effects that depend on it: "vmax", "order" in the session
     factors: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -137,10 +134,8 @@ class BatchSimulator:
     ) -> Prediction:
         """Simulate every cast under every parameter vector (see `Simulator`)."""
         vectors = np.atleast_2d(np.asarray(vectors, dtype=float))
-        if vectors.shape[1] != len(self.parameters):
-            raise ValueError(
-                f"expected {len(self.parameters)} parameters a vector, got {vectors.shape[1]}"
-            )
+        if (n := vectors.shape[1]) != len(self.parameters):
+            raise ValueError(f"expected {len(self.parameters)} parameters a vector, got {n}")
         k_max = max((len(c.waypoints_s) for c in casts), default=0)
         shape = len(vectors), len(casts)
         waypoints, diverged = np.full((*shape, k_max, 2), np.nan), np.zeros(shape, dtype=bool)
