@@ -71,6 +71,25 @@ def apart(
     return np.linalg.norm(np.subtract(*found), axis=-1) / CABLE.length_m
 
 
+def displacements(
+    kind: str, casts: list[SimulatedCast], same: dict[str, float], slope: float, **settings: float
+) -> np.ndarray:
+    """Return how far boards tilted four ways move the waypoints of one cable, (4, n, k, 2) [m]."""
+    simulator = configured(kind, "board_tilt", **settings)
+    ways = ((0.0, 0.0), (slope, 0.0), (0.0, slope), (-slope, 0.0), (0.0, -slope))
+    vectors = [
+        nominal(simulator, **same, **{"board_tilt.sx": x, "board_tilt.sy": y}) for x, y in ways
+    ]
+    level, *tilted = simulator.simulate(casts, np.vstack(vectors)).waypoints_m
+    return np.array(tilted) - level
+
+
+def relative_miss(found: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """Return how much of each expected displacement is missed, (4,)."""
+    squares = (np.nansum(part**2, axis=(1, 2, 3)) for part in (found - expected, expected))
+    return np.sqrt(np.divide(*squares))
+
+
 def frequency_hz(signal: np.ndarray, period_s: float) -> float:
     """Return where the spectrum of a decaying swing is largest."""
     spectrum = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)), n=1 << 17))

@@ -158,12 +158,8 @@ def plan_curves(actions: np.ndarray, r0_m: float, limits: PlanLimits) -> CastCur
     The limit of the angular velocity of an arc starts at v_max over its radius and is
     corrected until the speed, with the radial part, peaks at v_max; an arc too short to
     reach it is limited by acceleration and jerk alone. Casts that differ in α only share
-    one solution. Actions are not validated here.
-
-    Parameters
-    ----------
-    actions : ndarray of shape (n, 6), columns `ACTION_COLUMNS`; r₁ NaN where it is to be the
-        spline's value at θ₁.
+    one solution. The actions (n, 6), columns `ACTION_COLUMNS`, are not validated here; r₁ is NaN
+    where it is to be the spline's value at θ₁.
     """
     first, member = distinct_arcs(actions)
     solved = _solve(actions[first], r0_m, limits).rows(member)

@@ -103,9 +103,7 @@ def pull_action(angle_rad: float, from_m: float, to_m: float, speed_m_s: float) 
 def plan_pull(action: Action, *, r0_m: float, limits: PlanLimits) -> PlannedCast:
     """Plan the tool motion of a pull: it lies in wait at r₁ and moves to r₂, at rest at both ends.
 
-    Parameters
-    ----------
-    r0_m : of the rig's casts; a pull starts where its own reset set the held end down.
+    The rig's r₀ is of casts: a pull starts where its own reset set the held end down.
     """
     if action.theta1_rad != action.theta2_rad or action.alpha_rad != 0:
         raise ValueError("pull: the held end stays on one ray, got theta1 ≠ theta2 or alpha ≠ 0")

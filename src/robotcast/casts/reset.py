@@ -73,10 +73,8 @@ def plan_reset(
 ) -> ResetMotion:
     """Plan the reset from where a cast ended; the wrist turns back to yaw 0.
 
-    Parameters
-    ----------
-    start_pose : ndarray of shape (3,), x [m], y [m], yaw [rad] of the held end.
-    cable_length_m : from the held end to the free end.
+    The `start_pose` (3,) is x [m], y [m] and yaw [rad] of the held end; the cable's length is from
+    there to the free end.
     """
     start_pose, s = np.asarray(start_pose, dtype=float), settings
     if start_pose.shape != (3,) or not np.isfinite(start_pose).all():

@@ -92,11 +92,8 @@ def find_table(folder: Path, name: str) -> Path | None:
 def read_table(path: Path, names: tuple[str, ...]) -> Table:
     """Read the columns `names` of `path`; others are kept where they hold numbers.
 
-    Raises
-    ------
-    ValueError
-        A file that cannot be parsed, a missing column, a cell that is no finite number, or one
-        beyond the range of its column.
+    Raises ValueError for a file that cannot be parsed, a missing column, and a cell that is no
+    finite number or beyond the range of its column.
     """
     try:
         frame, rows = (_read_csv if path.suffix == ".csv" else _read_parquet)(path, names)

@@ -281,12 +281,10 @@ class ChainRun(Run):
         self._time_s += self._step_s
         self._batch.step()
 
-    def _place_masses(
-        self, cable_kg: np.ndarray, endpoint_kg: np.ndarray, friction: np.ndarray
-    ) -> None:
-        """Write the masses of every simulation and keep μ m g; arguments hold (n_sim,) each."""
+    def _place_masses(self, cable_kg: np.ndarray, tip: np.ndarray, friction: np.ndarray) -> None:
+        """Write the masses of every simulation, `tip` the endpoint's, and keep μ m g, (n_sim,)."""
         cable, lengths = self._cable, self._geometry.lengths_m
-        n, tip = len(lengths), endpoint_kg
+        n = len(lengths)
         mass = self._distributed(cable_kg[:, None] * (lengths / cable.length_m))
         self._points_kg = np.column_stack([mass, tip]).astype(np.float32)
         weight_n = (friction * GRAVITY_M_S2).astype(np.float32)
@@ -318,9 +316,8 @@ class SegmentedRun(ChainRun):
         stiffness = values["bending_stiffness_n_m2"][:, None] / self._geometry.bends_m
         stiffness[:, 0] *= values["grip_stiffness"]
         self._set_springs(stiffness, values["axial_stiffness_n"])
-        self._viscous = (
-            values["bending_damping_s"][:, None] + self._total("damping_time")
-        ) * stiffness
+        damping_s = values["bending_damping_s"][:, None] + self._total("damping_time")
+        self._viscous = damping_s * stiffness
         self._joint_friction = values["joint_friction_n_m"]
 
     def _damp(self) -> None:
