@@ -7,16 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from hydra import compose, initialize_config_dir
-from hydra.utils import instantiate
 
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.measurements.reader import write_measurement_set
-from robotcast.simulators.simulator import SimulatedCast, Simulator
-from tests.good_casts import CABLE
-from tests.stages import ROOT, run_stage
+from robotcast.simulators.simulator import SimulatedCast
+from tests.simulators.conftest import CABLE, configured, nominal
+from tests.stages import run_stage
 
 ACTIONS = (Action(0.6, 0.6, -0.6, 0.65, 0.5, 1.0), Action(0.9, 0.65, -0.3, 0.7, 0.1, 0.8))
 REPEATS = 3
@@ -24,23 +22,17 @@ SHIFT_M = 0.03
 SHIFT_PERCENT = 100 * SHIFT_M / CABLE.length_m
 
 
-def nominal_simulator() -> Simulator:
-    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
-        return instantiate(compose("config").simulator.model, cable=CABLE)
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A set that the nominal simulator misses by SHIFT_M, and that simulator as a tuned one."""
     folder = tmp_path_factory.mktemp("compare")
-    simulator, rng = nominal_simulator(), np.random.default_rng(0)
-    vector = np.array([[p.nominal for p in simulator.parameters]])
+    simulator, rng = configured("segmented"), np.random.default_rng(0)
     trials = []
     for number, action in enumerate(a for a in ACTIONS for _ in range(REPEATS)):
         planned = plan_action(action, r0_m=0.6, limits=PlanLimits())
         times_s = np.arange(0.0, planned.end_s + 1.0, 0.1)
         cast = SimulatedCast(planned.tool, times_s)
-        seen_m = simulator.simulate([cast], vector).waypoints_m[0, 0]
+        seen_m = simulator.simulate([cast], nominal(simulator)).waypoints_m[0, 0]
         seen_m = seen_m + rng.normal(0, 0.001, seen_m.shape)
         seen_m[times_s > 0.5] += [0.0, SHIFT_M]
         trials.append(Trial(number, number // REPEATS, action, planned.tool, times_s, seen_m))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robotcast.casts.action import Action, action_factors
+from robotcast.casts.action import MIRROR, action_factors
 from robotcast.casts.plan import PlanLimits, plan_actions
 from robotcast.diagnosis.decision import Unexplained, strengths
 from robotcast.diagnosis.inquiry import Inquiry
@@ -144,9 +144,7 @@ def candidate_casts(
     random = np.random.default_rng(seed)
     rows = feasible[random.permutation(len(feasible))[:most]]
     mirrored = random.permutation(len(rows)) < len(rows) // 2
-    actions = [Action.from_array(row) for row in rows]
-    actions = [a.mirrored() if m else a for a, m in zip(actions, mirrored, strict=True)]
-    rows = np.array([action.as_array() for action in actions])
+    rows = np.where(mirrored[:, None], rows * MIRROR, rows)
     coast_s = max(float(t.waypoints_s[-1] - t.tool.t_s[-1]) for t in measured.trials)
     casts, records = {}, []
     for number, planned in enumerate(plan_actions(rows, r0_m=measured.r0_m, limits=limits)):

@@ -100,11 +100,8 @@ def _complete() -> None:
         if others and _is_folder(first):
             rest = others  # the folder before it is no setting
         os.environ["COMP_LINE"] = f"{stage} {rest}"
-    hydra.main(version_base=None, config_path=str(CONFIGURATION), config_name="config")(_nothing)()
-
-
-def _nothing(config: object) -> None:
-    """Stand in for a stage where only its configuration is asked for."""
+    of_config = hydra.main(version_base=None, config_path=str(CONFIGURATION), config_name="config")
+    of_config(lambda config: None)()
 
 
 if __name__ == "__main__":

@@ -15,14 +15,15 @@ from robotcast.casts.plan import PlanLimits, plan_actions
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import write_measurement_set
 from robotcast.simulators.d_sim import (
-    Shard,
     generate_casts,
     mean_reach,
     merge_shards,
+    shard_name,
     write_d_sim,
 )
-from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast
+from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast, Simulator
 from tests.good_casts import CABLE, good_trial, plan_cast
+from tests.simulators.conftest import configured
 from tests.stages import run_stage
 
 LATE_S = 0.024
@@ -31,10 +32,11 @@ CAST = plan_cast(0.4, -0.4, 0.7, 0.5, 1.5, r0_m=0.6, limits=PlanLimits())
 PLAN = partial(plan_actions, r0_m=0.6, limits=PlanLimits())
 
 
-class Still:
+class Still(Simulator):
     """A cable that stays where it starts."""
 
-    name, parameters = "still", ()
+    def __init__(self) -> None:
+        self.name, self.parameters = "still", ()
 
     def simulate(self, casts: Sequence[Cast], vectors: np.ndarray, **_: object) -> Prediction:
         starts = [np.full(2, np.nan) if c.start_m is None else c.start_m for c in casts]
@@ -67,11 +69,11 @@ ENDS[3::5] = np.nan  # they diverged
 
 
 def write_shards(folder: Path, of: int) -> list[Path]:
-    shards = [Shard(number, of) for number in range(of)]
-    for shard in shards:
-        facts = {**FACTS, "subject": "one"}
-        write_d_sim(folder / shard.name, shard.part(ACTIONS), shard.part(ENDS), facts)
-    return [folder / shard.name for shard in shards]
+    folders = [folder / shard_name(number, of) for number in range(of)]
+    parts = np.array_split(ACTIONS, of), np.array_split(ENDS, of)
+    for shard, actions, ends in zip(folders, *parts, strict=True):
+        write_d_sim(shard, actions, ends, {**FACTS, "subject": "one"})
+    return folders
 
 
 @pytest.mark.parametrize("of", [1, 3, 4])
@@ -104,19 +106,15 @@ def test_shards_of_different_simulators_do_not_merge(tmp_path: Path) -> None:
 
 def test_there_is_no_shard_beyond_the_last() -> None:
     with pytest.raises(ValueError, match="of 4 shards there is none numbered 4"):
-        Shard(4, 4)
+        shard_name(4, 4)
 
 
 @pytest.mark.slow
 def test_a_sweep_over_shards_gives_the_bytes_of_one_run(tmp_path: Path) -> None:
     tuned = tmp_path / "tuned"
     tuned.mkdir()
-    names = {
-        "friction": 0.4, "cable_mass_kg": 0.008, "endpoint_mass_kg": 0.02,
-        "joint_friction_n_m": 1e-5, "bending_stiffness_n_m2": 6e-4, "bending_damping_s": 0.1,
-        "grip_stiffness": 1.0, "axial_stiffness_n": 300.0,
-    }  # fmt: skip
-    known = {"cable": asdict(CABLE), "parameters": {n: {"value": v} for n, v in names.items()}}
+    values = {p.name: {"value": p.nominal} for p in configured("segmented").parameters}
+    known = {"cable": asdict(CABLE), "parameters": values}
     (tuned / "tuned.yaml").write_text(yaml.safe_dump(known))
     write_measurement_set(measured_late(), tmp_path / "measured")
     common = [f"paths.tuned={tuned}", f"paths.shards={tmp_path / 'shards'}"]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 ACTION_COLUMNS = ("theta1", "r1", "theta2", "r2", "alpha", "vmax")
+MIRROR = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0])  # y → −y
 
 
 def action_factors(numbers: np.ndarray) -> dict[str, float]:
@@ -40,7 +41,7 @@ class Action:
 
     def mirrored(self) -> "Action":
         """Return the cast mirrored about the board's axis of symmetry (y → −y)."""
-        return Action.from_array(self.as_array() * [-1, 1, -1, 1, -1, 1])
+        return Action.from_array(self.as_array() * MIRROR)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.casts.action import ACTION_COLUMNS, Action, ToolMotion
+from robotcast.casts.action import Action, ToolMotion
 from robotcast.casts.curves import CastCurves, PlanLimits, plan_curves, smooth_step
 
 
@@ -27,17 +27,17 @@ class PlannedCast:
 
 
 def plan_action(action: Action, *, r0_m: float, limits: PlanLimits) -> PlannedCast:
-    """Plan the cast of `action`.
+    """Plan the cast of `action` (see `plan_actions`)."""
+    return plan_actions(action.as_array()[None], r0_m=r0_m, limits=limits)[0]
+
+
+def plan_actions(actions: np.ndarray, *, r0_m: float, limits: PlanLimits) -> list[PlannedCast]:
+    """Plan the casts of `actions` (n, 6), columns `ACTION_COLUMNS`.
 
     The radius is a cubic spline from r₀ through r₁ at θ₁ to r₂, with zero slope at both ends. The
     angle goes from 0 to θ₁ and on to θ₂ as fast as v_max, the angular acceleration and the jerk
     allow, at rest in θ₁. α is blended into the yaw over the second arc by a quintic.
     """
-    return plan_actions(action.as_array()[None], r0_m=r0_m, limits=limits)[0]
-
-
-def plan_actions(actions: np.ndarray, *, r0_m: float, limits: PlanLimits) -> list[PlannedCast]:
-    """Plan the casts of `actions` (n, 6), columns `ACTION_COLUMNS`, each through its r₁."""
     check_actions(actions, r0_m, limits)
     curves = plan_curves(actions, r0_m, limits)
     turn, end = curves.turn_s, curves.end_s
@@ -54,41 +54,38 @@ def plan_actions(actions: np.ndarray, *, r0_m: float, limits: PlanLimits) -> lis
     return planned
 
 
-def check_actions(
-    actions: np.ndarray, r0_m: float, limits: PlanLimits, *, r1_given: bool = True
-) -> None:
+def check_actions(actions: np.ndarray, r0_m: float, limits: PlanLimits) -> None:
     """Refuse actions (n, 6) that cannot be planned, naming the first, its value and the limit.
 
-    r₁ is not looked at where it is still to be filled in.
+    An r₁ that is NaN is still to be filled in.
     """
-    numbers = {**dict(zip(ACTION_COLUMNS, actions.T, strict=True)), "r0": np.array([r0_m])}
-    if not r1_given:
-        del numbers["r1"]
+    theta1, r1, theta2, r2, alpha, vmax = actions.T
+    low, high, most = limits.r_min_m, limits.r_max_m, limits.vmax_m_s
 
-    def check(name: str, bad: np.ndarray, rule: str) -> None:
-        if bad.any():
-            raise ValueError(f"cast: {rule}, got {numbers[name][bad][0]:g}")
+    def check(values: np.ndarray, kept: np.ndarray, rule: str) -> None:
+        if not kept.all():
+            raise ValueError(f"cast: {rule}, got {values[~kept][0]:g}")
 
-    def check_radius(name: str) -> None:
-        inside = (numbers[name] >= limits.r_min_m) & (numbers[name] <= limits.r_max_m)
-        check(name, ~inside, f"{name} must be in [{limits.r_min_m:g}, {limits.r_max_m:g}] m")
+    def check_radius(name: str, radii: np.ndarray) -> None:
+        kept = (radii >= low) & (radii <= high)
+        check(radii, kept, f"{name} must be in [{low:g}, {high:g}] m")
 
-    check_radius("r0")
-    for name, values in numbers.items():
-        check(name, ~np.isfinite(values), f"{name} must be finite")
-    angle, alpha, most = limits.angle_rad, limits.alpha_rad, limits.vmax_m_s
-    for name, limit in (("theta1", angle), ("theta2", angle), ("alpha", alpha)):
-        check(name, np.abs(numbers[name]) > limit, f"|{name}| must not exceed {limit:g} rad")
-    vmax, theta1, theta2 = numbers["vmax"], numbers["theta1"], numbers["theta2"]
-    check("vmax", (vmax <= 0) | (vmax > most), f"vmax must be in (0, {most:g}] m/s at the tool")
+    check_radius("r0", np.array([r0_m]))
+    for name, angles, limit in (
+        ("theta1", theta1, limits.angle_rad),
+        ("theta2", theta2, limits.angle_rad),
+        ("alpha", alpha, limits.alpha_rad),
+    ):
+        check(angles, np.abs(angles) <= limit, f"|{name}| must not exceed {limit:g} rad")
+    check(vmax, (vmax > 0) & (vmax <= most), f"vmax must be in (0, {most:g}] m/s at the tool")
     bad = theta1 * (theta1 - theta2) <= 0
     if bad.any():
         raise ValueError(
             "cast: the second arc must turn back from theta1, "
             f"got theta1 {theta1[bad][0]:g} and theta2 {theta2[bad][0]:g} rad"
         )
-    for name in ("r2", "r1") if r1_given else ("r2",):
-        check_radius(name)
+    check_radius("r2", r2)
+    check_radius("r1", r1[~np.isnan(r1)])
 
 
 _PEAK = 1.875  # largest slope of the quintic from 0 to 1
@@ -162,14 +159,14 @@ class ActionGrid:
     @property
     def size(self) -> int:
         """How many actions it holds."""
-        return math.prod(count for _, _, count in self.axes())
+        return math.prod(self.counts.values())
 
     def curves(self, r0_m: float, limits: PlanLimits) -> CastCurves:
         """Return the curves of every action of the grid, the last coordinate fastest."""
         axes = [np.linspace(*axis) for axis in self.axes()]
         axes.insert(1, np.array([np.nan]))
         actions = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 6)
-        check_actions(actions, r0_m, limits, r1_given=False)
+        check_actions(actions, r0_m, limits)
         return plan_curves(actions, r0_m, limits)
 
 

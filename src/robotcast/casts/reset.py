@@ -11,8 +11,6 @@ import numpy as np
 
 from robotcast.casts.curves import smooth_step
 
-STEPS = ("lift", "raise", "hang", "swing", "pull")
-
 
 @dataclass(frozen=True)
 class ResetSettings:
@@ -65,7 +63,6 @@ class ResetMotion:
     position_m: np.ndarray  # (n, 3); z above the board
     yaw_rad: np.ndarray  # (n,), 0 along +x
     pitch_rad: np.ndarray  # (n,)
-    step_end_s: np.ndarray  # (5,), when each of the `STEPS` ends
 
 
 def plan_reset(
@@ -83,10 +80,10 @@ def plan_reset(
         raise ValueError(
             f"reset: cable_length_m must be in [{s.loop_m + 0.1:g}, 1] m, got {cable_length_m}"
         )
-    swing_s = s.back_s + max(s.forward_s, s.sink_delay_s + s.sink_s)
-    ends = np.cumsum([s.lift_s, s.raise_s, s.hang_s, swing_s, s.settle_s + s.pull_s + s.rest_s])
-    hung, swung = ends[2:4]
-    t_s = np.arange(int(np.ceil(ends[-1] / s.period_s - 1e-9)) + 1) * s.period_s
+    hung = s.lift_s + s.raise_s + s.hang_s
+    swung = hung + (s.back_s + max(s.forward_s, s.sink_delay_s + s.sink_s))
+    end = swung + (s.settle_s + s.pull_s + s.rest_s)
+    t_s = np.arange(int(np.ceil(end / s.period_s - 1e-9)) + 1) * s.period_s
 
     def moved(start_s: float, duration_s: float) -> np.ndarray:
         """Return the part of a move from rest to rest that is done, (n,) from 0 to 1."""
@@ -110,4 +107,4 @@ def plan_reset(
     height = held + (lifted - held) * lifting + (hanging - lifted) + (held - top) * sinking
     position = np.stack([along_x, y * (1 - lifting), height], axis=1)
     pitch = s.hang_pitch_rad * (moved(0.0, s.lift_s + s.raise_s) - sinking)
-    return ResetMotion(t_s, position, yaw - yaw * lifting, pitch, ends)
+    return ResetMotion(t_s, position, yaw - yaw * lifting, pitch)

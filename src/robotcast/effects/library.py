@@ -1,10 +1,9 @@
 """The effects that the library holds: on the board, in the air, in the cable, its grip, the camera.
 
 Their parameters, ranges and names stand in conf/effects.yaml. Last come flexible fields, forces of
-no named mechanism that depend on one thing. When no effect explains what is left, fitting one field
-for everything that a force may depend on says what the missing effect depends on. A field is a sum
-of fixed shapes with one strength each, an acceleration in m/s², so that heavy and light parts feel
-it alike.
+no named mechanism that depend on one thing each: the field that explains what no effect does says
+what the missing effect depends on. A field is a sum of fixed shapes with one strength each, an
+acceleration in m/s², so that heavy and light parts feel it alike.
 """
 
 from collections.abc import Mapping, Sequence

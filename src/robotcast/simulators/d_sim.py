@@ -6,7 +6,6 @@ be generated anywhere, in any order.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -70,25 +69,11 @@ def mean_reach(casts: Iterable[Cast]) -> np.ndarray | None:
     return np.mean(seen, axis=0) if seen else None
 
 
-@dataclass(frozen=True)
-class Shard:
-    """One of `of` parts of a grid, numbered from 0."""
-
-    number: int
-    of: int
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.number < self.of:
-            raise ValueError(f"of {self.of} shards there is none numbered {self.number}")
-
-    @property
-    def name(self) -> str:
-        """What its folder is called."""
-        return f"{self.number}-of-{self.of}"
-
-    def part(self, actions: np.ndarray) -> np.ndarray:
-        """Return its share of the grid's actions (n, 6)."""
-        return np.array_split(actions, self.of)[self.number]
+def shard_name(number: int, of: int) -> str:
+    """Return what the folder of one of `of` parts of a grid is called, numbered from 0."""
+    if not 0 <= number < of:
+        raise ValueError(f"of {of} shards there is none numbered {number}")
+    return f"{number}-of-{of}"
 
 
 def write_d_sim(

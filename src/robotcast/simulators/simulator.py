@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -48,32 +48,6 @@ class Prediction:
     diverged: np.ndarray
 
 
-class Simulator(Protocol):
-    """Predicts the free end's waypoints for casts × parameter vectors in one call."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]: ...
-
-    def simulate(
-        self,
-        casts: Sequence[Cast],
-        vectors: np.ndarray,
-        *,
-        retry: bool = True,
-        progress: Progress = silent,
-    ) -> Prediction:
-        """Simulate every cast under every parameter vector.
-
-        The `vectors` (n_vectors, n_parameters) hold values of all `parameters`, frozen ones too, in
-        their order and units. With `retry`, what diverges is run again, more finely; a search
-        that compares many vectors can do without, as a few such runs cost it much.
-        """
-        ...
-
-
 CHECK_EVERY = 25  # steps between looks for runs that rest or diverge
 CROWDED = 0.95  # share under way below which the simulations that ended are taken out
 FINER = 2  # by how much the step of a run that diverged is cut
@@ -94,15 +68,17 @@ class Settings:
     patience_s: float = PATIENCE_S  # a process that takes longer over one batch hangs
 
 
-class BatchSimulator:
-    """A simulator of a cable that runs in batches; a model says what is declared here.
+class Simulator:
+    """Predicts the free end's waypoints for casts × parameter vectors in one call, in batches.
 
-    Its `parameters` are numbers by name: what a `Parameter` has, or in place of its bounds and
-    nominal value `weighed` and `spread`: the cable's attribute that is the nominal value, searched
-    from nominal / spread to nominal · spread; one that is zero is held at next to nothing.
+    A model of a cable says what is declared here. The `parameters` it is made of are numbers by
+    name: what a `Parameter` has, or in place of its bounds and nominal value `weighed` and
+    `spread`: the cable's attribute that is the nominal value, searched from nominal / spread to
+    nominal · spread; one that is zero is held at next to nothing.
     """
 
     name: str
+    parameters: tuple[Parameter, ...]
     run: ClassVar[Callable[..., Run]]  # what steps a batch, a class
     own: ClassVar[tuple[str, ...]]  # names of its own parameters, in order
     tunes: ClassVar[tuple[str, ...]] = ()  # effects that are parameters of the simulator already
@@ -132,7 +108,12 @@ class BatchSimulator:
         retry: bool = True,
         progress: Progress = silent,
     ) -> Prediction:
-        """Simulate every cast under every parameter vector (see `Simulator`)."""
+        """Simulate every cast under every parameter vector.
+
+        The `vectors` (n_vectors, n_parameters) hold values of all `parameters`, frozen ones too, in
+        their order and units. With `retry`, what diverges is run again, more finely; a search
+        that compares many vectors can do without, as a few such runs cost it much.
+        """
         vectors = np.atleast_2d(np.asarray(vectors, dtype=float))
         if (n := vectors.shape[1]) != len(self.parameters):
             raise ValueError(f"expected {len(self.parameters)} parameters a vector, got {n}")
