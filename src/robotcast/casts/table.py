@@ -102,8 +102,9 @@ def read_table(path: Path, names: tuple[str, ...]) -> Table:
     frame = frame.with_columns(pl.col(pl.String).str.strip_chars())
     columns = {name: _numbers(path, frame[name], rows) for name in names}
     table = Table(path, columns, rows, _others(frame, names))
-    for name in filter(RANGES.__contains__, names):
-        _refuse_out_of_range(table, name, RANGES[name])
+    for name in names:
+        if name in RANGES:
+            _refuse_out_of_range(table, name, RANGES[name])
     return table
 
 
