@@ -127,7 +127,7 @@ def test_a_sweep_over_shards_gives_the_bytes_of_one_run(tmp_path: Path) -> None:
         ("-m", *shards, "generate.shard=2,0,1"),
         ("generate.shards=3", f"paths.simulated={tmp_path / 'merged'}"),
     ):
-        status, said = run_stage("generate", *common, *given)
+        status, said = run_stage("generate", *given, *common)
         assert status == 0, said
     assert_same(tmp_path / "merged", tmp_path / "whole")
     facts = yaml.safe_load((tmp_path / "merged" / "generation.yaml").read_text())
