@@ -17,6 +17,8 @@ from typing import Any
 
 import yaml
 
+from robotcast.reporting.page import markdown
+
 ROOT = Path(__file__).resolve().parents[1]
 COLUMNS = ("set", "hidden", "verdict", "right", "before", "after", "floor", "times", "s", "casts")
 
@@ -72,10 +74,11 @@ def row_of(name: str, answer: Mapping[str, Any], said: Mapping[str, Any]) -> tup
     errors = [rung["heldout_typical_error_percent"] for rung in said["ladder"]]
     after = errors[-1] if verdict - {"none", "unknown"} else errors[0]
     floor = said["noise_floor_percent"]
+    more = said["code"] == "named" and said["unexplained"]  # something is left beside the named
     return (
         name,
         answer["hidden"],
-        " + ".join(said["verdict"]) + (" + more" if _more(said) else ""),
+        " + ".join(said["verdict"]) + (" + more" if more else ""),
         "yes" if right else "no",
         f"{errors[0]:.2f}",
         f"{after:.2f}",
@@ -86,17 +89,10 @@ def row_of(name: str, answer: Mapping[str, Any], said: Mapping[str, Any]) -> tup
     )
 
 
-def _more(said: Mapping[str, Any]) -> bool:
-    """Tell whether effects are named and something is left beside them."""
-    return said["code"] == "named" and bool(said["unexplained"])
-
-
 def table(rows: Sequence[Sequence[str]]) -> str:
     """Return the rows as a Markdown table, with the count of right verdicts."""
     right = sum(row[3] == "yes" for row in rows)
-    lines = [COLUMNS, ["---"] * len(COLUMNS), *rows]
-    said = [f"| {' | '.join(line)} |" for line in lines]
-    return "\n".join([*said, "", f"{right} of {len(rows)} verdicts are right.", ""])
+    return f"{markdown(COLUMNS, rows)}\n{right} of {len(rows)} verdicts are right.\n"
 
 
 if __name__ == "__main__":

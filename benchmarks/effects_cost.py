@@ -14,10 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 from generate import CABLE, ROOT, make_casts, seconds
 from hydra import compose, initialize_config_dir
-from hydra.utils import instantiate
-from omegaconf import OmegaConf
 
-from robotcast.effects.effect import Effect
+from robotcast.build import build_effects, build_simulator
 from robotcast.simulators.simulator import Simulator
 
 FIVE = ("board_tilt", "air_drag", "viscous_friction", "endpoint_friction", "resting_curvature")
@@ -26,14 +24,8 @@ KEPT = 0.8
 
 def make_simulator(names: Sequence[str]) -> Simulator:
     """Return the segmented simulator with these effects, all as conf/ has them."""
-    effects = [_effect(name) for name in names]
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
-        return instantiate(compose("config").simulator.model, cable=CABLE, effects=effects)
-
-
-def _effect(name: str) -> Effect:
-    entry = OmegaConf.load(ROOT / "conf" / "effects.yaml").effects[name]
-    return instantiate(entry, name=name, _convert_="all")
+        return build_simulator(compose("config"), CABLE, build_effects(names))
 
 
 def acting(simulator: Simulator) -> np.ndarray:

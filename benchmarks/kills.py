@@ -22,25 +22,17 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 MEASUREMENTS = ROOT / "examples" / "hidden_effect"
 
-Standing = dict[str, str]
-"""What of a stage's work is finished: its name → a digest of its bytes."""
+Standing = dict[str, str]  # what of a stage's work is finished: its name → a digest of its bytes
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A stage to kill.
-
-    Attributes
-    ----------
-    overrides : of its configuration, given its folder.
-    finished : what is finished in a folder.
-    output : the folder whose bytes count in the end.
-    """
+    """A stage to kill."""
 
     name: str
-    overrides: Callable[[Path], list[str]]
-    finished: Callable[[Path], Standing]
-    output: str
+    overrides: Callable[[Path], list[str]]  # of its configuration, given its folder
+    finished: Callable[[Path], Standing]  # what is finished in a folder
+    output: str  # the folder whose bytes count in the end
 
     def start(self, folder: Path) -> subprocess.Popen[bytes]:
         """Start it on a folder."""
@@ -80,16 +72,8 @@ def digests(folder: Path) -> Standing:
     return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
 
 
-@dataclass(frozen=True)
-class Pace:
-    """When an unbroken run had its first piece finished, and when it ended, since its start."""
-
-    first_s: float
-    end_s: float
-
-
-def run_unbroken(stage: Stage, folder: Path) -> Pace:
-    """Run it to its end."""
+def run_unbroken(stage: Stage, folder: Path) -> tuple[float, float]:
+    """Run it to its end; return when its first piece was finished, and when it ended [s]."""
     started, first_s = time.monotonic(), None
     process = stage.start(folder)
     while process.poll() is None:
@@ -98,17 +82,19 @@ def run_unbroken(stage: Stage, folder: Path) -> Pace:
         time.sleep(0.05)
     if process.returncode or first_s is None:
         raise SystemExit(f"{stage.name} failed without any kill")
-    return Pace(first_s, time.monotonic() - started)
+    return first_s, time.monotonic() - started
 
 
-def run_killed(stage: Stage, folder: Path, pace: Pace, kills: int, seed: int) -> bool:
+def run_killed(
+    stage: Stage, folder: Path, first_s: float, end_s: float, kills: int, seed: int
+) -> bool:
     """Kill it so many times, then let it end; tell whether nothing finished was ever lost."""
     rng, whole, done = np.random.default_rng(seed), True, 0
-    span_s = 1.5 * (pace.end_s - pace.first_s) / kills
+    span_s = 1.5 * (end_s - first_s) / kills
     while done < kills:
         process, before = stage.start(folder), stage.finished(folder)
         try:
-            process.wait(pace.first_s + rng.uniform(0, span_s))
+            process.wait(first_s + rng.uniform(0, span_s))
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
@@ -128,8 +114,8 @@ def run_killed(stage: Stage, folder: Path, pace: Pace, kills: int, seed: int) ->
 def judge(stage: Stage, folder: Path, kills: int, seed: int) -> bool:
     """Compare a killed run with an unbroken one; tell whether they are equal."""
     print(stage.name)
-    pace = run_unbroken(stage, folder / "unbroken")
-    whole = run_killed(stage, folder / "killed", pace, kills, seed)
+    first_s, end_s = run_unbroken(stage, folder / "unbroken")
+    whole = run_killed(stage, folder / "killed", first_s, end_s, kills, seed)
     outputs = [digests(folder / name / stage.output) for name in ("unbroken", "killed")]
     differ = [name for name in outputs[0] | outputs[1] if len({o.get(name) for o in outputs}) > 1]
     print(f"  {len(outputs[0])} files, {len(differ)} differ {' '.join(differ)}")

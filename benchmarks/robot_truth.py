@@ -27,18 +27,12 @@ PERIOD_S, FINER = 0.005, 10
 
 @dataclass(frozen=True)
 class Mechanism:
-    """A robot: how strongly every drive is moved about where, and its encoders' steps by joint.
-
-    Attributes
-    ----------
-    rest : positions of the joints about which they move, one row a kind of log.
-    groups : of robot.yaml.
-    """
+    """A robot: how strongly every drive is moved about where, and its encoders' steps by joint."""
 
     drive: tuple[float, ...]
     quantum: tuple[float, ...]
-    rest: tuple[tuple[float, ...], ...] = ()
-    groups: Mapping[str, list[str]] = field(default_factory=dict)
+    rest: tuple[tuple[float, ...], ...] = ()  # positions of the joints, one row a kind of log
+    groups: Mapping[str, list[str]] = field(default_factory=dict)  # of robot.yaml
     logs: int = 12
     log_s: float = 4.0
     hertz: tuple[float, float] = (0.2, 2.0)  # of the sines
@@ -63,34 +57,24 @@ MECHANISMS = {
 
 @dataclass(frozen=True)
 class Hidden:
-    """What is hidden in one case, and what a right verdict says.
-
-    Attributes
-    ----------
-    answer : the effects; two that these logs cannot tell apart are both right.
-    sizes : true parameters by "effect.parameter".
-    fields : of the model, as robot.yaml names them.
-    springs : stiffness and damping behind a joint; gaps likewise.
-    limits : of the torque of servos.
-    law : a force on a joint, see `pushed`.
-    renamed : whether joints have other names, and columns another order.
-    """
+    """What is hidden in one case, and what a right verdict says."""
 
     mechanism: str
-    answer: Sequence[str]
-    sizes: Mapping[str, float] = field(default_factory=dict)
-    fields: Mapping[str, float] = field(default_factory=dict)
+    answer: Sequence[str]  # the effects
+    sizes: Mapping[str, float] = field(default_factory=dict)  # by "effect.parameter"
+    fields: Mapping[str, float] = field(default_factory=dict)  # as robot.yaml names them
+    # stiffness and damping behind a joint; gaps likewise
     springs: Mapping[str, Sequence[float]] = field(default_factory=dict)
     gaps: Mapping[str, float] = field(default_factory=dict)
-    law: Mapping[str, Any] = field(default_factory=dict)
+    law: Mapping[str, Any] = field(default_factory=dict)  # a force on a joint, see `pushed`
     delay_s: float = 0.0
     lag_s: float = 0.0
-    limits: Mapping[str, float] = field(default_factory=dict)
+    limits: Mapping[str, float] = field(default_factory=dict)  # of the torque of servos
     late_s: Mapping[str, float] = field(default_factory=dict)
     offset: Mapping[str, float] = field(default_factory=dict)
     rest: Sequence[Sequence[float]] = ()
-    either: bool = False
-    renamed: bool = False
+    either: bool = False  # two effects that these logs cannot tell apart are both right
+    renamed: bool = False  # joints have other names, and columns another order
 
 
 def pushed(law: Mapping[str, Any], q: np.ndarray, v: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -198,9 +182,8 @@ class _Truth:
 
     def __init__(self, spec: mujoco.MjSpec, hidden: Hidden, rng: np.random.Generator) -> None:
         self.hidden, self.mechanism, self.rng = hidden, MECHANISMS[hidden.mechanism], rng
-        self.joints, self.drives = (
-            [o.name for o in some] for some in (spec.joints, spec.actuators)
-        )
+        self.joints = [joint.name for joint in spec.joints]
+        self.drives = [actuator.name for actuator in spec.actuators]
         self.model = _truth(spec, hidden)
 
     def sines(self) -> np.ndarray:

@@ -175,10 +175,10 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
         fitted = [some for row in own for some in row["sizes"].values()]
         hits = [low <= true <= high for low, _, high, true in fitted]
         beside = [row for row in hidden if "oracle" in row]
-        drops = [
-            (r["errors"][0] - r["errors"][-1], r["oracle"][0] - r["oracle"][-1]) for r in beside
-        ]
-        ours, oracles = (sum(part) for part in zip(*drops, strict=True)) if drops else (0, 0)
+        ours, oracles = (
+            sum(row[errors][0] - row[errors][-1] for row in beside)
+            for errors in ("errors", "oracle")
+        )
         ratio = [row["unfrozen"] / row["errors"][-1] for row in beside]
         named = [row["changed_most"] in row["answer"] for row in beside]
         best = [row["answer"] == [row["brute_force"]] for row in beside]

@@ -33,6 +33,7 @@ from robotcast.diagnosis.library import Library
 from robotcast.diagnosis.rule import RULE
 from robotcast.diagnosis.selection import Selection
 from robotcast.measurements.reader import read_measurement_set
+from robotcast.reporting.page import markdown
 from robotcast.workflow.diagnosing import case_of
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -177,8 +178,7 @@ def main() -> None:
     rows += [["", "right", *(f"{right[m]} of {n}" for m in names)]]
     rows += [["", "casts a set", *(f"{cost[m][0] / n:.0f}" for m in names)]]
     rows += [["", "seconds a set", *(f"{cost[m][1] / n:.0f}" for m in names)]]
-    head = [["set", "hidden", *names], ["---"] * (2 + len(names))]
-    text = "\n".join("| " + " | ".join(row) + " |" for row in [*head, *rows]) + "\n"
+    text = markdown(["set", "hidden", *names], rows)
     print(text)
     if given.table:
         given.table.write_text(text, encoding="utf-8")

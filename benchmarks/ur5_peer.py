@@ -21,38 +21,24 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(ROOT))  # for tests/
+# ruff: noqa: E402
 
-from robotcast.casts.action import Action  # noqa: E402
-from robotcast.casts.plan import PlanLimits, plan_action  # noqa: E402
-from robotcast.measurements.reader import (  # noqa: E402
-    read_measurement_set,
-    write_measurement_set,
-)
-from robotcast.rigs import RigStopped  # noqa: E402
-from robotcast.rigs.collect import Collected, collect_casts  # noqa: E402
-from robotcast.rigs.envelope import are_feasible, broken_rules  # noqa: E402
-from robotcast.rigs.ur5.arm import (  # noqa: E402
-    Arm,
-    RobotLog,
-    ServoSettings,
-    WatchSettings,
-)
-from robotcast.rigs.ur5.motion import JointMotion, WholeMotion, refuse_unsafe, sway  # noqa: E402
-from robotcast.sessions import read_session  # noqa: E402
-from robotcast.vision.tracker import track_session  # noqa: E402
-from tests.rigs.peer.controller import Settings  # noqa: E402
-from tests.rigs.peer.film import FilmSettings  # noqa: E402
-from tests.rigs.peer.lab import (  # noqa: E402
-    CAST_ENVELOPE,
-    GRIPPER,
-    HOME_RAD,
-    RESET_ENVELOPE,
-    scene,
-    ur5_rig,
-)
-from tests.rigs.peer.process import ROBOT_FAULTS, running_peer  # noqa: E402
-from tests.rigs.small_rig import R0_M  # noqa: E402
+from robotcast.casts.action import Action
+from robotcast.casts.plan import PlanLimits, plan_action
+from robotcast.measurements.reader import read_measurement_set, write_measurement_set
+from robotcast.rigs import RigStopped
+from robotcast.rigs.collect import Collected, collect_casts
+from robotcast.rigs.envelope import are_feasible, broken_rules
+from robotcast.rigs.ur5.arm import Arm, RobotLog, ServoSettings, WatchSettings
+from robotcast.rigs.ur5.motion import JointMotion, WholeMotion, refuse_unsafe, sway
+from robotcast.sessions import read_session
+from robotcast.vision.tracker import track_session
+from tests.rigs.peer.controller import Settings
+from tests.rigs.peer.film import FilmSettings
+from tests.rigs.peer.lab import CAST_ENVELOPE, GRIPPER, HOME_RAD, RESET_ENVELOPE, scene, ur5_rig
+from tests.rigs.peer.process import ROBOT_FAULTS, running_peer
+from tests.rigs.small_rig import R0_M
 
 HOME = np.array(HOME_RAD)
 PATIENT = Settings(HOME_RAD, patience_s=3.0)

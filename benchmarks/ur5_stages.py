@@ -20,13 +20,14 @@ import polars as pl
 from hydra import compose, initialize_config_dir
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(ROOT))  # for tests/
+# ruff: noqa: E402
 
-from robotcast.build import build_rig  # noqa: E402
-from tests.rigs.peer.controller import Settings  # noqa: E402
-from tests.rigs.peer.film import FilmSettings  # noqa: E402
-from tests.rigs.peer.lab import GRIPPER, HOME_RAD  # noqa: E402
-from tests.rigs.peer.process import running_peer  # noqa: E402
+from robotcast.build import build_rig
+from tests.rigs.peer.controller import Settings
+from tests.rigs.peer.film import FilmSettings
+from tests.rigs.peer.lab import GRIPPER, HOME_RAD
+from tests.rigs.peer.process import running_peer
 
 SIZE = ("scale.camera.width=960", "scale.camera.height=540", "camera.picture.fps=30")
 # A busy machine shall not stop the arm: the peer waits for the next target, and so does the watch.

@@ -28,7 +28,7 @@ def plan_cast(
     """Plan a cast whose r₁ is where the spline without it passes, as in a grid."""
     ends = np.array([[theta1_rad, np.nan, theta2_rad, r2_m, alpha_rad, vmax_m_s]])
     if r1_m is None:
-        check_actions(ends, r0_m, limits, r1_given=False)
+        check_actions(ends, r0_m, limits)
         r1_m = float(plan_curves(ends, r0_m, limits).actions[0, 1])
     action = Action(theta1_rad, r1_m, theta2_rad, r2_m, alpha_rad, vmax_m_s)
     return plan_action(action, r0_m=r0_m, limits=limits)

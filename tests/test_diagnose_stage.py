@@ -1,8 +1,6 @@
 """The diagnose stage as users run it, on a few of the shared casts."""
 
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,16 +9,10 @@ import yaml
 
 from robotcast.casts.table import read_actions
 from robotcast.measurements.reader import read_measurement_set, write_measurement_set
-from tests.good_casts import good_set
+from tests.stages import ROOT, run_stage
 
-ROOT = Path(__file__).resolve().parents[1]
 CASTING = ROOT.parent / "shared" / "data" / "casting" / "d"
 TRIED = ("board_tilt", "camera_latency")
-
-
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "stages/diagnose.py", *arguments]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
 
 
 @pytest.mark.slow
@@ -32,8 +24,9 @@ def test_three_casts_without_a_tool_log_get_the_best_answer_that_they_allow(tmp_
     (given / "tool.csv").unlink()
     known = yaml.safe_load((ROOT / "conf" / "effects.yaml").read_text(encoding="utf-8"))["effects"]
     left_out = ",".join(sorted(set(known) - set(TRIED)))
-    done = run(f"measurements={given}", f"output={output}", f"exclude=[{left_out}]")
-    assert done.returncode == 0, done.stderr
+    settings = (f"measurements={given}", f"output={output}", f"exclude=[{left_out}]")
+    status, told = run_stage("diagnose", *settings)
+    assert status == 0, told
     said = json.loads((output / "diagnosis.json").read_text())
     assert said["finished"] and not said["conclusive"] and said["verdict"] == ["none"]
     assert said["sentence"].startswith("3 casts of 3 actions are too few")
@@ -45,22 +38,3 @@ def test_three_casts_without_a_tool_log_get_the_best_answer_that_they_allow(tmp_
     page = (output / "index.html").read_text()
     assert "Too few data" in page and "collect.actions=" in page
     assert len(read_actions(output / "actions.csv")) == len(said["next_actions"]) == 8
-
-
-def test_a_measurement_set_is_never_written_into(tmp_path: Path) -> None:
-    write_measurement_set(good_set(), tmp_path / "set")
-    before = (tmp_path / "set" / "actions.csv").read_bytes()
-    done = run(f"measurements={tmp_path / 'set'}", f"output={tmp_path}/x/../set")
-    assert done.returncode == 2 and "is the folder that is read" in " ".join(done.stderr.split())
-    assert (tmp_path / "set" / "actions.csv").read_bytes() == before
-
-
-def test_what_is_missing_is_named_in_one_line() -> None:
-    for given, said in (
-        ((), "measurements=DIR is needed"),
-        ((f"measurements={ROOT}",), "output=DIR is needed"),
-        ((f"measurements={ROOT}", "output=out"), "rig.yaml is missing"),
-    ):
-        done = run(*given)
-        assert done.returncode == 2
-        assert said in " ".join(done.stderr.split())

@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 
@@ -12,6 +12,7 @@ from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
+from robotcast.build import build_simulator
 from robotcast.cast_model import CastModel, cast_records
 from robotcast.diagnosis.diagnose import Case, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry
@@ -19,7 +20,6 @@ from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.diagnosis.selection import Selection
 from robotcast.effects.effect import Effect
 from robotcast.measurements.reader import read_measurement_set
-from robotcast.simulators.simulator import Simulator
 
 ROOT = Path(__file__).resolve().parents[1]
 CASTING = ROOT.parent / "shared" / "data" / "casting" / "f"
@@ -42,17 +42,12 @@ def own_effect(monkeypatch: pytest.MonkeyPatch) -> Effect:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not CASTING.exists(), reason="needs ../shared/data/casting")
-def test_the_guides_effect_explains_what_the_library_does_not_hold(
-    own_effect: Effect,
-) -> None:
+def test_the_guides_effect_explains_what_the_library_does_not_hold(own_effect: Effect) -> None:
     measured = read_measurement_set(CASTING)
     with initialize_config_dir(str(ROOT / "conf"), version_base=None):
         config = compose("config")
-
-    def make_simulator(effects: Sequence[Effect]) -> Simulator:
-        return instantiate(config.simulator.model, cable=measured.cable, effects=list(effects))
-
-    model = CastModel(measured, make_simulator, [own_effect], held=config.simulator.weighed)
+    simulator = partial(build_simulator, config, measured.cable)
+    model = CastModel(measured, simulator, [own_effect], held=config.simulator.weighed)
     floor, noise = floor_and_noise(Case(model, cast_records(measured), [NAME]))
     inquiry = Inquiry(model, cast_records(measured), noise)
     effort, rule = Effort(), Rule()

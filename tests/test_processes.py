@@ -98,10 +98,8 @@ from tests.test_processes import of_job
 jobs = joblib.Parallel(n_jobs=2, backend="loky")(joblib.delayed(of_job)(n) for n in (3, 5))
 print([[square for _, square in job] for job in jobs or ()])
 """
-    done = subprocess.run(
-        [sys.executable, "-c", sweep], cwd=ROOT, capture_output=True, text=True, timeout=120
-    )
-    assert done.stdout.strip() == "[[9, 16], [25, 36]]", done.stderr
+    said, _ = python("-c", sweep).communicate(timeout=120)
+    assert said.strip() == "[[9, 16], [25, 36]]"
 
 
 def test_processes_stay_for_the_next_work_and_outlive_the_thread_that_started_them() -> None:
@@ -125,10 +123,7 @@ def test_what_no_process_can_be_sent_is_done_here() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "message"),
-    [
-        ("die", "was killed by signal 9 before it answered"),
-        ("freeze", "has not answered for 3 s"),
-    ],
+    [("die", "was killed by signal 9 before it answered"), ("freeze", "has not answered for 3 s")],
 )
 def test_a_worker_that_fails_is_said_and_none_is_left(kind: str, message: str) -> None:
     before = pids(2)

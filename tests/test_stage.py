@@ -1,7 +1,5 @@
 """What is typed is taken as it stands, and what goes wrong is said in one line."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -11,8 +9,8 @@ from hydra.errors import InstantiationException
 from robotcast.measurements.reader import write_measurement_set
 from robotcast.stage import _names, _sentence, as_typed
 from tests.good_casts import good_set
+from tests.stages import ROOT, run_stage
 
-ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ["Würfe (2)", "a=b, c#d", "it's {new} [1]", "C:\\casts\\", "~/x $y", "plain/set-1", "'"]
 
 
@@ -48,22 +46,31 @@ def test_errors_are_one_line() -> None:
     assert _sentence(PermissionError(13, "Permission denied", "out")) == "out: Permission denied"
 
 
-def run(script: str, *arguments: str) -> tuple[int, str]:
-    command = [sys.executable, f"stages/{script}.py", *arguments]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert "Traceback" not in done.stderr
-    return done.returncode, " ".join(done.stderr.split())
+@pytest.mark.parametrize(
+    ("stage", "given", "said"),
+    [
+        ("compare", (), "measurements=DIR is needed"),
+        ("diagnose", (f"measurements={ROOT}",), "output=DIR is needed"),
+        ("compare", (f"measurements={ROOT}/none", "output=out"), "there is no such folder"),
+        ("diagnose", (f"measurements={ROOT}", "output=out"), "rig.yaml is missing"),
+    ],
+)
+def test_what_is_missing_is_named_in_one_line(stage: str, given: tuple[str], said: str) -> None:
+    status, told = run_stage(stage, *given)
+    assert status == 2 and said in told
 
 
 def test_outputs_are_tried_before_the_work(tmp_path: Path) -> None:
     folder = tmp_path / "Würfe (2)"
     write_measurement_set(good_set(), folder)
     (tmp_path / "file").write_text("hi")
-    status, said = run("compare", f"measurements={folder}", f"output={tmp_path / 'file' / 'out'}")
-    assert status == 2 and "file: is a file; name a folder to write to" in said
-    status, said = run("compare", f"measurements={folder}", f"output={tmp_path}/x/../Würfe (2)")
-    assert status == 2 and "is the folder that is read; name another to write to" in said
-    status, said = run(
+    for stage, output, refusal in (
+        ("compare", tmp_path / "file" / "out", "file: is a file; name a folder to write to"),
+        ("diagnose", f"{tmp_path}/x/../Würfe (2)", "is the folder that is read; name another"),
+    ):
+        status, said = run_stage(stage, f"measurements={folder}", f"output={output}")
+        assert status == 2 and refusal in said
+    status, said = run_stage(
         "tune", f"paths.measurements={folder}", f"paths.tuned={tmp_path}/out", "effects=tilt+drag"
     )
     assert status == 2 and "3" in said

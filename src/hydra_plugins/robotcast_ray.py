@@ -16,10 +16,7 @@ from robotcast import ONE_PATH
 class RayLauncher(Launcher):
     """Each job is a task of Ray; one whose machine went away runs again on another.
 
-    Parameters
-    ----------
-    address : of the cluster, as `ray.init` takes it.
-    cores : that a job needs.
+    The `address` of the cluster is as `ray.init` takes it; a job needs so many `cores`.
     """
 
     def __init__(self, address: str, cores: float) -> None:

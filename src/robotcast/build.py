@@ -31,11 +31,9 @@ def _made(node: Any) -> Any:
 
 
 def action_space(config: DictConfig, grid: str) -> tuple[Any, float, Any, Any]:
-    """Return a grid of actions, r₀ [m], plan limits and envelope: what `feasible_actions` takes.
+    """Return a grid (`collected`, `generated` or `candidates`), r₀ [m], plan limits and envelope.
 
-    Parameters
-    ----------
-    grid : `collected`, `generated` or `candidates`.
+    That is what `feasible_actions` takes.
     """
     casts = config.casts
     return build(casts.grids[grid]), casts.r0_m, build(casts.limits), build(casts.envelope)
@@ -80,23 +78,17 @@ def build_effects(names: Sequence[str]) -> tuple[Any, ...]:
             f"effects: {', '.join(unknown)} has no entry in conf/effects.yaml; "
             f"known: {', '.join(sorted(known))}"
         )
-    return tuple(_named(known, name) for name in names)
+    return tuple(instantiate(known[name], name=name, _convert_="all") for name in names)
 
 
 def build_fields() -> tuple[Any, ...]:
     """Make every flexible field."""
     fields = _library().fields
-    return tuple(_named(fields, name) for name in sorted(fields))
+    return tuple(instantiate(fields[name], name=name, _convert_="all") for name in sorted(fields))
 
 
-def _library() -> DictConfig:
-    config = OmegaConf.load(CONFIGURATION / "effects.yaml")
-    assert isinstance(config, DictConfig)
-    return config
-
-
-def _named(entries: DictConfig, name: str) -> Any:
-    return instantiate(entries[name], name=name, _convert_="all")
+def _library() -> Any:
+    return OmegaConf.load(CONFIGURATION / "effects.yaml")
 
 
 def fingerprint(config: DictConfig, parts: dict[str, Any], *known: object) -> str:

@@ -3,11 +3,12 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from robotcast.casts.action import Action, action_factors
+from robotcast.casts.action import MIRROR, action_factors
 from robotcast.casts.plan import PlanLimits, plan_actions
 from robotcast.diagnosis.decision import Unexplained, strengths
 from robotcast.diagnosis.inquiry import Inquiry
@@ -41,11 +42,8 @@ CAST_WORDING = Wording(
 class CastModel:
     """Predicts the free end's waypoints of measured casts.
 
-    Parameters
-    ----------
-    make_simulator : makes the simulator with some effects active.
-    effects : the candidates, fields included.
-    held : names of the simulator's parameters that stay at their nominal values.
+    `make_simulator` makes the simulator with some of the `effects` active, the candidates and
+    fields; `held` names the simulator's parameters that stay at their nominal values.
     """
 
     error_unit = "% of cable length"
@@ -60,8 +58,7 @@ class CastModel:
         self.effects: Mapping[str, Effect] = {effect.name: effect for effect in effects}
         self.scale = measured.cable.length_m
         self._casts: Mapping[int, Cast] = {trial.trial: trial for trial in measured.trials}
-        self._make_simulator = make_simulator
-        self._simulators: dict[tuple[str, ...], Simulator] = {}
+        self._simulator = cache(lambda names: make_simulator([self.effects[n] for n in names]))
         self.parameters: tuple[Parameter, ...] = tuple(
             replace(p, frozen=p.frozen or p.name in held) for p in self._simulator(()).parameters
         )
@@ -74,10 +71,10 @@ class CastModel:
         A run that diverges is tried again more finely where one vector is asked for; fits, which
         compare many, count it as lost.
         """
-        asked = [(self._casts[record.trial], record.times_s) for record in records]
-        casts = [
-            SimulatedCast(cast.tool, times_s, cast.start_m, cast.factors) for cast, times_s in asked
-        ]
+        casts = []
+        for record in records:
+            cast = self._casts[record.trial]
+            casts.append(SimulatedCast(cast.tool, record.times_s, cast.start_m, cast.factors))
         simulator, one = self._simulator(tuple(active)), len(vectors) == 1
         return simulator.simulate(casts, vectors, retry=one).waypoints_m
 
@@ -87,26 +84,21 @@ class CastModel:
         other._casts = casts
         return other
 
-    def _simulator(self, active: tuple[str, ...]) -> Simulator:
-        if active not in self._simulators:
-            self._simulators[active] = self._make_simulator([self.effects[name] for name in active])
-        return self._simulators[active]
-
 
 def cast_records(measured: MeasurementSet) -> tuple[Record, ...]:
     """Return a record of every cast that was tracked."""
-    return tuple(_record(trial) for trial in measured.trials if len(trial.waypoints_s))
-
-
-def _record(trial: Trial) -> Record:
-    return Record(
-        trial=trial.trial,
-        group=trial.action_id,
-        times_s=trial.waypoints_s,
-        measured=trial.waypoints_m,
-        factors={name: value for name, value in trial.factors.items() if name != "r1"},
-        phases=_phases(trial),
-        ended=trial.rested,
+    return tuple(
+        Record(
+            trial=trial.trial,
+            group=trial.action_id,
+            times_s=trial.waypoints_s,
+            measured=trial.waypoints_m,
+            factors={name: value for name, value in trial.factors.items() if name != "r1"},
+            phases=_phases(trial),
+            ended=trial.rested,
+        )
+        for trial in measured.trials
+        if len(trial.waypoints_s)
     )
 
 
@@ -152,9 +144,7 @@ def candidate_casts(
     random = np.random.default_rng(seed)
     rows = feasible[random.permutation(len(feasible))[:most]]
     mirrored = random.permutation(len(rows)) < len(rows) // 2
-    actions = [Action.from_array(row) for row in rows]
-    actions = [a.mirrored() if m else a for a, m in zip(actions, mirrored, strict=True)]
-    rows = np.array([action.as_array() for action in actions])
+    rows = np.where(mirrored[:, None], rows * MIRROR, rows)
     coast_s = max(float(t.waypoints_s[-1] - t.tool.t_s[-1]) for t in measured.trials)
     casts, records = {}, []
     for number, planned in enumerate(plan_actions(rows, r0_m=measured.r0_m, limits=limits)):

@@ -26,7 +26,7 @@ OF_A_SET = {  # stage → what a set stands for: setting → value
     },
 }
 OF_A_ROBOT = {"model": "mjcf", "robot": "{set}", "output": "{outputs}/{stage}"}
-COMPLETION = ("-sc", "--shell-completion")
+HELP = ("-h", "--help")
 
 
 def main() -> None:
@@ -37,15 +37,15 @@ def main() -> None:
             "install it there with pip install -e ."
         )
     name, *given = sys.argv[1:] or ["--help"]
-    if name in COMPLETION:
+    if name in ("-sc", "--shell-completion"):
         return _complete()
-    if name in ("-h", "--help"):
+    if name in HELP:
         return print(_overview())
     script = STAGES / f"{name}.py"
     if script not in _scripts():
         names = ", ".join(path.stem for path in _scripts())
         sys.exit(f"robotcast: there is no {name}; there are {names}")
-    if {"-h", "--help"} & set(given):
+    if set(HELP) & set(given):
         print(_words(script), end="\n\n")
     sys.argv = [str(script), *overrides(name, given)]
     runpy.run_path(str(script), run_name="__main__")
@@ -79,19 +79,14 @@ def _words(script: Path) -> str:
 
 
 def _overview() -> str:
-    lines = [f"  {path.stem:15}{_words(path).splitlines()[0]}" for path in _scripts()]
-    return "\n".join(
-        (
-            "robotcast STAGE [FOLDER] [OVERRIDE …]",
-            "",
-            *lines,
-            "",
-            f"FOLDER is a measurement set or a robot's, for {', '.join(OF_A_SET)}, describe; "
-            "results go to outputs/NAME.",
-            "robotcast STAGE --help lists all that an OVERRIDE can set: simulator=hybrid seed=1",
-            'eval "$(robotcast -sc install=bash)" completes stages and settings (zsh, fish too)',
-        )
-    )
+    lines = [f"  {path.stem:15}{_words(path).splitlines()[0]}\n" for path in _scripts()]
+    return f"""robotcast STAGE [FOLDER] [OVERRIDE …]
+
+{"".join(lines)}
+FOLDER is a measurement set or a robot's, for {", ".join(OF_A_SET)}, describe; \
+results go to outputs/NAME.
+robotcast STAGE --help lists all that an OVERRIDE can set: simulator=hybrid seed=1
+eval "$(robotcast -sc install=bash)" completes stages and settings (zsh, fish too)"""
 
 
 def _complete() -> None:
@@ -105,11 +100,8 @@ def _complete() -> None:
         if others and _is_folder(first):
             rest = others  # the folder before it is no setting
         os.environ["COMP_LINE"] = f"{stage} {rest}"
-    hydra.main(version_base=None, config_path=str(CONFIGURATION), config_name="config")(_nothing)()
-
-
-def _nothing(config: object) -> None:
-    """Stand in for a stage where only its configuration is asked for."""
+    of_config = hydra.main(version_base=None, config_path=str(CONFIGURATION), config_name="config")
+    of_config(lambda config: None)()
 
 
 if __name__ == "__main__":

@@ -55,19 +55,17 @@ def atomic_folder(path: Path) -> Iterator[Path]:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def discard_unfinished(folder: Path, name: str | None = None) -> int:
-    """Remove what killed writers left behind in `folder`; return how many entries went.
+def discard_unfinished(folder: Path, name: str | None = None) -> None:
+    """Remove what killed writers left behind in `folder`.
 
     With a `name`, only what writers of that entry left: others may be at work in the folder.
     """
     of = "*" if name is None else glob.escape(name)
-    leftovers = list(folder.glob(f".{of}.*.tmp*"))
-    for leftover in leftovers:
+    for leftover in list(folder.glob(f".{of}.*.tmp*")):
         if leftover.is_dir():
             shutil.rmtree(leftover, ignore_errors=True)
         else:
             leftover.unlink(missing_ok=True)
-    return len(leftovers)
 
 
 DIGITS = 6
@@ -75,17 +73,13 @@ DIGITS = 6
 
 def plain(value: Any) -> Any:
     """Return `value` with arrays as lists, six significant digits, and None for NaN or infinity."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
     if isinstance(value, Mapping):
         return {str(key): plain(some) for key, some in value.items()}
-    if isinstance(value, np.ndarray):
-        return plain(value.tolist())
     if isinstance(value, list | tuple):
         return [plain(some) for some in value]
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, int | np.integer):
-        return int(value)
-    if isinstance(value, float | np.floating):
+    if isinstance(value, float):
         return float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None
     return value
 

@@ -39,13 +39,10 @@ def cores(threads: int) -> int:
 def process_pool(workers: int, begin: Callable[[], object] | None = None) -> Iterator[Executor]:
     """Yield a pool that drops what is queued once its user stops, and finishes what is under way.
 
-    A terminal's interrupt reaches the user of the pool alone, who decides. A generator that holds
-    the pool must be closed by who reads it (`contextlib.closing`): an interrupt in another place
-    leaves it suspended, and the interpreter then waits for everything queued.
-
-    Parameters
-    ----------
-    begin : called in each process before its first work.
+    Each process calls `begin` before its first work. A terminal's interrupt reaches the user of the
+    pool alone, who decides. A generator that holds the pool must be closed by who reads it
+    (`contextlib.closing`): an interrupt in another place leaves it suspended, and the interpreter
+    then waits for everything queued.
     """
     pool = ProcessPoolExecutor(workers, _Context(), _begin, (begin,))
     try:
@@ -82,10 +79,8 @@ def parallel_map(
     One worker is this process. What a process cannot import or fails at is done here as well, so
     that an error is raised where its cause is.
 
-    Raises
-    ------
-    RuntimeError : a process was killed, or took longer than `patience_s` over one part; all are
-        ended then, and start anew with the next call.
+    Raises RuntimeError where a process was killed, or took longer than `patience_s` over one part;
+    all are ended then, and start anew with the next call.
     """
     if workers == 1:
         yield from map(work, parts)

@@ -29,27 +29,20 @@ EVERY_S = 0.5  # a bar is written no more often
 
 @dataclass
 class Run:
-    """A command while it runs, and after; times are Unix times [s].
-
-    Attributes
-    ----------
-    status : as a shell has it, None before the end.
-    title, done, total, note, begun_s : of the bar that was shown last.
-    page : the HTML file that shows what came of it so far, "" for none.
-    """
+    """A command while it runs, and after; times are Unix times [s]."""
 
     stage: str
     overrides: list[str]
     pid: int
     started_s: float
     updated_s: float = 0.0
-    status: int | None = None
-    title: str = ""
+    status: int | None = None  # as a shell has it, None before the end
+    title: str = ""  # of the bar that was shown last, as are those that follow
     done: int = 0
     total: int = 0
     note: str = ""
     begun_s: float = 0.0
-    page: str = ""
+    page: str = ""  # the HTML file that shows what came of it so far, "" for none
 
     @property
     def runs(self) -> bool:

@@ -6,7 +6,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -45,8 +45,6 @@ class _StageConsole(Console):
 
 console = _StageConsole(stderr=True)
 
-INTERRUPTED = 130  # as a shell has it: 128 and the number of SIGINT
-
 
 def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
     """Turn `body(config)` into a command: composed by Hydra, refusing bad input in one line.
@@ -64,13 +62,15 @@ def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
         try:
             for key in (key for key in NAMES if key in config):
                 config[key] = _names(config[key])
-            with _one_order_of_sums(), _followed(config):
+            job, folder = HydraConfig.get(), Path(config.paths.running)
+            followed = running.followed(folder, job.job.name, job.overrides.task)
+            with _one_order_of_sums(), followed:
                 return body(config)
         except (ValueError, OSError, InstantiationException, PolarsError, YAMLError) as error:
             said, status = _sentence(error), 2
         except KeyboardInterrupt:
             said = "interrupted; the same command goes on from what was finished"
-            status = INTERRUPTED
+            status = 130  # as a shell has it: 128 and the number of SIGINT
         console.print(f"{Path(sys.argv[0]).stem}: {said}", style="bold red", markup=False)
         sys.exit(status)
 
@@ -86,7 +86,10 @@ def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
 
 
 NAMES = ("effects", "exclude")
-PATHS = ("measurements", "robot", "output", "tuned", "session", "rig.path", "collect.actions")
+PATHS = (
+    *("measurements", "robot", "output", "tuned", "session", "rig.path", "collect.actions"),
+    "evaluate.targets",
+)
 
 
 def as_typed(argument: str, sweep: bool = False) -> str:
@@ -97,12 +100,10 @@ def as_typed(argument: str, sweep: bool = False) -> str:
     key, equals, value = argument.partition("=")
     if key in NAMES and value and value[0] not in "['\"$" and not (sweep and "," in value):
         return f"{key}=[{value}]"
-    path = key in PATHS or key.startswith("paths.") or key == "evaluate.targets"
-    if not (equals and path) or value in ("", "null") or "${" in value:
-        return argument
-    if len(value) > 1 and value[0] in "'\"" and value[0] == value[-1]:
-        return argument
-    if sweep and "," in value:
+    path = key in PATHS or key.startswith("paths.")
+    in_quotes = len(value) > 1 and value[0] in "'\"" and value[0] == value[-1]
+    as_it_is = in_quotes or value in ("", "null") or "${" in value or (sweep and "," in value)
+    if as_it_is or not (equals and path):
         return argument
     quoted = re.sub(r"(\\+)(?=$|')", r"\1\1", value).replace("'", r"\'")
     return f"{key}='{quoted}'"
@@ -124,11 +125,6 @@ def _sentence(error: Exception) -> str:
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror}"
     return " ".join(str(error).split())
-
-
-def _followed(config: DictConfig) -> AbstractContextManager[None]:
-    job = HydraConfig.get()
-    return running.followed(Path(config.paths.running), job.job.name, job.overrides.task)
 
 
 @contextmanager

@@ -35,33 +35,23 @@ GOOD = "0.5,0.6,-0.6,0.65,0.3,1.2\n"
         (",".join(ACTION_COLUMNS) + "\n", "holds no action"),
         (HEADER + GOOD + "0.6,0.6,-0.4,,0.2,1.5\n", "line 3: r2 must be a finite number, got an e"),
         (HEADER + GOOD + "0.6,0.6,-0.4,NaN,0.2,1.5\n", "line 3: r2 must be a finite number"),
-        (
-            HEADER + "0.6,0.6,-0.4,0.7,0.2,true\n",
-            "line 2: vmax must be a finite number, got 'true'",
-        ),
-        (
-            HEADER + GOOD + "0.6,0.6,-0.4,0.7\n",
-            "line 3: alpha must be a finite number, got an empty",
-        ),
+        (HEADER + "0.6,0.6,-0.4,0.7,0.2,true\n", "line 2: vmax must be .* number, got 'true'"),
+        (HEADER + GOOD + "0.6,0.6,-0.4,0.7\n", "line 3: alpha must be .* number, got an empty"),
         (HEADER + GOOD + "28.6,0.6,-34.4,0.65,17.2,1.2\n", "line 3: theta1 is 28.6, .* degrees"),
         (HEADER + GOOD + "0.5,600,-0.6,650,0.3,1.2\n", "line 3: r1 is 600, .* millimetres"),
         ("# my casts\n" + HEADER + GOOD, "line 1: expected the names of the columns, got a comm"),
         (HEADER.replace(",", ";") + "0,5;0,6;-0,6;0,65;0,3;1,2\n", "semicolons"),
         ("\t".join(ACTION_COLUMNS) + "\n", "separated by tabs"),
+        ((HEADER + GOOD).encode("utf-16"), "is not text in UTF-8; export it"),
     ],
 )
-def test_a_bad_file_is_refused_in_one_sentence(tmp_path: Path, text: str, said: str) -> None:
+def test_a_bad_file_is_refused_in_one_sentence(
+    tmp_path: Path, text: str | bytes | None, said: str
+) -> None:
     path = tmp_path / "actions.csv"
     if text is not None:
-        path.write_text(text)
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(ValueError, match=said):
-        read_actions(path)
-
-
-def test_text_of_another_encoding_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "actions.csv"
-    path.write_text(HEADER + GOOD, encoding="utf-16")
-    with pytest.raises(ValueError, match="is not text in UTF-8; export it"):
         read_actions(path)
 
 
@@ -72,10 +62,8 @@ def test_a_message_names_the_line_that_an_editor_shows(tmp_path: Path, before: s
     path = tmp_path / "actions.csv"
     text = HEADER + GOOD + before + "0.6,0.62,-0.4,0.7,0.2,1.5\n"
     path.write_bytes(text.encode())
-    last = len(text.splitlines())
-    with pytest.raises(
-        ValueError, match=rf"actions.csv line {last}: the arm cannot do this action"
-    ):
+    refusal = rf"actions.csv line {len(text.splitlines())}: the arm cannot do this action"
+    with pytest.raises(ValueError, match=refusal):
         read_actions(path, lambda actions: actions[:, 0] < 0.55)
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from robotcast.casts.action import Action
-from robotcast.casts.curves import RestToRest, plan_curves, smooth_step
+from robotcast.casts.curves import plan_curves, smooth_step
 from robotcast.casts.plan import PlanLimits, plan_action, plan_actions
 from tests.good_casts import plan_cast
 
@@ -18,7 +18,7 @@ def random_actions(n: int, seed: int = 0) -> np.ndarray:
     return rng.uniform(np.nan_to_num(low), np.nan_to_num(high), (n, 6)) + 0 * low
 
 
-def test_a_cast_starts_turns_and_ends_where_it_is_told():
+def test_a_cast_starts_turns_and_ends_where_it_is_told_sampled_every_8_ms():
     cast = plan_cast(**USUAL, r0_m=R0_M, limits=LIMITS)
     turn = cast.tool.at(np.array([cast.turn_s]))[0]
     np.testing.assert_allclose(cast.tool.pose[0], [R0_M, 0, 0], atol=1e-12)
@@ -26,10 +26,6 @@ def test_a_cast_starts_turns_and_ends_where_it_is_told():
     np.testing.assert_allclose(np.hypot(turn[0], turn[1]), cast.action.r1_m, atol=2e-3)
     end = cast.tool.pose[-1]
     np.testing.assert_allclose(end, [0.75 * np.cos(0.7), -0.75 * np.sin(0.7), -0.1], atol=1e-9)
-
-
-def test_samples_are_8_ms_apart_until_the_tool_rests():
-    cast = plan_cast(**USUAL, r0_m=R0_M, limits=LIMITS)
     np.testing.assert_allclose(np.diff(cast.tool.t_s), 0.008, atol=1e-12)
     assert cast.end_s <= cast.tool.t_s[-1] < cast.end_s + 0.008
 
@@ -92,38 +88,17 @@ def test_the_blend_is_smooth_to_the_second_derivative():
     np.testing.assert_allclose(smooth_step(s), [0, 0, 0, 1, 1, 1], atol=2e-8)
 
 
-def test_the_mirror_image_of_a_cast_is_exactly_the_mirrored_motion():
-    for row in plan_curves(random_actions(20), R0_M, LIMITS).actions:
-        action = Action.from_array(row)
-        cast = plan_action(action, r0_m=R0_M, limits=LIMITS)
-        image = plan_action(action.mirrored(), r0_m=R0_M, limits=LIMITS)
-        assert np.array_equal(image.tool.t_s, cast.tool.t_s)
-        assert np.array_equal(image.tool.pose, cast.tool.mirrored().pose)
-
-
-def test_casts_planned_together_are_the_casts_planned_alone():
+def test_casts_planned_together_are_those_planned_alone_and_mirror_exactly():
     actions = plan_curves(random_actions(30), R0_M, LIMITS).actions
     together = plan_actions(actions, r0_m=R0_M, limits=LIMITS)
     for row, cast in zip(actions, together, strict=True):
-        alone = plan_action(Action.from_array(row), r0_m=R0_M, limits=LIMITS)
+        action = Action.from_array(row)
+        alone = plan_action(action, r0_m=R0_M, limits=LIMITS)
+        image = plan_action(action.mirrored(), r0_m=R0_M, limits=LIMITS)
         assert np.array_equal(alone.tool.pose, cast.tool.pose)
         assert alone.end_s == cast.end_s
-
-
-def test_a_faster_cast_takes_less_time():
-    ends = [
-        plan_cast(**USUAL | {"vmax_m_s": v}, r0_m=R0_M, limits=LIMITS).end_s for v in (0.6, 1.2, 2)
-    ]
-    assert ends[0] > ends[1] > ends[2]
-
-
-def test_a_move_from_rest_to_rest_covers_its_distance():
-    durations, jerks = RestToRest(20.0, 400.0).solve(0.7, 2.0)
-    x = v = a = 0.0
-    for t, j in zip(durations, jerks, strict=True):
-        x += v * t + a * t**2 / 2 + j * t**3 / 6
-        v, a = v + a * t + j * t**2 / 2, a + j * t
-    assert (x, v, a) == pytest.approx((0.7, 0.0, 0.0), abs=1e-9)
+        assert np.array_equal(image.tool.t_s, cast.tool.t_s)
+        assert np.array_equal(image.tool.pose, cast.tool.mirrored().pose)
 
 
 @pytest.mark.parametrize(
@@ -139,7 +114,7 @@ def test_a_move_from_rest_to_rest_covers_its_distance():
         ({"r0_m": 60.0}, r"r0 must be in \[0.5, 0.9\] m, got 60"),
         ({"alpha_rad": 30.0}, r"\|alpha\| must not exceed 3.14159 rad, got 30"),
         ({"r1_m": float("nan")}, "r1 must be a finite number, got nan"),
-        ({"theta2_rad": float("inf")}, "theta2 must be finite, got inf"),
+        ({"theta2_rad": float("inf")}, r"\|theta2\| must not exceed 1.5 rad, got inf"),
     ],
 )
 def test_bad_numbers_are_refused_with_value_and_limit(change, message):

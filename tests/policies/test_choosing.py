@@ -7,7 +7,7 @@ from hydra import compose, initialize_config_dir
 
 from robotcast.build import build_rig
 from robotcast.casts.curves import PlanLimits
-from robotcast.casts.plan import ActionGrid, GridCounts, plan_pull
+from robotcast.casts.plan import ActionGrid, plan_pull
 from robotcast.measurements.measurement_set import Cable
 from robotcast.policies.choosing import (
     CastAndPull,
@@ -27,7 +27,7 @@ GRID = ActionGrid(
     r2_m=(0.55, 0.75),
     alpha_rad=(0.0, 1.5),
     vmax_m_s=(1.6, 2.2),
-    counts=GridCounts(theta1=4, theta2=4, r2=3, alpha=3, vmax=2),
+    counts=dict(theta1=4, theta2=4, r2=3, alpha=3, vmax=2),
 )
 LIMITS = PlanLimits()
 TARGETS = np.array([[0.8, -0.5], [1.0, -0.3], [0.9, 0.4]])

@@ -8,7 +8,7 @@ from hydra import compose, initialize_config_dir
 from robotcast.build import build
 from robotcast.casts.action import Action
 from robotcast.casts.curves import plan_curves
-from robotcast.casts.plan import ActionGrid, GridCounts, PlanLimits, plan_action
+from robotcast.casts.plan import ActionGrid, PlanLimits, plan_action
 from robotcast.casts.reset import ResetSettings, plan_reset
 from robotcast.rigs.envelope import (
     Envelope,
@@ -29,7 +29,7 @@ from tests.good_casts import plan_cast
 with initialize_config_dir(str(Path(__file__).parents[2] / "conf"), version_base=None):
     CONFIG = compose("config").casts
 LIMITS: PlanLimits = build(CONFIG["limits"])
-PAPER_COUNTS = GridCounts(theta1=15, theta2=15, r2=15, alpha=10, vmax=2)
+PAPER_COUNTS = dict(theta1=15, theta2=15, r2=15, alpha=10, vmax=2)
 TURN = 2 * np.pi
 ENVELOPE = Envelope(
     joint_min_rad=(-TURN,) * 6,
@@ -201,7 +201,7 @@ def envelope(name: str = "envelope") -> Envelope:
     return build(CONFIG[name])
 
 
-def grid(name: str, counts: GridCounts | None = None) -> ActionGrid:
+def grid(name: str, counts: dict[str, int] | None = None) -> ActionGrid:
     configured: ActionGrid = build(CONFIG.grids[name])
     return replace(configured, counts=counts) if counts else configured
 
@@ -237,7 +237,7 @@ def test_what_stays_breaks_no_rule_and_neither_does_its_mirror_image():
 
 
 def test_asking_for_some_actions_tells_the_same_as_filtering_the_grid():
-    some = grid("collected", GridCounts(3, 3, 3, 2, 2))
+    some = grid("collected", dict(theta1=3, theta2=3, r2=3, alpha=2, vmax=2))
     kept, candidates = feasible(some), some.curves(CONFIG["r0_m"], LIMITS).actions
     shuffled = candidates[np.random.default_rng(0).permutation(len(candidates))]
     told = [are_feasible(a, CONFIG["r0_m"], LIMITS, envelope()) for a in np.split(shuffled, 4)]
@@ -246,7 +246,7 @@ def test_asking_for_some_actions_tells_the_same_as_filtering_the_grid():
 
 def test_progress_is_reported_to_the_end():
     seen = []
-    small = grid("collected", GridCounts(2, 2, 2, 2, 2))
+    small = grid("collected", dict.fromkeys(PAPER_COUNTS, 2))
     feasible_actions(
         small, 0.6, LIMITS, envelope(), lambda done, total, note="": seen.append((done, total))
     )

@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,6 +7,7 @@ import pytest
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
+from robotcast.casts.action import ToolMotion
 from robotcast.casts.plan import PlanLimits
 from robotcast.effects.effect import Effect, Numbers
 from robotcast.measurements.measurement_set import Cable
@@ -31,17 +31,12 @@ _WIDE = {  # unit, bounds and nominal value
 _NUMBERS = ("unit", "lower", "upper", "nominal")
 PARAMETERS: Numbers = {n: dict(zip(_NUMBERS, wide, strict=True)) for n, wide in _WIDE.items()}
 
-MakeSimulator = Callable[..., SegmentedSimulator]
+STILL = ToolMotion(np.array([0.0, 20.0]), np.array([[0.6, 0.0, 0.0]] * 2))
 
 
-@pytest.fixture(scope="session")
-def make_simulator() -> MakeSimulator:
+def segmented(**settings: Any) -> SegmentedSimulator:
     """Make the simulator with wide bounds and some settings replaced."""
-
-    def make(**settings: Any) -> SegmentedSimulator:
-        return SegmentedSimulator(CABLE, PARAMETERS, ChainSettings(**settings))
-
-    return make
+    return SegmentedSimulator(CABLE, PARAMETERS, ChainSettings(**settings))
 
 
 @pytest.fixture(scope="session")
@@ -50,10 +45,55 @@ def casts() -> list[SimulatedCast]:
     return make_casts(6, slowest_m_s=0.7, fastest_m_s=1.4)
 
 
-@pytest.fixture(scope="session")
-def fast_casts() -> list[SimulatedCast]:
-    """Casts that crack like whips."""
-    return make_casts(20, slowest_m_s=1.4, fastest_m_s=2.2)
+def resting(waypoints_s: np.ndarray, lean_rad: float = 0.0) -> SimulatedCast:
+    """A cable that lies `lean_rad` aside of a tool that does not move."""
+    end = [0.6 + np.cos(lean_rad), np.sin(lean_rad)]
+    return SimulatedCast(STILL, waypoints_s, np.array(end))
+
+
+def jerked(waypoints_s: np.ndarray) -> SimulatedCast:
+    """A cable that the tool jerks by 2 cm along it."""
+    t = np.linspace(0.0, waypoints_s[-1] + 0.1, 4001)
+    x = 0.6 + 0.01 * (1 - np.cos(np.pi * np.clip(t / 0.05, 0, 1)))
+    return SimulatedCast(ToolMotion(t, np.stack([x, 0 * t, 0 * t], axis=1)), waypoints_s)
+
+
+def path(simulator: Simulator, cast: SimulatedCast, **changed: float) -> np.ndarray:
+    """Return the waypoints (k, 2) of one cast, with some values changed."""
+    return simulator.simulate([cast], nominal(simulator, **changed)).waypoints_m[0, 0]
+
+
+def apart(
+    one: Simulator, other: Simulator, casts: list[SimulatedCast], vectors: np.ndarray
+) -> np.ndarray:
+    """Return how far waypoints of two simulators lie apart in parts of cable length, (n, m, k)."""
+    found = (simulator.simulate(casts, vectors).waypoints_m for simulator in (one, other))
+    return np.linalg.norm(np.subtract(*found), axis=-1) / CABLE.length_m
+
+
+def displacements(
+    kind: str, casts: list[SimulatedCast], same: dict[str, float], slope: float, **settings: float
+) -> np.ndarray:
+    """Return how far boards tilted four ways move the waypoints of one cable, (4, n, k, 2) [m]."""
+    simulator = configured(kind, "board_tilt", **settings)
+    ways = ((0.0, 0.0), (slope, 0.0), (0.0, slope), (-slope, 0.0), (0.0, -slope))
+    vectors = [
+        nominal(simulator, **same, **{"board_tilt.sx": x, "board_tilt.sy": y}) for x, y in ways
+    ]
+    level, *tilted = simulator.simulate(casts, np.vstack(vectors)).waypoints_m
+    return np.array(tilted) - level
+
+
+def relative_miss(found: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """Return how much of each expected displacement is missed, (4,)."""
+    squares = (np.nansum(part**2, axis=(1, 2, 3)) for part in (found - expected, expected))
+    return np.sqrt(np.divide(*squares))
+
+
+def frequency_hz(signal: np.ndarray, period_s: float) -> float:
+    """Return where the spectrum of a decaying swing is largest."""
+    spectrum = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(len(signal)), n=1 << 17))
+    return np.fft.rfftfreq(1 << 17, period_s)[spectrum.argmax()]
 
 
 def make_casts(n: int, *, slowest_m_s: float, fastest_m_s: float) -> list[SimulatedCast]:

@@ -13,9 +13,14 @@ from robotcast.simulators.bullet import (
     spring_torques,
 )
 from robotcast.simulators.simulator import SimulatedCast
-from tests.simulators.conftest import CABLE, configured, mirrored, nominal
-
-BENDING = 1e-4  # N m²
+from tests.simulators.conftest import (
+    CABLE,
+    configured,
+    displacements,
+    mirrored,
+    nominal,
+    relative_miss,
+)
 
 
 def sweep(way_m: float) -> SimulatedCast:
@@ -26,29 +31,17 @@ def sweep(way_m: float) -> SimulatedCast:
     return SimulatedCast(tool, np.arange(0.0, 1.8, 0.1))
 
 
-def tilted(kind: str) -> np.ndarray:
-    """Return how far tilted boards move the end of one and the same cable, (n, k, 2)."""
-    if kind == "segmented":  # whose friction must hardly let what rests creep
-        same = {"bending_damping_s": 0.005, "joint_friction_n_m": 1e-7}
-        simulator = configured(kind, "board_tilt", step_s=0.001, sliding_speed_m_s=0.002)
-    else:  # rough enough not to roll, and hard to twist, as a cable in the plane is
-        same = {"twist_stiffness_n_m2": 1e-4, "rolling_friction_m": 1e-2}
-        same |= {"spinning_friction_m": 1e-5, "linear_damping_per_s": 0.0}
-        same |= {"angular_damping_per_s": 2.3}
-        simulator = configured(kind, "board_tilt")
-    same["bending_stiffness_n_m2"] = BENDING
-    vectors = [
-        nominal(simulator, **same, **{"board_tilt.sx": x, "board_tilt.sy": y})
-        for x, y in ((0.0, 0.0), (0.05, 0.0), (0.0, 0.05))
-    ]
-    level, *waypoints_m = simulator.simulate([sweep(0.5)], np.vstack(vectors)).waypoints_m[:, 0]
-    return np.array(waypoints_m) - level
-
-
 def test_a_tilt_moves_the_same_cable_as_it_does_in_the_segmented_simulator() -> None:
-    expected = tilted("segmented")
-    size = np.linalg.norm(expected, axis=(1, 2))
-    assert (np.linalg.norm(tilted("bullet") - expected, axis=(1, 2)) < 0.1 * size).all()
+    """Rough enough not to roll, hard to twist, and hardly creeping where it rests."""
+    chain = {"bending_damping_s": 0.005, "joint_friction_n_m": 1e-7}
+    fine = {"step_s": 0.001, "sliding_speed_m_s": 0.002}
+    capsules = {"twist_stiffness_n_m2": 1e-4, "rolling_friction_m": 1e-2}
+    capsules |= {"spinning_friction_m": 1e-5, "linear_damping_per_s": 0.0}
+    capsules |= {"angular_damping_per_s": 2.3}
+    bending = {"bending_stiffness_n_m2": 1e-4}
+    expected = displacements("segmented", [sweep(0.5)], chain | bending, 0.05, **fine)
+    found = displacements("bullet", [sweep(0.5)], capsules | bending, 0.05)
+    assert (relative_miss(found, expected) < 0.1).all()
 
 
 def test_neither_processes_nor_what_ran_before_in_one_change_a_bit() -> None:

@@ -1,44 +1,42 @@
 """D_sim: its casts begin as the measured ones did, and shards merge into the bytes of the whole."""
 
-import os
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 import yaml
 
 from robotcast.casts.action import ToolMotion
 from robotcast.casts.plan import PlanLimits, plan_actions
-from robotcast.measurements.measurement_set import Cable, MeasurementSet
+from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import write_measurement_set
 from robotcast.simulators.d_sim import (
-    Generated,
-    Shard,
     generate_casts,
     mean_reach,
     merge_shards,
+    shard_name,
     write_d_sim,
 )
-from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast
-from tests.good_casts import good_trial, plan_cast
+from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast, Simulator
+from tests.good_casts import CABLE, good_trial, plan_cast
+from tests.simulators.conftest import configured
+from tests.stages import run_stage
 
-CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
 LATE_S = 0.024
-ROOT = Path(__file__).resolve().parents[2]
 FACTS = {"simulator": "segmented", "optimizer": "de", "effects": []}
 CAST = plan_cast(0.4, -0.4, 0.7, 0.5, 1.5, r0_m=0.6, limits=PlanLimits())
 PLAN = partial(plan_actions, r0_m=0.6, limits=PlanLimits())
 
 
-class Still:
+class Still(Simulator):
     """A cable that stays where it starts."""
 
-    name, parameters = "still", ()
+    def __init__(self) -> None:
+        self.name, self.parameters = "still", ()
 
     def simulate(self, casts: Sequence[Cast], vectors: np.ndarray, **_: object) -> Prediction:
         starts = [np.full(2, np.nan) if c.start_m is None else c.start_m for c in casts]
@@ -55,53 +53,51 @@ def test_the_free_end_starts_where_resets_left_it_on_average() -> None:
     np.testing.assert_allclose(reach_m, [0.63, 0.003])
     actions = CAST.action.as_array()[None]
     told = generate_casts(Still(), np.zeros(0), actions, PLAN, settle_s=1.0, reach_m=reach_m)
-    np.testing.assert_allclose(told.endpoints_m, [[1.23, 0.003]])
+    np.testing.assert_allclose(told, [[1.23, 0.003]])
 
 
 def test_casts_that_show_no_start_leave_it_to_the_tool() -> None:
     assert mean_reach([SimulatedCast(CAST.tool, np.ones(1))]) is None
     actions = CAST.action.as_array()[None]
     told = generate_casts(Still(), np.zeros(0), actions, PLAN, settle_s=1.0)
-    assert np.isnan(told.endpoints_m).all()
+    assert np.isnan(told).all()
 
 
-def generated(n: int) -> Generated:
-    rng = np.random.default_rng(0)
-    diverged = np.arange(n) % 5 == 3
-    ends = np.where(diverged[:, None], np.nan, rng.normal(size=(n, 2)))
-    return Generated(rng.normal(size=(n, 6)), ends, diverged)
+RANDOM = np.random.default_rng(0)
+ACTIONS, ENDS = RANDOM.normal(size=(11, 6)), RANDOM.normal(size=(11, 2))
+ENDS[3::5] = np.nan  # they diverged
 
 
-def cut(whole: Generated, shard: Shard) -> Generated:
-    rows = shard.part(np.arange(len(whole.actions)))
-    return Generated(whole.actions[rows], whole.endpoints_m[rows], whole.diverged[rows])
-
-
-def write_shards(folder: Path, whole: Generated, of: int) -> list[Path]:
-    shards = [Shard(number, of) for number in range(of)]
-    for shard in shards:
-        write_d_sim(folder / shard.name, cut(whole, shard), {**FACTS, "subject": "one"})
-    return [folder / shard.name for shard in shards]
+def write_shards(folder: Path, of: int) -> list[Path]:
+    folders = [folder / shard_name(number, of) for number in range(of)]
+    parts = np.array_split(ACTIONS, of), np.array_split(ENDS, of)
+    for shard, actions, ends in zip(folders, *parts, strict=True):
+        write_d_sim(shard, actions, ends, {**FACTS, "subject": "one"})
+    return folders
 
 
 @pytest.mark.parametrize("of", [1, 3, 4])
 def test_shards_merge_into_the_bytes_of_the_whole(tmp_path: Path, of: int) -> None:
-    whole = generated(11)
-    write_d_sim(tmp_path / "whole", whole, FACTS)
-    merge_shards(write_shards(tmp_path, whole, of), tmp_path / "merged")
+    write_d_sim(tmp_path / "whole", ACTIONS, ENDS, FACTS)
+    merge_shards(write_shards(tmp_path, of), tmp_path / "merged")
+    assert_same(tmp_path / "merged", tmp_path / "whole")
+    assert pl.read_parquet(tmp_path / "whole" / "casts.parquet").height == 9
+
+
+def assert_same(one: Path, other: Path) -> None:
     for name in ("casts.parquet", "generation.yaml"):
-        assert (tmp_path / "merged" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+        assert (one / name).read_bytes() == (other / name).read_bytes()
 
 
 def test_a_missing_shard_is_named(tmp_path: Path) -> None:
-    folders = write_shards(tmp_path, generated(11), 3)
+    folders = write_shards(tmp_path, 3)
     (folders[1] / "generation.yaml").unlink()
     with pytest.raises(FileNotFoundError, match="1-of-3"):
         merge_shards(folders, tmp_path / "merged")
 
 
 def test_shards_of_different_simulators_do_not_merge(tmp_path: Path) -> None:
-    folders = write_shards(tmp_path, generated(11), 3)
+    folders = write_shards(tmp_path, 3)
     facts = yaml.safe_load((folders[2] / "generation.yaml").read_text())
     (folders[2] / "generation.yaml").write_text(yaml.safe_dump({**facts, "subject": "two"}))
     with pytest.raises(ValueError, match="come from different"):
@@ -110,19 +106,15 @@ def test_shards_of_different_simulators_do_not_merge(tmp_path: Path) -> None:
 
 def test_there_is_no_shard_beyond_the_last() -> None:
     with pytest.raises(ValueError, match="of 4 shards there is none numbered 4"):
-        Shard(4, 4)
+        shard_name(4, 4)
 
 
 @pytest.mark.slow
 def test_a_sweep_over_shards_gives_the_bytes_of_one_run(tmp_path: Path) -> None:
     tuned = tmp_path / "tuned"
     tuned.mkdir()
-    names = {
-        "friction": 0.4, "cable_mass_kg": 0.008, "endpoint_mass_kg": 0.02,
-        "joint_friction_n_m": 1e-5, "bending_stiffness_n_m2": 6e-4, "bending_damping_s": 0.1,
-        "grip_stiffness": 1.0, "axial_stiffness_n": 300.0,
-    }  # fmt: skip
-    known = {"cable": asdict(CABLE), "parameters": {n: {"value": v} for n, v in names.items()}}
+    values = {p.name: {"value": p.nominal} for p in configured("segmented").parameters}
+    known = {"cable": asdict(CABLE), "parameters": values}
     (tuned / "tuned.yaml").write_text(yaml.safe_dump(known))
     write_measurement_set(measured_late(), tmp_path / "measured")
     common = [f"paths.tuned={tuned}", f"paths.shards={tmp_path / 'shards'}"]
@@ -130,11 +122,14 @@ def test_a_sweep_over_shards_gives_the_bytes_of_one_run(tmp_path: Path) -> None:
     common += ["scale.tune.tune_casts=2", "scale.tune.test_casts=1"]
     common += ["scale.generate.grid={theta1: 3, theta2: 3, r2: 2, alpha: 2, vmax: 1}"]
     shards = ["generate.shards=3", "hydra/launcher=joblib", f"hydra.sweep.dir={tmp_path / 'jobs'}"]
-    run("generate", *common, f"paths.simulated={tmp_path / 'whole'}")
-    run("generate", "-m", *common, *shards, "generate.shard=2,0,1")
-    run("generate", *common, "generate.shards=3", f"paths.simulated={tmp_path / 'merged'}")
-    for name in ("casts.parquet", "generation.yaml"):
-        assert (tmp_path / "merged" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    for given in (
+        (f"paths.simulated={tmp_path / 'whole'}",),
+        ("-m", *shards, "generate.shard=2,0,1"),
+        ("generate.shards=3", f"paths.simulated={tmp_path / 'merged'}"),
+    ):
+        status, said = run_stage("generate", *given, *common)
+        assert status == 0, said
+    assert_same(tmp_path / "merged", tmp_path / "whole")
     facts = yaml.safe_load((tmp_path / "merged" / "generation.yaml").read_text())
     assert facts["arm"]["lag_s"] == pytest.approx(LATE_S, abs=1e-3)
     assert facts["reach_m"] == pytest.approx([0.63, 0.01])
@@ -151,9 +146,3 @@ def measured_late() -> MeasurementSet:
         laid = np.where(seen.waypoints_s[:, None] > 0, seen.waypoints_m, [1.23, 0.01])
         trials.append(replace(seen, tool=made, waypoints_m=laid))
     return MeasurementSet(CABLE, 0.6, 0.1, None, tuple(trials))
-
-
-def run(script: str, *arguments: str) -> None:
-    command = [sys.executable, f"stages/{script}.py", *arguments]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**os.environ})
-    assert done.returncode == 0, done.stderr

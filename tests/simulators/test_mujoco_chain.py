@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from robotcast.effects.effect import ActiveEffects
-from robotcast.measurements.measurement_set import Cable
 from robotcast.simulators.chain import TOOL_DOFS, ChainGeometry
 from robotcast.simulators.mujoco_cables import (
     ChainSettings,
@@ -13,8 +12,8 @@ from robotcast.simulators.mujoco_cables import (
     chain_model,
     quiet_mujoco,
 )
+from tests.simulators.conftest import CABLE
 
-CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
 STEP_S = 0.004
 # friction, cable, endpoint, joint friction, EI, its damping, grip, EA
 VECTOR = np.array([[0.3, 0.02, 0.01, 1e-4, 1e-3, 0.1, 1.0, 300.0]])
@@ -45,9 +44,16 @@ def test_the_coordinates_are_those_of_the_model(stretches: int) -> None:
     assert geometry.hinges[0] == TOOL_DOFS
 
 
-def test_more_segments_that_stretch_than_there_are_is_refused() -> None:
-    with pytest.raises(ValueError, match="of 18 segments, 0 to 18 stretch, got 19"):
-        ChainSettings(stretches=19)
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"stretches": 19}, "of 18 segments, 0 to 18 stretch, got 19"),
+        ({"stretch_damping_s": 0.001}, "damping_s must be at least half of step_s"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(settings: dict, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        ChainSettings(**settings)
 
 
 def test_a_step_has_the_bits_of_mujocos_own_implicit_damping() -> None:

@@ -6,7 +6,7 @@ import pytest
 from robotcast.casts.action import ToolMotion
 from robotcast.rigs.virtual.cable import CableRun, CableTruth, Motion, build_cable, compile_cable
 from robotcast.simulators.simulator import SimulatedCast
-from tests.simulators.conftest import CABLE, MakeSimulator, nominal
+from tests.simulators.conftest import CABLE, nominal, segmented
 
 TRUTH = CableTruth(
     friction=0.3,
@@ -32,14 +32,14 @@ def cast_in_space(cast: SimulatedCast) -> Motion:
 @pytest.mark.slow
 @pytest.mark.rig
 def test_the_plane_costs_little_beside_what_tuning_leaves(
-    make_simulator: MakeSimulator, casts: list[SimulatedCast], record_property
+    casts: list[SimulatedCast], record_property
 ) -> None:
     """Same friction, masses and bending in the plane and in space, nothing tuned.
 
     What differs: the 3-D cable lifts off the board, its contacts are soft, and it cannot bend
     tighter than its own thickness allows. `pytest -s` prints the differences of the casts.
     """
-    simulator = make_simulator(step_s=0.002)
+    simulator = segmented(step_s=0.002)
     vector = nominal(
         simulator,
         friction=TRUTH.friction,

@@ -7,7 +7,7 @@ from robotcast.casts.action import Action, ToolMotion
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Trial
 from robotcast.running import silent
-from robotcast.simulators.simulator import Prediction
+from robotcast.simulators.simulator import Prediction, Simulator
 from robotcast.tuning.objective import WaypointError, full_vectors
 from robotcast.tuning.search import Query
 
@@ -18,7 +18,7 @@ ACTION = Action(0.5, 0.6, -0.5, 0.7, 0.5, 2.0)
 TRIALS = tuple(Trial(n, n, ACTION, TOOL, T_S[: 10 - n], np.zeros((10 - n, 2))) for n in range(3))
 
 
-class Drift:
+class Drift(Simulator):
     """Ends lie `offset` metres off in x, later ones too; `says` is what a diverged run says."""
 
     name = "drift"

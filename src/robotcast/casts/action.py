@@ -1,11 +1,12 @@
 """The six numbers of a cast (paper, "Parameterized Actions"), and the motion of its held end."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 ACTION_COLUMNS = ("theta1", "r1", "theta2", "r2", "alpha", "vmax")
+MIRROR = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0])  # y → −y
 
 
 def action_factors(numbers: np.ndarray) -> dict[str, float]:
@@ -15,22 +16,14 @@ def action_factors(numbers: np.ndarray) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Action:
-    """a = (θ₁, r₁, θ₂, r₂, α, v_max), in the robot base's polar frame.
+    """a = (θ₁, r₁, θ₂, r₂, α, v_max), in the robot base's polar frame."""
 
-    Attributes
-    ----------
-    theta1_rad, r1_m : where the first arc ends and the tool turns.
-    theta2_rad, r2_m : where the second arc ends.
-    alpha_rad : wrist rotation about z added along the second arc.
-    vmax_m_s : largest speed of the tool.
-    """
-
-    theta1_rad: float
+    theta1_rad: float  # where the first arc ends and the tool turns, at r₁
     r1_m: float
-    theta2_rad: float
+    theta2_rad: float  # where the second arc ends, at r₂
     r2_m: float
-    alpha_rad: float
-    vmax_m_s: float
+    alpha_rad: float  # wrist rotation about z added along the second arc
+    vmax_m_s: float  # largest speed of the tool
 
     def __post_init__(self) -> None:
         for name, value in zip(ACTION_COLUMNS, self.as_array(), strict=True):
@@ -44,40 +37,19 @@ class Action:
 
     def as_array(self) -> np.ndarray:
         """Return the action as (6,) values in the order of `ACTION_COLUMNS`."""
-        return np.array(
-            [
-                self.theta1_rad,
-                self.r1_m,
-                self.theta2_rad,
-                self.r2_m,
-                self.alpha_rad,
-                self.vmax_m_s,
-            ]
-        )
+        return np.array(list(vars(self).values()))
 
     def mirrored(self) -> "Action":
         """Return the cast mirrored about the board's axis of symmetry (y → −y)."""
-        return replace(
-            self,
-            theta1_rad=-self.theta1_rad,
-            theta2_rad=-self.theta2_rad,
-            alpha_rad=-self.alpha_rad,
-        )
+        return Action.from_array(self.as_array() * MIRROR)
 
 
 @dataclass(frozen=True)
 class ToolMotion:
-    """Pose of the held end in time.
+    """Pose of the held end in time; at yaw 0 the cable leaves the gripper along +x."""
 
-    Attributes
-    ----------
-    t_s : ndarray of shape (n,), increasing, 0 at the start of the cast.
-    pose : ndarray of shape (n, 3): x [m], y [m], yaw [rad, unwrapped]; at yaw 0 the cable
-        leaves the gripper along +x.
-    """
-
-    t_s: np.ndarray
-    pose: np.ndarray
+    t_s: np.ndarray  # (n,), increasing, 0 at the start of the cast
+    pose: np.ndarray  # (n, 3): x [m], y [m], yaw [rad, unwrapped]
 
     def at(self, t_s: np.ndarray) -> np.ndarray:
         """Return the pose at times `t_s` (m,) as (m, 3); held constant beyond the ends."""

@@ -4,8 +4,7 @@ Along the angle the tool moves from rest to rest with limited jerk, as ruckig pl
 """
 
 import math
-from dataclasses import dataclass, fields
-from typing import Self
+from dataclasses import dataclass, replace
 
 import numpy as np
 import ruckig
@@ -13,77 +12,30 @@ import ruckig
 
 @dataclass(frozen=True)
 class PlanLimits:
-    """Limits of the planned tool motion.
+    """Limits of the planned tool motion."""
 
-    Attributes
-    ----------
-    angular_acceleration_rad_s2, angular_jerk_rad_s3 : of the polar angle θ(t).
-    period_s : sample period of the planned motion, 8 ms for a UR5 CB3.
-    vmax_m_s : largest v_max that may be asked for.
-    angle_rad : largest |θ₁| and |θ₂|.
-    alpha_rad : largest |α|.
-    r_min_m, r_max_m : radii between which the tool may plan to move.
-    """
-
-    angular_acceleration_rad_s2: float = 15.0
+    angular_acceleration_rad_s2: float = 15.0  # of the polar angle θ(t), as is the jerk
     angular_jerk_rad_s3: float = 250.0
-    period_s: float = 0.008
-    vmax_m_s: float = 2.5
-    angle_rad: float = 1.5
-    alpha_rad: float = math.pi
-    r_min_m: float = 0.5
+    period_s: float = 0.008  # of its samples
+    vmax_m_s: float = 2.5  # largest v_max that may be asked for
+    angle_rad: float = 1.5  # largest |θ₁| and |θ₂|
+    alpha_rad: float = math.pi  # largest |α|
+    r_min_m: float = 0.5  # between these radii the tool may plan to move
     r_max_m: float = 0.9
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
+        for name, value in vars(self).items():
             if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"plan limits: {field.name} must be positive, got {value}")
+                raise ValueError(f"plan limits: {name} must be positive, got {value}")
         if self.r_min_m >= self.r_max_m:
             raise ValueError(
                 f"plan limits: r_min_m must be below r_max_m, got {self.r_min_m}, {self.r_max_m}"
             )
 
 
-PIECES = 7
-"""Pieces of constant jerk in one move."""
-
-
-class RestToRest:
-    """Solves one move after another without allocating a solver for each.
-
-    Parameters
-    ----------
-    acceleration, jerk : largest magnitudes, in the unit of the distance per s² and s³.
-    """
-
-    def __init__(self, acceleration: float, jerk: float) -> None:
-        self._solver = ruckig.Ruckig(1)
-        self._trajectory = ruckig.Trajectory(1)
-        self._input = ruckig.InputParameter(1)
-        self._input.max_acceleration = [acceleration]
-        self._input.max_jerk = [jerk]
-
-    def solve(self, distance: float, velocity: float) -> tuple[list[float], list[float]]:
-        """Return the durations [s] and jerks of the seven pieces of the fastest move.
-
-        Parameters
-        ----------
-        distance : how far to go, > 0.
-        velocity : largest velocity on the way, > 0.
-        """
-        self._input.target_position = [distance]
-        self._input.max_velocity = [velocity]
-        result = self._solver.calculate(self._input, self._trajectory)
-        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-            raise ValueError(f"no jerk-limited move of {distance} at {velocity} per s: {result}")
-        profile = self._trajectory.profiles[0][0]
-        return profile.t, profile.j
-
-
+PIECES = 7  # of constant jerk in one move
 SAMPLES_PER_PIECE = 32
-SPEED_MARGIN = 5e-4
-"""The planned peak stays this fraction below v_max: room for peaks between samples."""
+SPEED_MARGIN = 5e-4  # the planned peak stays so much below v_max: peaks between samples have room
 SPEED_TOLERANCE = 1e-6
 ROUNDS = 100
 
@@ -92,17 +44,13 @@ ROUNDS = 100
 class CastCurves:
     """Planned casts, one a row (paper, "Parameterized Actions").
 
-    Attributes
-    ----------
-    actions : ndarray of shape (n, 6), columns `ACTION_COLUMNS`, r₁ filled in.
-    r0_m : radius where every cast starts.
-    durations_s, jerks_rad_s3 : ndarrays of shape (n, 14), pieces of constant jerk of θ(t):
-        seven from 0 to θ₁ and seven from θ₁ to θ₂, at rest in between.
+    θ(t) is made of pieces of constant jerk: seven from 0 to θ₁ and seven from θ₁ to θ₂, at rest in
+    between.
     """
 
-    actions: np.ndarray
-    r0_m: float
-    durations_s: np.ndarray
+    actions: np.ndarray  # (n, 6), columns `ACTION_COLUMNS`, r₁ filled in
+    r0_m: float  # radius where every cast starts
+    durations_s: np.ndarray  # (n, 14) of the pieces
     jerks_rad_s3: np.ndarray
 
     @property
@@ -115,14 +63,10 @@ class CastCurves:
         """When each tool arrives in θ₂, (n,)."""
         return self.turn_s + self.durations_s[:, PIECES:].sum(axis=1)
 
-    def rows(self, chosen: slice | np.ndarray) -> Self:
+    def rows(self, chosen: slice | np.ndarray) -> "CastCurves":
         """Return the chosen casts."""
-        return type(self)(
-            self.actions[chosen],
-            self.r0_m,
-            self.durations_s[chosen],
-            self.jerks_rad_s3[chosen],
-        )
+        arrays = {name: a[chosen] for name, a in vars(self).items() if name != "r0_m"}
+        return replace(self, **arrays)
 
     def _piece_states(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return time, angular rate and acceleration where each piece begins, each (n, 14)."""
@@ -214,12 +158,8 @@ def plan_curves(actions: np.ndarray, r0_m: float, limits: PlanLimits) -> CastCur
     The limit of the angular velocity of an arc starts at v_max over its radius and is
     corrected until the speed, with the radial part, peaks at v_max; an arc too short to
     reach it is limited by acceleration and jerk alone. Casts that differ in α only share
-    one solution. Actions are not validated here.
-
-    Parameters
-    ----------
-    actions : ndarray of shape (n, 6), columns `ACTION_COLUMNS`; r₁ NaN where it is to be the
-        spline's value at θ₁.
+    one solution. The actions (n, 6), columns `ACTION_COLUMNS`, are not validated here; r₁ is NaN
+    where it is to be the spline's value at θ₁.
     """
     first, member = distinct_arcs(actions)
     solved = _solve(actions[first], r0_m, limits).rows(member)
@@ -238,14 +178,20 @@ def _solve(actions: np.ndarray, r0_m: float, limits: PlanLimits) -> CastCurves:
     actions = actions.copy()
     durations, jerks = np.zeros((len(actions), 14)), np.zeros((len(actions), 14))
     open_rows = np.arange(len(actions))
-    solver = RestToRest(limits.angular_acceleration_rad_s2, limits.angular_jerk_rad_s3)
+    solver, move, asked = ruckig.Ruckig(1), ruckig.Trajectory(1), ruckig.InputParameter(1)
+    asked.max_acceleration = [limits.angular_acceleration_rad_s2]
+    asked.max_jerk = [limits.angular_jerk_rad_s3]
     for _ in range(ROUNDS):
         for row in open_rows:
             for arc, direction in ((0, 1.0), (1, -1.0)):
-                t, j = solver.solve(distances[row, arc], limit[row, arc])
-                piece = slice(arc * PIECES, (arc + 1) * PIECES)
-                durations[row, piece] = t
-                jerks[row, piece] = np.multiply(j, direction * sign[row])
+                asked.target_position = [distances[row, arc]]
+                asked.max_velocity = [limit[row, arc]]
+                result = solver.calculate(asked, move)
+                if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+                    raise ValueError(f"no jerk-limited move to {actions[row, 0]} rad: {result}")
+                profile, piece = move.profiles[0][0], slice(arc * PIECES, (arc + 1) * PIECES)
+                durations[row, piece] = profile.t
+                jerks[row, piece] = np.multiply(profile.j, direction * sign[row])
         curves = CastCurves(actions, r0_m, durations, jerks).rows(open_rows)
         r1 = np.where(free_r1[open_rows], _spline_r1(curves), actions[open_rows, 1])
         moved = np.nan_to_num(np.abs(r1 - actions[open_rows, 1]), nan=np.inf)

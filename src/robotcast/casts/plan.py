@@ -7,50 +7,39 @@ weights follow from the logs by least squares (`fit_following`).
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.casts.action import ACTION_COLUMNS, Action, ToolMotion
+from robotcast.casts.action import Action, ToolMotion
 from robotcast.casts.curves import CastCurves, PlanLimits, plan_curves, smooth_step
 
 
 @dataclass(frozen=True)
 class PlannedCast:
-    """A cast as it is told to an arm.
+    """A cast as it is told to an arm."""
 
-    Attributes
-    ----------
-    action : with r₁ filled in.
-    tool : sampled at the planning period from the start until the tool rests.
-    turn_s, end_s : when the tool rests in θ₁ and when it arrives in θ₂.
-    """
-
-    action: Action
-    tool: ToolMotion
-    turn_s: float
-    end_s: float
+    action: Action  # with r₁ filled in
+    tool: ToolMotion  # sampled at the planning period from the start until the tool rests
+    turn_s: float  # when the tool rests in θ₁
+    end_s: float  # when it arrives in θ₂
 
 
 def plan_action(action: Action, *, r0_m: float, limits: PlanLimits) -> PlannedCast:
-    """Plan the cast of `action`.
+    """Plan the cast of `action` (see `plan_actions`)."""
+    return plan_actions(action.as_array()[None], r0_m=r0_m, limits=limits)[0]
+
+
+def plan_actions(actions: np.ndarray, *, r0_m: float, limits: PlanLimits) -> list[PlannedCast]:
+    """Plan the casts of `actions` (n, 6), columns `ACTION_COLUMNS`.
 
     The radius is a cubic spline from r₀ through r₁ at θ₁ to r₂, with zero slope at both ends. The
     angle goes from 0 to θ₁ and on to θ₂ as fast as v_max, the angular acceleration and the jerk
     allow, at rest in θ₁. α is blended into the yaw over the second arc by a quintic.
     """
-    return plan_actions(action.as_array()[None], r0_m=r0_m, limits=limits)[0]
-
-
-def plan_actions(actions: np.ndarray, *, r0_m: float, limits: PlanLimits) -> list[PlannedCast]:
-    """Plan the casts of `actions` (n, 6), columns `ACTION_COLUMNS`, each through its r₁."""
-    actions = np.asarray(actions, dtype=float)
     check_actions(actions, r0_m, limits)
-    return _planned(plan_curves(actions, r0_m, limits), limits)
-
-
-def _planned(curves: CastCurves, limits: PlanLimits) -> list[PlannedCast]:
+    curves = plan_curves(actions, r0_m, limits)
     turn, end = curves.turn_s, curves.end_s
     counts = np.ceil(end / limits.period_s - 1e-9).astype(int) + 1
     planned = []
@@ -65,56 +54,38 @@ def _planned(curves: CastCurves, limits: PlanLimits) -> list[PlannedCast]:
     return planned
 
 
-def check_actions(
-    actions: np.ndarray, r0_m: float, limits: PlanLimits, *, r1_given: bool = True
-) -> None:
+def check_actions(actions: np.ndarray, r0_m: float, limits: PlanLimits) -> None:
     """Refuse actions (n, 6) that cannot be planned, naming the first, its value and the limit.
 
-    Parameters
-    ----------
-    r1_given : False when r₁ is still to be filled in.
+    An r₁ that is NaN is still to be filled in.
     """
-    _check_radius("r0", np.array([r0_m]), limits)
-    checked = [0, 1, 2, 3, 4, 5] if r1_given else [0, 2, 3, 4, 5]
-    for column in checked:
-        bad = ~np.isfinite(actions[:, column])
-        if bad.any():
-            value = actions[bad, column][0]
-            raise ValueError(f"cast: {ACTION_COLUMNS[column]} must be finite, got {value}")
     theta1, r1, theta2, r2, alpha, vmax = actions.T
-    for name, values, limit in (
+    low, high, most = limits.r_min_m, limits.r_max_m, limits.vmax_m_s
+
+    def check(values: np.ndarray, kept: np.ndarray, rule: str) -> None:
+        if not kept.all():
+            raise ValueError(f"cast: {rule}, got {values[~kept][0]:g}")
+
+    def check_radius(name: str, radii: np.ndarray) -> None:
+        kept = (radii >= low) & (radii <= high)
+        check(radii, kept, f"{name} must be in [{low:g}, {high:g}] m")
+
+    check_radius("r0", np.array([r0_m]))
+    for name, angles, limit in (
         ("theta1", theta1, limits.angle_rad),
         ("theta2", theta2, limits.angle_rad),
         ("alpha", alpha, limits.alpha_rad),
     ):
-        bad = np.abs(values) > limit
-        if bad.any():
-            raise ValueError(
-                f"cast: |{name}| must not exceed {limit:g} rad, got {values[bad][0]:g}"
-            )
-    bad = (vmax <= 0) | (vmax > limits.vmax_m_s)
-    if bad.any():
-        raise ValueError(
-            f"cast: vmax must be in (0, {limits.vmax_m_s:g}] m/s at the tool, got {vmax[bad][0]:g}"
-        )
+        check(angles, np.abs(angles) <= limit, f"|{name}| must not exceed {limit:g} rad")
+    check(vmax, (vmax > 0) & (vmax <= most), f"vmax must be in (0, {most:g}] m/s at the tool")
     bad = theta1 * (theta1 - theta2) <= 0
     if bad.any():
         raise ValueError(
             "cast: the second arc must turn back from theta1, "
             f"got theta1 {theta1[bad][0]:g} and theta2 {theta2[bad][0]:g} rad"
         )
-    _check_radius("r2", r2, limits)
-    if r1_given:
-        _check_radius("r1", r1, limits)
-
-
-def _check_radius(name: str, values: np.ndarray, limits: PlanLimits) -> None:
-    bad = ~((values >= limits.r_min_m) & (values <= limits.r_max_m))
-    if bad.any():
-        raise ValueError(
-            f"cast: {name} must be in [{limits.r_min_m:g}, {limits.r_max_m:g}] m, "
-            f"got {values[bad][0]:g}"
-        )
+    check_radius("r2", r2)
+    check_radius("r1", r1[~np.isnan(r1)])
 
 
 _PEAK = 1.875  # largest slope of the quintic from 0 to 1
@@ -129,9 +100,7 @@ def pull_action(angle_rad: float, from_m: float, to_m: float, speed_m_s: float) 
 def plan_pull(action: Action, *, r0_m: float, limits: PlanLimits) -> PlannedCast:
     """Plan the tool motion of a pull: it lies in wait at r₁ and moves to r₂, at rest at both ends.
 
-    Parameters
-    ----------
-    r0_m : of the rig's casts; a pull starts where its own reset set the held end down.
+    The rig's r₀ is of casts: a pull starts where its own reset set the held end down.
     """
     if action.theta1_rad != action.theta2_rad or action.alpha_rad != 0:
         raise ValueError("pull: the held end stays on one ray, got theta1 ≠ theta2 or alpha ≠ 0")
@@ -155,27 +124,8 @@ def plan_pull(action: Action, *, r0_m: float, limits: PlanLimits) -> PlannedCast
 
 
 @dataclass(frozen=True)
-class GridCounts:
-    """How many values each coordinate of a grid takes."""
-
-    theta1: int
-    theta2: int
-    r2: int
-    alpha: int
-    vmax: int
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            if getattr(self, field.name) < 1:
-                raise ValueError(
-                    f"grid: the count of {field.name} must be at least 1, "
-                    f"got {getattr(self, field.name)}"
-                )
-
-
-@dataclass(frozen=True)
 class ActionGrid:
-    """Evenly spaced values of θ₁, θ₂, r₂, α and v_max, each [first, last].
+    """Evenly spaced values of θ₁, θ₂, r₂, α and v_max, each [first, last], and how many by name.
 
     Only the half θ₁ > 0, θ₂ < 0, α ≥ 0 is sampled; mirror images are the other half (paper,
     "Parameterized Actions").
@@ -186,9 +136,12 @@ class ActionGrid:
     r2_m: tuple[float, float]
     alpha_rad: tuple[float, float]
     vmax_m_s: tuple[float, float]
-    counts: GridCounts
+    counts: Mapping[str, int]
 
     def __post_init__(self) -> None:
+        for name, count in self.counts.items():
+            if count < 1:
+                raise ValueError(f"grid: the count of {name} must be at least 1, got {count}")
         for name, kept, rule in (
             ("theta1_rad", min(self.theta1_rad) > 0, "positive"),
             ("theta2_rad", max(self.theta2_rad) < 0, "negative"),
@@ -200,22 +153,20 @@ class ActionGrid:
     def axes(self) -> list[tuple[float, float, int]]:
         """Return first, last and count of θ₁, θ₂, r₂, α and v_max."""
         ends = (self.theta1_rad, self.theta2_rad, self.r2_m, self.alpha_rad, self.vmax_m_s)
-        return [
-            (first, last, getattr(self.counts, field.name))
-            for (first, last), field in zip(ends, fields(self.counts), strict=True)
-        ]
+        counts = (self.counts[name] for name in ("theta1", "theta2", "r2", "alpha", "vmax"))
+        return [(first, last, count) for (first, last), count in zip(ends, counts, strict=True)]
 
     @property
     def size(self) -> int:
         """How many actions it holds."""
-        return math.prod(count for _, _, count in self.axes())
+        return math.prod(self.counts.values())
 
     def curves(self, r0_m: float, limits: PlanLimits) -> CastCurves:
         """Return the curves of every action of the grid, the last coordinate fastest."""
         axes = [np.linspace(*axis) for axis in self.axes()]
         axes.insert(1, np.array([np.nan]))
         actions = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 6)
-        check_actions(actions, r0_m, limits, r1_given=False)
+        check_actions(actions, r0_m, limits)
         return plan_curves(actions, r0_m, limits)
 
 
@@ -228,20 +179,12 @@ LEVER_M = 0.3  # makes an angle as weighty as a distance
 
 @dataclass(frozen=True)
 class Following:
-    """An arm that takes a weighted mean of what it was told lately.
+    """An arm that takes a weighted mean of what it was told lately."""
 
-    Attributes
-    ----------
-    period_s : between two weights.
-    weights : ndarray of shape (k,), of the motion told now, a period ago and so on.
-    told_rms_m, followed_rms_m : how far logged tools lie from what was told, and from this model
-        (root mean square).
-    """
-
-    period_s: float
-    weights: np.ndarray
-    told_rms_m: float
-    followed_rms_m: float
+    period_s: float  # between two weights
+    weights: np.ndarray  # (k,), of the motion told now, a period ago and so on
+    told_rms_m: float  # root mean square of how far logged tools lie from what was told
+    followed_rms_m: float  # and from this model
 
     @property
     def believed(self) -> bool:
@@ -258,10 +201,8 @@ class Following:
         """Return what the tool does when it is told `told`, until it has come to rest."""
         after = np.arange(1, len(self.weights)) * self.period_s
         t_s = np.concatenate([told.t_s, told.t_s[-1] + after])
-        start = told.pose[0]
-        return ToolMotion(
-            t_s, start + _past(told, t_s, self.period_s, len(self.weights)) @ self.weights
-        )
+        past = _past(told, t_s, self.period_s, len(self.weights))
+        return ToolMotion(t_s, told.pose[0] + past @ self.weights)
 
 
 def exact_following(period_s: float) -> Following:
@@ -270,25 +211,15 @@ def exact_following(period_s: float) -> Following:
 
 
 def fit_following(pairs: Sequence[tuple[ToolMotion, ToolMotion]], period_s: float) -> Following:
-    """Return how an arm follows, from motions it was told and those it then made.
+    """Return how an arm follows, from pairs of a motion that it was told and the one it then made.
 
     Excursions from each motion's start are compared, so that a calibration that puts the board
-    or the tool somewhere else does not count. Raises ValueError without any motion.
-
-    Parameters
-    ----------
-    pairs : (told, made), both of time 0 at the start of the cast.
+    or the tool somewhere else does not count. Both have time 0 at the start of the cast.
     """
-    if not pairs:
-        raise ValueError("there is no cast that tells how the arm follows its plans")
     count = round(PAST_S / period_s) + 1
     scale = np.array([1.0, 1.0, LEVER_M])
-    past = np.concatenate(
-        [
-            (_past(told, made.t_s, period_s, count) * scale[:, None]).reshape(-1, count)
-            for told, made in pairs
-        ]
-    )
+    told = [_past(told, made.t_s, period_s, count) * scale[:, None] for told, made in pairs]
+    past = np.concatenate(told).reshape(-1, count)
     made = np.concatenate([((m.pose - m.pose[0]) * scale).ravel() for _, m in pairs])
     bends = np.diff(np.eye(count), 2, axis=0)
     square = past.T @ past + SMOOTHNESS * bends.T @ bends

@@ -5,63 +5,43 @@ above; hang still; swing out of the plane so that the cable straightens along th
 lands far away; pull slowly back to (r₀, 0).
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from robotcast.casts.curves import smooth_step
 
-STEPS = ("lift", "raise", "hang", "swing", "pull")
-
 
 @dataclass(frozen=True)
 class ResetSettings:
-    """Shape and timing of the reset.
+    """Shape and timing of the reset."""
 
-    Attributes
-    ----------
-    held_height_m : of the held end above the board while the cable lies on it.
-    hang_x_m : where the cable hangs.
-    hang_pitch_rad : of the tool while the cable hangs; pointing down the arm is too short.
-    loop_m : length lost where the cable bends over at the gripper.
-    drag_fraction : horizontal part of the cable's length after the first step; the second
-        drags the free end in from there, slowly, so that it leaves the board without swinging.
-    clearance_m : left below the free end when it hangs.
-    back_x_m, land_x_m : how far towards the base the swing begins, and where it sets the held
-        end down.
-    lift_s, raise_s, hang_s : durations of the first three steps.
-    back_s, forward_s : of the two parts of the swing.
-    sink_delay_s, sink_s : when, after the forward swing began, the held end begins to sink,
-        and for how long it does.
-    settle_s, pull_s, rest_s : waiting after the landing, pulling, waiting before the cast.
-    period_s : sample period.
-    """
-
-    held_height_m: float = 0.02
-    hang_x_m: float = 0.45
-    hang_pitch_rad: float = 1.0
-    loop_m: float = 0.03
+    held_height_m: float = 0.02  # of the held end above the board while the cable lies on it
+    hang_x_m: float = 0.45  # where the cable hangs
+    hang_pitch_rad: float = 1.0  # of the tool meanwhile; pointing down the arm is too short
+    loop_m: float = 0.03  # length lost where the cable bends over at the gripper
+    # Horizontal part of the cable's length after the first step; the second drags the free end in
+    # from there, slowly, so that it leaves the board without swinging.
     drag_fraction: float = 0.6
-    clearance_m: float = 0.02
-    back_x_m: float = 0.36
-    land_x_m: float = 0.81
+    clearance_m: float = 0.02  # left below the free end when it hangs
+    back_x_m: float = 0.36  # how far towards the base the swing begins
+    land_x_m: float = 0.81  # where it sets the held end down
     lift_s: float = 2.5
     raise_s: float = 4.0
     hang_s: float = 3.0
-    back_s: float = 0.8
-    forward_s: float = 0.84
-    sink_delay_s: float = 0.8
+    back_s: float = 0.8  # of the swing's first part
+    forward_s: float = 0.84  # of its second
+    sink_delay_s: float = 0.8  # from there until the held end begins to sink
     sink_s: float = 0.8
-    settle_s: float = 1.0
+    settle_s: float = 1.0  # waiting after the landing
     pull_s: float = 5.5
-    rest_s: float = 1.5
-    period_s: float = 0.008
+    rest_s: float = 1.5  # waiting before the cast
+    period_s: float = 0.008  # of the samples
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
+        for name, value in vars(self).items():
             if not (np.isfinite(value) and value >= 0):
-                raise ValueError(f"reset: {field.name} must be zero or positive, got {value}")
+                raise ValueError(f"reset: {name} must be zero or positive, got {value}")
         if not self.back_x_m <= self.hang_x_m < self.land_x_m:
             raise ValueError(
                 "reset: expected back_x_m ≤ hang_x_m < land_x_m, "
@@ -75,111 +55,56 @@ class ResetSettings:
 class ResetMotion:
     """Pose of the held end in time, in three dimensions.
 
-    Attributes
-    ----------
-    t_s : ndarray of shape (n,), from 0.
-    position_m : ndarray of shape (n, 3), of the held end; z above the board.
-    yaw_rad : ndarray of shape (n,), 0 along +x.
-    pitch_rad : ndarray of shape (n,): 0 with the tool pointing down and the cable leaving it
-        level along the yaw; positive with the tool's tip and the cable's first piece turned
-        upwards by that angle.
-    step_end_s : ndarray of shape (5,), when each of the `STEPS` ends.
+    At pitch 0 the tool points down and the cable leaves it level along the yaw; at a positive one
+    the tool's tip and the cable's first piece are turned upwards by that angle.
     """
 
-    t_s: np.ndarray
-    position_m: np.ndarray
-    yaw_rad: np.ndarray
-    pitch_rad: np.ndarray
-    step_end_s: np.ndarray
+    t_s: np.ndarray  # (n,), from 0
+    position_m: np.ndarray  # (n, 3); z above the board
+    yaw_rad: np.ndarray  # (n,), 0 along +x
+    pitch_rad: np.ndarray  # (n,)
 
 
 def plan_reset(
-    start_pose: np.ndarray,
-    cable_length_m: float,
-    *,
-    r0_m: float,
-    settings: ResetSettings,
-    end_yaw_rad: float | None = None,
+    start_pose: np.ndarray, cable_length_m: float, *, r0_m: float, settings: ResetSettings
 ) -> ResetMotion:
-    """Plan the reset from where a cast ended.
+    """Plan the reset from where a cast ended; the wrist turns back to yaw 0.
 
-    Parameters
-    ----------
-    start_pose : ndarray of shape (3,), x [m], y [m], yaw [rad] of the held end.
-    cable_length_m : from the held end to the free end.
-    end_yaw_rad : to where the wrist turns back; the nearest whole turn when None.
+    The `start_pose` (3,) is x [m], y [m] and yaw [rad] of the held end; the cable's length is from
+    there to the free end.
     """
-    start_pose = np.asarray(start_pose, dtype=float)
+    start_pose, s = np.asarray(start_pose, dtype=float), settings
     if start_pose.shape != (3,) or not np.isfinite(start_pose).all():
         raise ValueError(f"reset: start_pose must be x, y, yaw, all finite, got {start_pose}")
-    if not settings.loop_m + 0.1 <= cable_length_m <= 1.0:
+    if not s.loop_m + 0.1 <= cable_length_m <= 1.0:
         raise ValueError(
-            f"reset: cable_length_m must be in [{settings.loop_m + 0.1:g}, 1] m, "
-            f"got {cable_length_m}"
+            f"reset: cable_length_m must be in [{s.loop_m + 0.1:g}, 1] m, got {cable_length_m}"
         )
-    ends = _step_ends(settings)
-    t_s = np.arange(int(np.ceil(ends[-1] / settings.period_s - 1e-9)) + 1) * settings.period_s
+    hung = s.lift_s + s.raise_s + s.hang_s
+    swung = hung + (s.back_s + max(s.forward_s, s.sink_delay_s + s.sink_s))
+    end = swung + (s.settle_s + s.pull_s + s.rest_s)
+    t_s = np.arange(int(np.ceil(end / s.period_s - 1e-9)) + 1) * s.period_s
+
+    def moved(start_s: float, duration_s: float) -> np.ndarray:
+        """Return the part of a move from rest to rest that is done, (n,) from 0 to 1."""
+        return smooth_step((t_s - start_s) / max(duration_s, 1e-9))
+
     x, y, yaw = start_pose
-    end_yaw = 2 * np.pi * round(yaw / (2 * np.pi)) if end_yaw_rad is None else end_yaw_rad
-    lifting = _moved(t_s, 0.0, settings.lift_s)
-    position = np.stack(
-        [
-            _along_x(t_s, x, r0_m, settings),
-            y * (1 - lifting),
-            _height(t_s, cable_length_m, settings),
-        ],
-        axis=1,
-    )
-    raised = _moved(t_s, 0.0, settings.lift_s + settings.raise_s)
-    pitch = settings.hang_pitch_rad * (raised - _sunk(t_s, settings))
-    return ResetMotion(t_s, position, yaw + (end_yaw - yaw) * lifting, pitch, ends)
-
-
-def _step_ends(settings: ResetSettings) -> np.ndarray:
-    forward_s = max(settings.forward_s, settings.sink_delay_s + settings.sink_s)
-    durations = [
-        settings.lift_s,
-        settings.raise_s,
-        settings.hang_s,
-        settings.back_s + forward_s,
-        settings.settle_s + settings.pull_s + settings.rest_s,
-    ]
-    return np.cumsum(durations)
-
-
-def _along_x(t_s: np.ndarray, x: float, r0_m: float, settings: ResetSettings) -> np.ndarray:
-    _, _, hung, swung, _ = _step_ends(settings)
-    hang, back, land = settings.hang_x_m, settings.back_x_m, settings.land_x_m
-    return (
+    lifting, raising = moved(0.0, s.lift_s), moved(s.lift_s, s.raise_s)
+    sinking = moved(hung + s.back_s + s.sink_delay_s, s.sink_s)
+    along_x = (
         x
-        + (hang - x) * _moved(t_s, 0.0, settings.lift_s)
-        + (back - hang) * _moved(t_s, hung, settings.back_s)
-        + (land - back) * _moved(t_s, hung + settings.back_s, settings.forward_s)
-        + (r0_m - land) * _moved(t_s, swung + settings.settle_s, settings.pull_s)
+        + (s.hang_x_m - x) * lifting
+        + (s.back_x_m - s.hang_x_m) * moved(hung, s.back_s)
+        + (s.land_x_m - s.back_x_m) * moved(hung + s.back_s, s.forward_s)
+        + (r0_m - s.land_x_m) * moved(swung + s.settle_s, s.pull_s)
     )
-
-
-def _height(t_s: np.ndarray, cable_length_m: float, settings: ResetSettings) -> np.ndarray:
-    free = cable_length_m - settings.loop_m
-    held = settings.held_height_m
-    drag = settings.drag_fraction * free
+    free, held = cable_length_m - s.loop_m, s.held_height_m
+    drag = s.drag_fraction * free
     lifted = np.sqrt(free**2 - drag**2)
-    raised = _moved(t_s, settings.lift_s, settings.raise_s)
-    hanging = np.sqrt(free**2 - (drag * (1 - raised)) ** 2) + settings.clearance_m * raised
-    top = free + settings.clearance_m
-    return (
-        held
-        + (lifted - held) * _moved(t_s, 0.0, settings.lift_s)
-        + (hanging - lifted)
-        + (held - top) * _sunk(t_s, settings)
-    )
-
-
-def _sunk(t_s: np.ndarray, settings: ResetSettings) -> np.ndarray:
-    start = _step_ends(settings)[2] + settings.back_s + settings.sink_delay_s
-    return _moved(t_s, start, settings.sink_s)
-
-
-def _moved(t_s: np.ndarray, start_s: float, duration_s: float) -> np.ndarray:
-    """Return the part of a move from rest to rest that is done, (n,) from 0 to 1."""
-    return smooth_step((t_s - start_s) / max(duration_s, 1e-9))
+    hanging = np.sqrt(free**2 - (drag * (1 - raising)) ** 2) + s.clearance_m * raising
+    top = free + s.clearance_m
+    height = held + (lifted - held) * lifting + (hanging - lifted) + (held - top) * sinking
+    position = np.stack([along_x, y * (1 - lifting), height], axis=1)
+    pitch = s.hang_pitch_rad * (moved(0.0, s.lift_s + s.raise_s) - sinking)
+    return ResetMotion(t_s, position, yaw - yaw * lifting, pitch)

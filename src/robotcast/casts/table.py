@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,11 @@ class Range:
     positive: bool = False
 
 
+_PER_SECOND = "millimetres per second where metres per second are expected?"
+_FROM_START = (
+    "t counts seconds from the start of its cast: milliseconds, sample numbers or the time of "
+    "a clock instead?"
+)
 _ANGLE = Range(2 * math.pi, "rad", "degrees where radians are expected?")
 _LENGTH = Range(10.0, "m", "millimetres where metres are expected?")
 RANGES = {
@@ -42,36 +47,21 @@ RANGES = {
     "yaw": _ANGLE,
     "x": _LENGTH,
     "y": _LENGTH,
-    "r1": Range(10.0, "m", _LENGTH.mistaken, positive=True),
-    "r2": Range(10.0, "m", _LENGTH.mistaken, positive=True),
-    "vmax": Range(
-        10.0, "m/s", "millimetres per second where metres per second are expected?", positive=True
-    ),
-    "t": Range(
-        60.0,
-        "s",
-        "t counts seconds from the start of its cast: milliseconds, sample numbers or the time of "
-        "a clock instead?",
-    ),
+    "r1": replace(_LENGTH, positive=True),
+    "r2": replace(_LENGTH, positive=True),
+    "vmax": Range(10.0, "m/s", _PER_SECOND, positive=True),
+    "t": Range(60.0, "s", _FROM_START),
 }
 
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of one file, every cell a finite number.
-
-    Attributes
-    ----------
-    columns : name → ndarray of shape (n_rows,).
-    rows : ndarray of shape (n_rows,); where each row stands in the file: the line of a CSV file
-        (the header is line 1), the row of a Parquet file (the first is row 1).
-    others : further columns that hold a finite number in every row, by name.
-    """
+    """The columns of one file, every cell a finite number, by name (n_rows,)."""
 
     path: Path
     columns: dict[str, np.ndarray]
-    rows: np.ndarray
-    others: dict[str, np.ndarray] = field(default_factory=dict)
+    rows: np.ndarray  # (n_rows,): a CSV file's line, the header is line 1; a Parquet file's row
+    others: dict[str, np.ndarray] = field(default_factory=dict)  # further columns of numbers
 
     def place(self, index: int) -> str:
         """Say where row `index` stands, as messages name it."""
@@ -85,10 +75,8 @@ class Table:
 
     def take(self, rows: np.ndarray) -> "Table":
         """Return the table with the rows at `rows`, indices in any order."""
-        columns, others = (
-            {name: cells[rows] for name, cells in some.items()}
-            for some in (self.columns, self.others)
-        )
+        columns = {name: cells[rows] for name, cells in self.columns.items()}
+        others = {name: cells[rows] for name, cells in self.others.items()}
         return Table(self.path, columns, self.rows[rows], others)
 
 
@@ -96,26 +84,22 @@ def find_table(folder: Path, name: str) -> Path | None:
     """Return the file of table `name`, None when there is none; refuse to choose between two."""
     found = [p for p in (folder / f"{name}.csv", folder / f"{name}.parquet") if p.is_file()]
     if len(found) > 1:
-        raise ValueError(
-            f"{folder}: expected {name} as CSV or as Parquet, found both {name}.csv and "
-            f"{name}.parquet"
-        )
+        both = " and ".join(path.name for path in found)
+        raise ValueError(f"{folder}: expected {name} as CSV or as Parquet, found both {both}")
     return found[0] if found else None
 
 
 def read_table(path: Path, names: tuple[str, ...]) -> Table:
     """Read the columns `names` of `path`; others are kept where they hold numbers.
 
-    Raises
-    ------
-    ValueError
-        A file that cannot be parsed, a missing column, a cell that is no finite number, or one
-        beyond the range of its column.
+    Raises ValueError for a file that cannot be parsed, a missing column, and a cell that is no
+    finite number or beyond the range of its column.
     """
     try:
         frame, rows = (_read_csv if path.suffix == ".csv" else _read_parquet)(path, names)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
+    frame = frame.with_columns(pl.col(pl.String).str.strip_chars())
     columns = {name: _numbers(path, frame[name], rows) for name in names}
     table = Table(path, columns, rows, _others(frame, names))
     for name in names:
@@ -141,17 +125,18 @@ def _refuse_out_of_range(table: Table, name: str, within: Range) -> None:
 
 def _others(frame: pl.DataFrame, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     found = {}
-    for name in frame.columns:
-        if name in names or name.startswith(UNNAMED):
-            continue
-        cells = frame[name]
-        if cells.dtype == pl.String:
-            cells = cells.str.strip_chars()
-        if cells.dtype.is_numeric() or cells.dtype == pl.String:
-            values = cells.cast(pl.Float64, strict=False).to_numpy().astype(float)
+    for cells in frame:
+        known = cells.name in names or cells.name.startswith(UNNAMED)
+        if not known and (cells.dtype.is_numeric() or cells.dtype == pl.String):
+            values = _floats(cells)
             if np.isfinite(values).all():
-                found[name] = values
+                found[cells.name] = values
     return found
+
+
+def _floats(cells: pl.Series) -> np.ndarray:
+    """Return the cells as numbers, NaN where they are none."""
+    return cells.cast(pl.Float64, strict=False).to_numpy().astype(float)
 
 
 def _place(path: Path, row: int) -> str:
@@ -213,12 +198,12 @@ def _require_columns(path: Path, names: tuple[str, ...], found: list[str]) -> No
 
 def _ragged_line(path: Path, data: bytes) -> str | None:
     lines = data.decode("utf-8", errors="replace").splitlines()
-    expected = lines[0].count(",") + 1
-    for number, line in enumerate(lines, start=1):
-        if line.count(",") + 1 > expected:
+    cells = [line.count(",") + 1 for line in lines]
+    for number, count in enumerate(cells, start=1):
+        if count > cells[0]:
             return (
-                f"{_place(path, number)}: expected {expected} cells as in the header, "
-                f"got {line.count(',') + 1}; are there commas in the numbers?"
+                f"{_place(path, number)}: expected {cells[0]} cells as in the header, "
+                f"got {count}; are there commas in the numbers?"
             )
     return None
 
@@ -237,12 +222,10 @@ def _first_line(error: Exception) -> str:
 
 
 def _numbers(path: Path, cells: pl.Series, rows: np.ndarray) -> np.ndarray:
-    if cells.dtype == pl.String:
-        cells = cells.str.strip_chars()
     if not (cells.dtype.is_numeric() or cells.dtype in (pl.String, pl.Null)):
         raise ValueError(f"{path}: column {cells.name} holds {cells.dtype}, expected numbers")
     whole = cells.name in WHOLE_COLUMNS
-    values = cells.cast(pl.Float64, strict=False).to_numpy().astype(float)
+    values = _floats(cells)
     bad = ~np.isfinite(values)
     if whole:
         bad |= (values != np.round(values)) | (np.abs(values) >= 2**63)
@@ -258,6 +241,10 @@ def _numbers(path: Path, cells: pl.Series, rows: np.ndarray) -> np.ndarray:
         return values
     exact = cells.cast(pl.Int64, strict=False)  # a time stamp in ns is no exact float
     return values.astype(np.int64) if exact.null_count() else exact.to_numpy()
+
+
+def _cell(value: Any) -> Any:
+    return " ".join(map(str, value)) if isinstance(value, list | tuple) else value
 
 
 def write_actions(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
@@ -280,11 +267,6 @@ def read_actions(path: Path, can: Callable[[np.ndarray], np.ndarray] | None = No
         raise ValueError(f"{path}: holds no action")
     numbers = np.stack(list(table.columns.values()), axis=1)
     if can is not None:
-        table.refuse_where(
-            ~can(numbers), lambda i: "the arm cannot do this action or its mirror image"
-        )
+        refused = "the arm cannot do this action or its mirror image"
+        table.refuse_where(~can(numbers), lambda _: refused)
     return [Action.from_array(row) for row in numbers]
-
-
-def _cell(value: Any) -> Any:
-    return " ".join(map(str, value)) if isinstance(value, list | tuple) else value

@@ -1,10 +1,9 @@
 """The effects that the library holds: on the board, in the air, in the cable, its grip, the camera.
 
 Their parameters, ranges and names stand in conf/effects.yaml. Last come flexible fields, forces of
-no named mechanism that depend on one thing. When no effect explains what is left, fitting one field
-for everything that a force may depend on says what the missing effect depends on. A field is a sum
-of fixed shapes with one strength each, an acceleration in m/s², so that heavy and light parts feel
-it alike.
+no named mechanism that depend on one thing each: the field that explains what no effect does says
+what the missing effect depends on. A field is a sum of fixed shapes with one strength each, an
+acceleration in m/s², so that heavy and light parts feel it alike.
 """
 
 from collections.abc import Mapping, Sequence
@@ -241,19 +240,14 @@ PRIOR_SD = 0.1  # of the range: what no cast passes stays where it is
 
 
 class _Field(Effect):
-    """A field with numbered strengths c0, c1, …; `endpoint` makes it act there alone."""
+    """A field with numbered strengths c0, c1, …; `endpoint` says that it acts there alone."""
 
-    unit, strongest, probe = "m/s²", 4.0, 0.25
+    unit, strongest, probe, endpoint = "m/s²", 4.0, 0.25, False
 
-    def __init__(self, name: str, text: str, n: int, of: str, endpoint: bool = False) -> None:
+    def __init__(self, name: str, text: str, n: int, of: str) -> None:
         strength = {"unit": self.unit, "lower": -self.strongest, "upper": self.strongest}
         strength |= {"null_at": 0.0, "probes": [self.probe], "prior_sd": PRIOR_SD}
         super().__init__(name, text, {f"c{k}": strength for k in range(n)}, of)
-        self.endpoint = endpoint
-
-    def _masses(self, cable: CableMotion) -> np.ndarray:
-        """Return the masses that the field accelerates."""
-        return cable.on_endpoint(cable.mass_kg[:, -1:]) if self.endpoint else cable.mass_kg
 
     def _strengths(self, values: Mapping[str, np.ndarray]) -> np.ndarray:
         return np.concatenate([values[p.name] for p in self.parameters], axis=1)
@@ -266,8 +260,8 @@ class PlaceField(_Field):
         self, name: str, text: str, x_m: Floats, y_m: Floats, width_m: float, endpoint: bool = False
     ) -> None:
         self.x_m, self.y_m = (np.asarray(at, np.float32) for at in (x_m, y_m))
-        self.width_m = width_m
-        super().__init__(name, text, 2 * len(x_m) * len(y_m), "place", endpoint)
+        self.width_m, self.endpoint = width_m, endpoint
+        super().__init__(name, text, 2 * len(x_m) * len(y_m), "place")
 
     def force(self, cable: CableMotion, **values: np.ndarray) -> Forces:
         where = slice(-1, None) if self.endpoint else slice(None)
@@ -303,10 +297,9 @@ class PlaceResistanceField(PlaceField):
 
     def force(self, cable: CableMotion, **values: np.ndarray) -> Forces:
         dry, viscous = self._accelerations(cable.x, cable.y, self._strengths(values))
-        mass = self._masses(cable)
         x = dry * cable.slip_x + viscous * cable.vx
         y = dry * cable.slip_y + viscous * cable.vy
-        return -mass * x, -mass * y
+        return -cable.mass_kg * x, -cable.mass_kg * y
 
     def at(self, points_m: np.ndarray, strengths: np.ndarray) -> np.ndarray:
         """Return the decelerations (m, 1) of what moves at 1 m/s at points (m, 2)."""
@@ -316,11 +309,11 @@ class PlaceResistanceField(PlaceField):
 class AlongMotionField(_Field):
     """A deceleration against the motion that depends on speed or on time: hats on a grid."""
 
-    def __init__(self, name: str, text: str, of: str, at: Floats, endpoint: bool = False) -> None:
+    def __init__(self, name: str, text: str, of: str, at: Floats) -> None:
         if of not in ("speed", "time"):
             raise ValueError(f"field {name}: of must be speed or time, got {of}")
         self.at_values = np.asarray(at, dtype=float)
-        super().__init__(name, text, len(at), of, endpoint)
+        super().__init__(name, text, len(at), of)
 
     def force(self, cable: CableMotion, **values: np.ndarray) -> Forces:
         timed = self.depends_on == "time"
@@ -328,7 +321,7 @@ class AlongMotionField(_Field):
         size = np.zeros_like(cable.vx)
         for k, hat in enumerate(np.eye(len(self.at_values))):
             size += values[f"c{k}"] * np.interp(argument, self.at_values, hat).astype(np.float32)
-        return cable.along_slip(-size * self._masses(cable))
+        return cable.along_slip(-size * cable.mass_kg)
 
 
 class HeadingField(_Field):
@@ -341,8 +334,7 @@ class HeadingField(_Field):
         across = cable.slip_y * cable.tx - cable.slip_x * cable.ty
         cosine, sine = cable.tx**2 - cable.ty**2, 2 * cable.tx * cable.ty
         drag = -(values["c1"] * cosine + values["c2"] * sine)
-        lift = -values["c0"] * across
-        mass = self._masses(cable)
+        lift, mass = -values["c0"] * across, cable.mass_kg
         x = drag * cable.slip_x - lift * cable.ty + values["c3"] * cable.tx
         y = drag * cable.slip_y + lift * cable.tx + values["c3"] * cable.ty
         return mass * (x - values["c4"] * cable.ty), mass * (y + values["c4"] * cable.tx)
@@ -352,10 +344,10 @@ class EndpointField(_Field):
     """A force on the endpoint alone that depends on nothing else: constant, dry, viscous."""
 
     def __init__(self, name: str, text: str) -> None:
-        super().__init__(name, text, 4, "endpoint", True)
+        super().__init__(name, text, 4, "endpoint")
 
     def force(self, cable: CableMotion, **values: np.ndarray) -> Forces:
-        mass = self._masses(cable)
+        mass = cable.on_endpoint(cable.mass_kg[:, -1:])
         x = values["c0"] - values["c2"] * cable.slip_x - values["c3"] * cable.vx
         y = values["c1"] - values["c2"] * cable.slip_y - values["c3"] * cable.vy
         return mass * x, mass * y

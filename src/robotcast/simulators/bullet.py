@@ -5,24 +5,22 @@ friction, damping and joints are Bullet's own, in three dimensions. How the cabl
 them follows from how PyBullet 3.2.7 works (its C++ sources, and runs beside the segmented
 simulator):
 
-- No call sets the stiffness of its springs with six degrees of freedom, and they soften in silence
-  what is too stiff for the step (btGeneric6DofSpring2Constraint); motors' gains scale with the mass
-  that they move. So a point-to-point constraint holds the three displacements, and bending and
-  twisting springs push as torques, computed before every step, which is cut until the fastest mode
-  of the springs is well sampled. An implicit torque would let a bent cable that friction holds go
-  slack, because friction is not known before the step.
-- The capsules are separate bodies, not the links of one: with 18 spherical joints such a step took
-  ten times as long and more.
-- Friction between two rigid bodies is limited apart along and across their motion, so that what
+- Its springs with six degrees of freedom soften in silence what is too stiff for the step, and no
+  call sets their stiffness; motors' gains scale with the mass that they move. So a point-to-point
+  constraint holds the displacements, and springs that bend and twist push as torques, computed
+  before every step, which is cut until the fastest mode of the springs is well sampled. An implicit
+  torque would let a bent cable that friction holds go slack: friction is not known before the step.
+- The capsules are separate bodies: as the links of one, with spherical joints, a step took ten
+  times as long and more.
+- Between two rigid bodies friction is limited apart along and across their motion, so that what
   slides one way can hardly be pushed aside. Against a plane that is a multi-body Bullet limits
-  the two together, as Coulomb's law has it, and the cable moves as the segmented one does.
+  the two together, as Coulomb's law has it.
 - Bullet multiplies the lateral frictions of two bodies. The plane's is `dynamic_friction`, the
-  endpoint's 1, the capsules' `lateral_friction`: the first scales all friction, the second that
-  of the cable beside the endpoint's. Spinning friction acts only where there is rolling
+  endpoint's 1, the capsules' `lateral_friction`. Spinning friction acts only where there is rolling
   friction, whose bounds therefore exclude 0.
-- What stills the cable's fast flutter is the angular damping of the capsules. A damper in the
-  springs as strong as a cable's, explicit as they are, needs a step tens of times shorter, so
-  effects that damp bending are refused.
+- The angular damping of the capsules stills the cable's fast flutter. An explicit damper in the
+  springs as strong as a cable's needs a step tens of times shorter: effects that damp bending are
+  refused.
 """
 
 from collections.abc import Mapping
@@ -36,13 +34,8 @@ from numba import njit
 from scipy.linalg import eigh
 
 from robotcast.effects.effect import ActiveEffects
-from robotcast.simulators.chain import (
-    GRAVITY_M_S2,
-    CableState,
-    Run,
-    capsule_inertia,
-)
-from robotcast.simulators.simulator import BatchSimulator, Settings
+from robotcast.simulators.chain import GRAVITY_M_S2, CableState, Run, capsule_inertia
+from robotcast.simulators.simulator import Settings, Simulator
 
 STEP_RATE = 1.5  # step × fastest frequency of the springs; from 2 on an explicit step diverges
 HELD_KG = 1e4  # and kg m²: so heavy that the cable cannot move the held end
@@ -92,8 +85,7 @@ class BulletRun(Run):
         capsules_kg = values["cable_mass_kg"] * geometry.lengths_m / cable.length_m
         capsules_kg = self._distributed(capsules_kg[None])[0].astype(float)
         points_kg = np.append(capsules_kg, tip_kg).astype(np.float32)
-        friction = np.append(np.full(n, rough), 1.0)
-        friction = values["dynamic_friction"] * friction
+        friction = values["dynamic_friction"] * np.append(np.full(n, rough), 1.0)
         self._points_kg = points_kg[None]
         self._friction_n = (friction * GRAVITY_M_S2).astype(np.float32) * self._points_kg
         self._bending = values["bending_stiffness_n_m2"] / geometry.bends_m
@@ -241,7 +233,7 @@ def _points(vectors: np.ndarray) -> np.ndarray:
     return vectors[1:, :2].T[:, None].astype(np.float32)
 
 
-class BulletSimulator(BatchSimulator):
+class BulletSimulator(Simulator):
     """Capsules on a plane in PyBullet, in processes with a physics client each."""
 
     name = "bullet"

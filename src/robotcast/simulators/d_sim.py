@@ -6,7 +6,6 @@ be generated anywhere, in any order.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,15 +24,6 @@ ACTIONS_AT_ONCE = 4096  # planned and simulated together, which bounds the memor
 CASTS, FACTS = "casts.parquet", "generation.yaml"
 
 
-@dataclass(frozen=True)
-class Generated:
-    """Simulated casts."""
-
-    actions: np.ndarray  # (n, 6)
-    endpoints_m: np.ndarray  # (n, 2); NaN where the run diverged
-    diverged: np.ndarray  # bool (n,)
-
-
 def generate_casts(
     simulator: Simulator,
     vector: np.ndarray,
@@ -44,16 +34,16 @@ def generate_casts(
     follow: Callable[[ToolMotion], ToolMotion] = lambda commanded: commanded,
     reach_m: np.ndarray | None = None,
     progress: Progress = silent,
-) -> Generated:
-    """Simulate the casts that `plan` makes of `actions` (n, 6) under one parameter vector.
+) -> np.ndarray:
+    """Return where the casts that `plan` makes of `actions` (n, 6) end under one parameter vector.
 
-    The endpoint is read `settle_s` after the tool should stop at the latest; a cable that rests
-    earlier is not simulated further. `follow` turns the motion that an arm is commanded into the
-    one it makes (`Following.motion`). Before the cast the free end lies `reach_m` (2,) from the
-    tool, `mean_reach` of casts that were measured; None starts the cable along the tool's yaw.
+    Endpoints (n, 2) [m] are NaN where the run diverged. They are read `settle_s` after the tool
+    should stop at the latest; a cable that rests earlier is not simulated further. `follow` turns
+    the motion that an arm is commanded into the one it makes (`Following.motion`). Before the cast
+    the free end lies `reach_m` (2,) from the tool, `mean_reach` of casts that were measured; None
+    starts the cable along the tool's yaw.
     """
     endpoints_m = np.empty((len(actions), 2))
-    diverged = np.empty(len(actions), dtype=bool)
 
     def of_all(first: int, done: int, total: int, note: str = "") -> None:
         progress(first + done, len(actions), note)
@@ -67,8 +57,7 @@ def generate_casts(
             casts.append(SimulatedCast(tool, last_s, start_m, action_factors(action)))
         prediction = simulator.simulate(casts, vector, progress=partial(of_all, first))
         endpoints_m[part] = prediction.waypoints_m[0, :, 0]
-        diverged[part] = prediction.diverged[0]
-    return Generated(actions, endpoints_m, diverged)
+    return endpoints_m
 
 
 def mean_reach(casts: Iterable[Cast]) -> np.ndarray | None:
@@ -80,32 +69,20 @@ def mean_reach(casts: Iterable[Cast]) -> np.ndarray | None:
     return np.mean(seen, axis=0) if seen else None
 
 
-@dataclass(frozen=True)
-class Shard:
-    """One of `of` parts of a grid, numbered from 0."""
-
-    number: int
-    of: int
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.number < self.of:
-            raise ValueError(f"of {self.of} shards there is none numbered {self.number}")
-
-    @property
-    def name(self) -> str:
-        """What its folder is called."""
-        return f"{self.number}-of-{self.of}"
-
-    def part(self, actions: np.ndarray) -> np.ndarray:
-        """Return its share of the grid's actions (n, 6)."""
-        return np.array_split(actions, self.of)[self.number]
+def shard_name(number: int, of: int) -> str:
+    """Return what the folder of one of `of` parts of a grid is called, numbered from 0."""
+    if not 0 <= number < of:
+        raise ValueError(f"of {of} shards there is none numbered {number}")
+    return f"{number}-of-{of}"
 
 
-def write_d_sim(folder: Path, generated: Generated, facts: dict[str, Any]) -> dict[str, Any]:
+def write_d_sim(
+    folder: Path, actions: np.ndarray, endpoints_m: np.ndarray, facts: dict[str, Any]
+) -> dict[str, Any]:
     """Write the casts that did not diverge, and how they came to be; return that."""
-    kept = ~generated.diverged
-    columns = dict(zip(ACTION_COLUMNS, generated.actions[kept].T, strict=True))
-    x, y = generated.endpoints_m[kept].T
+    kept = np.isfinite(endpoints_m).all(axis=1)
+    columns = dict(zip(ACTION_COLUMNS, actions[kept].T, strict=True))
+    x, y = endpoints_m[kept].T
     facts = {**facts, "casts": int(kept.sum()), "diverged": int((~kept).sum())}
     _write(folder, pl.DataFrame({**columns, "x": x, "y": y}), facts)
     return facts

@@ -1,17 +1,15 @@
 """The segmented and the hybrid cable (paper, "Three Simulation Models"), in `mujoco.batch`.
 
-Both are chains in the board's plane, dragged by the logged tool. The planar reduction replaces
-contacts by what they amount to on a level board: Coulomb friction μ m g against the motion of
-every segment.
+Both are chains in the board's plane, dragged by the logged tool. Contacts are what they amount to
+on a level board: Coulomb friction μ m g against the motion of every segment. Springs stand in
+joints, not between mass points, because MuJoCo integrates the joints' damping implicitly: a chain
+with η ≥ h/2 is stable at a step h of 4 ms however stiff it is. A rod of mass points, as MuJoCo's
+flex makes it, needs steps below 2/ω of its stiffest spring: 0.2 ms at 1 MPa.
 
-Springs stand in joints, not between mass points, because MuJoCo integrates the joints' damping
-implicitly: a chain with η ≥ h/2 is stable at a step h of 4 ms however stiff it is. A rod of mass
-points, as MuJoCo's flex makes it, needs steps below 2/ω of its stiffest spring: 0.2 ms at 1 MPa.
-
-First come the kernels that Numba compiles: where a batch of chains is, and what forces on it do. As
-NumPy passes over the batch this took a fifth of the time. Positions are in single precision, which
-rounds them by 0.1 µm. Shapes: `qpos`, `qvel`, `earlier`, `stepped` and `applied` (n_sim, n_dof);
-points (…, n_sim, n + 1). `cut` holds the stub, half the segments' lengths, hinges, slides.
+First come kernels that Numba compiles: where a batch of chains is, and what forces on it do. As
+NumPy passes this took a fifth of the time. Positions are in single precision, rounded by 0.1 µm.
+Shapes: `qpos`, `qvel`, `earlier`, `stepped` and `applied` (n_sim, n_dof); points (…, n_sim, n + 1).
+`cut` holds the stub, half the segments' lengths, hinges, slides.
 """
 
 from abc import abstractmethod
@@ -32,7 +30,7 @@ from robotcast.simulators.chain import (
     Run,
     capsule_inertia,
 )
-from robotcast.simulators.simulator import BatchSimulator, Settings
+from robotcast.simulators.simulator import Settings, Simulator
 
 
 @njit(nogil=True, cache=True)
@@ -281,12 +279,10 @@ class ChainRun(Run):
         self._time_s += self._step_s
         self._batch.step()
 
-    def _place_masses(
-        self, cable_kg: np.ndarray, endpoint_kg: np.ndarray, friction: np.ndarray
-    ) -> None:
-        """Write the masses of every simulation and keep μ m g; arguments hold (n_sim,) each."""
+    def _place_masses(self, cable_kg: np.ndarray, tip: np.ndarray, friction: np.ndarray) -> None:
+        """Write the masses of every simulation, `tip` the endpoint's, and keep μ m g, (n_sim,)."""
         cable, lengths = self._cable, self._geometry.lengths_m
-        n, tip = len(lengths), endpoint_kg
+        n = len(lengths)
         mass = self._distributed(cable_kg[:, None] * (lengths / cable.length_m))
         self._points_kg = np.column_stack([mass, tip]).astype(np.float32)
         weight_n = (friction * GRAVITY_M_S2).astype(np.float32)
@@ -318,9 +314,8 @@ class SegmentedRun(ChainRun):
         stiffness = values["bending_stiffness_n_m2"][:, None] / self._geometry.bends_m
         stiffness[:, 0] *= values["grip_stiffness"]
         self._set_springs(stiffness, values["axial_stiffness_n"])
-        self._viscous = (
-            values["bending_damping_s"][:, None] + self._total("damping_time")
-        ) * stiffness
+        damping_s = values["bending_damping_s"][:, None] + self._total("damping_time")
+        self._viscous = damping_s * stiffness
         self._joint_friction = values["joint_friction_n_m"]
 
     def _damp(self) -> None:
@@ -331,7 +326,7 @@ class SegmentedRun(ChainRun):
         self._damping[:, self._hinges] = self._viscous + dry
 
 
-class SegmentedSimulator(BatchSimulator):
+class SegmentedSimulator(Simulator):
     """A chain of rigid capsules with springs and dampers in their hinges.
 
     Its parameters: planar friction μ, the masses of cable and endpoint, the Coulomb moment in
@@ -366,7 +361,7 @@ class HybridRun(ChainRun):
         self._damping[:, self._hinges] = damping_s * bending
 
 
-class HybridSimulator(BatchSimulator):
+class HybridSimulator(Simulator):
     """A soft round rod with a rigid endpoint.
 
     One Young's modulus E sets bending and stretching: the bending moment is E I κ and the tension

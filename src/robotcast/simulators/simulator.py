@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -24,16 +24,13 @@ from robotcast.simulators.chain import Run
 
 @dataclass(frozen=True)
 class SimulatedCast:
-    """How the tool moves in a cast that was never measured, and when to look, (k,).
-
-    `start_m` (2,) is where the free end was seen before the tool moved, None when it was not:
-    then the cable starts along the tool's yaw. `factors` are numbers that are known of the cast,
-    by name, for effects that depend on one: "vmax", "order" in the session.
-    """
+    """How the tool moves in a cast that was never measured, and when to look."""
 
     tool: ToolMotion
-    waypoints_s: np.ndarray
+    waypoints_s: np.ndarray  # (k,)
+    # (2,), where the free end was seen before the tool moved; None starts along the tool's yaw
     start_m: np.ndarray | None = None
+    # what is known of the cast, for effects that depend on it: "vmax", "order" in the session
     factors: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -49,32 +46,6 @@ class Prediction:
 
     waypoints_m: np.ndarray
     diverged: np.ndarray
-
-
-class Simulator(Protocol):
-    """Predicts the free end's waypoints for casts × parameter vectors in one call."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]: ...
-
-    def simulate(
-        self,
-        casts: Sequence[Cast],
-        vectors: np.ndarray,
-        *,
-        retry: bool = True,
-        progress: Progress = silent,
-    ) -> Prediction:
-        """Simulate every cast under every parameter vector.
-
-        The `vectors` (n_vectors, n_parameters) hold values of all `parameters`, frozen ones too, in
-        their order and units. With `retry`, what diverges is run again, more finely; a search
-        that compares many vectors can do without, as a few such runs cost it much.
-        """
-        ...
 
 
 CHECK_EVERY = 25  # steps between looks for runs that rest or diverge
@@ -97,15 +68,17 @@ class Settings:
     patience_s: float = PATIENCE_S  # a process that takes longer over one batch hangs
 
 
-class BatchSimulator:
-    """A simulator of a cable that runs in batches; a model says what is declared here.
+class Simulator:
+    """Predicts the free end's waypoints for casts × parameter vectors in one call, in batches.
 
-    Its `parameters` are numbers by name: what a `Parameter` has, or in place of its bounds and
-    nominal value `weighed` and `spread`: the cable's attribute that is the nominal value, searched
-    from nominal / spread to nominal · spread; one that is zero is held at next to nothing.
+    A model of a cable says what is declared here. The `parameters` it is made of are numbers by
+    name: what a `Parameter` has, or in place of its bounds and nominal value `weighed` and
+    `spread`: the cable's attribute that is the nominal value, searched from nominal / spread to
+    nominal · spread; one that is zero is held at next to nothing.
     """
 
     name: str
+    parameters: tuple[Parameter, ...]
     run: ClassVar[Callable[..., Run]]  # what steps a batch, a class
     own: ClassVar[tuple[str, ...]]  # names of its own parameters, in order
     tunes: ClassVar[tuple[str, ...]] = ()  # effects that are parameters of the simulator already
@@ -135,12 +108,15 @@ class BatchSimulator:
         retry: bool = True,
         progress: Progress = silent,
     ) -> Prediction:
-        """Simulate every cast under every parameter vector (see `Simulator`)."""
+        """Simulate every cast under every parameter vector.
+
+        The `vectors` (n_vectors, n_parameters) hold values of all `parameters`, frozen ones too, in
+        their order and units. With `retry`, what diverges is run again, more finely; a search
+        that compares many vectors can do without, as a few such runs cost it much.
+        """
         vectors = np.atleast_2d(np.asarray(vectors, dtype=float))
-        if vectors.shape[1] != len(self.parameters):
-            raise ValueError(
-                f"expected {len(self.parameters)} parameters a vector, got {vectors.shape[1]}"
-            )
+        if (n := vectors.shape[1]) != len(self.parameters):
+            raise ValueError(f"expected {len(self.parameters)} parameters a vector, got {n}")
         k_max = max((len(c.waypoints_s) for c in casts), default=0)
         shape = len(vectors), len(casts)
         waypoints, diverged = np.full((*shape, k_max, 2), np.nan), np.zeros(shape, dtype=bool)

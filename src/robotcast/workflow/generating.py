@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from omegaconf import DictConfig
 
 from robotcast.build import action_space, build_effects, build_simulator, fingerprint
@@ -19,7 +20,13 @@ from robotcast.casts.plan import (
 )
 from robotcast.measurements.measurement_set import Trial, split_by_action
 from robotcast.rigs.envelope import feasible_actions
-from robotcast.simulators.d_sim import Shard, generate_casts, mean_reach, merge_shards, write_d_sim
+from robotcast.simulators.d_sim import (
+    generate_casts,
+    mean_reach,
+    merge_shards,
+    shard_name,
+    write_d_sim,
+)
 from robotcast.stage import bar, measured_set, output_folder, tell, warn
 from robotcast.tuning.tuned import read_tuned, vector_of
 
@@ -27,14 +34,14 @@ from robotcast.tuning.tuned import read_tuned, vector_of
 def merge_d_sim(config: DictConfig) -> tuple[Path, dict[str, Any]]:
     """Write D_sim from all its shards; return its folder and how it came to be."""
     of, folder = config.generate.shards, output_folder(config.paths.simulated)
-    shards = [Path(config.paths.shards) / Shard(number, of).name for number in range(of)]
+    shards = [Path(config.paths.shards) / shard_name(number, of) for number in range(of)]
     return folder, merge_shards(shards, folder)
 
 
 def generate_d_sim(config: DictConfig) -> tuple[Path, dict[str, Any]]:
     """Simulate what the configured grid asks for, or a shard; return its folder and facts."""
     number, of = config.generate.shard, config.generate.shards
-    shard = None if number is None else Shard(number, of)
+    shard = "" if number is None else shard_name(number, of)
     tuned, sizes = Path(config.paths.tuned), config.scale.tune
     cable, active, values = read_tuned(tuned)
     simulator = build_simulator(config, cable, build_effects(active))
@@ -60,14 +67,14 @@ def generate_d_sim(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         "reach_m": None if reach_m is None else [round(v, 6) for v in reach_m.tolist()],
     }
     folder, title = output_folder(config.paths.simulated), config.cable.name
-    if shard is not None:
+    if number is not None:
         parts = {name: config[name] for name in ("simulator", "casts")}
         parts["grid"] = config.scale.generate
         facts["subject"] = fingerprint(config, parts, cable, facts, vector, actions)
-        actions = shard.part(actions)
-        folder, title = Path(config.paths.shards) / shard.name, f"{title} {shard.name}"
+        actions = np.array_split(actions, of)[number]
+        folder, title = Path(config.paths.shards) / shard, f"{title} {shard}"
     with bar(f"generate {title}") as progress:
-        generated = generate_casts(
+        endpoints_m = generate_casts(
             simulator,
             vector,
             actions,
@@ -77,7 +84,7 @@ def generate_d_sim(config: DictConfig) -> tuple[Path, dict[str, Any]]:
             reach_m=reach_m,
             progress=progress,
         )
-    return folder, write_d_sim(folder, generated, facts)
+    return folder, write_d_sim(folder, actions, endpoints_m, facts)
 
 
 def _following(trials: Sequence[Trial], r0_m: float, limits: PlanLimits) -> Following:

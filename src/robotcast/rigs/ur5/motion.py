@@ -99,7 +99,7 @@ def plan_whole(
         raise ValueError("ur5: the planned cast holds numbers that are not finite")
     start = held_pose(live_rad, gripper)
     # A wrist cannot turn on for ever: the reset turns it back to where it started.
-    reset = plan_reset(start, cable_length_m, r0_m=r0_m, settings=settings, end_yaw_rad=0.0)
+    reset = plan_reset(start, cable_length_m, r0_m=r0_m, settings=settings)
     path = tilted_joint_path(reset.position_m, reset.pitch_rad, reset.yaw_rad, gripper)
     path += turns_towards(live_rad, path[0])
     cast = joint_path(planned.tool, gripper)
