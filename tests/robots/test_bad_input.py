@@ -51,6 +51,7 @@ AXIS = "joint[axis].position"
         (key("measured", "joint[axis].angle", value="q"), "expected joint.NAME..position"),
         (key("tune", "joint[axis].damping", value=[3, 9]), "the model's 2 lies outside"),
         (key("tune", "joint[axis].colour", value=[0, 1]), "joint.colour cannot be set; these can"),
+        (key("tune", "actuator[motor].kp", value=[1, 9]), "only position servos have a kp"),
         (key("tune", "joint[axis].damping", value=[3]), "expected bounds .least, most."),
         (key("logs", value="run*.csv"), "no file matches 'run"),
         (key("model", value="none.xml"), "there is no such model"),

@@ -16,6 +16,7 @@ from tests.robots.made_up_robot import ARM, write_folder
 def arm(tmp_path_factory: pytest.TempPathFactory) -> RobotCase:
     folder = tmp_path_factory.mktemp("arm")
     tune = {"joint[*].damping": {"factor": [0.5, 3.0]}, "body[fore].mass": [0.1, 2.0]}
+    tune["actuator[e].kp"] = [1.0, 4.0]
     windows = {"length_s": 0.4, "most": 4}
     more = {"windows": windows, "tune": tune, "servos": {"actuator[e]": {"kp": 2.0, "kd": 0.1}}}
     return read_case(write_folder(folder, ARM, logs=3, **more))
@@ -30,13 +31,13 @@ friction_of_difference_shoulder_and_elbow encoder_offset_shoulder encoder_offset
 def test_a_patched_model_moves_as_the_model_with_the_effect(arm: RobotCase, name: str) -> None:
     old, effect = arm.model.rollout, arm.model.effects[name]
     values = {p.name: p.probes[-1] if p.probes else p.nominal for p in effect.parameters}
-    spec, left_out = patched(arm.robot, [2.0, 0.7], [(effect, values)])
+    spec, left_out = patched(arm.robot, [2.0, 0.7, 3.0], [(effect, values)])
     assert not left_out
     model = spec.compile()
     robot = type(arm.robot)(**{**vars(arm.robot), "model": model, "tune": ()})
     new = Rollout(robot, old.logs, old.windows)
     start, times_s = [1], [arm.model.records[1].times_s]
-    vector = np.array([[2.0, 0.7, *values.values()]])
+    vector = np.array([[2.0, 0.7, 3.0, *values.values()]])
     wanted = old.simulate(start, times_s, [effect], vector)
     found = new.simulate(start, times_s, (), np.zeros((1, 0)))
     np.testing.assert_allclose(found, wanted, atol=2e-6)
@@ -45,7 +46,7 @@ def test_a_patched_model_moves_as_the_model_with_the_effect(arm: RobotCase, name
 def test_what_mjcf_cannot_hold_is_named(arm: RobotCase, tmp_path: Path) -> None:
     names = ["load_friction_elbow", "dead_time_elbow", "encoder_scale_shoulder"]
     effects = [arm.model.effects[name] for name in names]
-    values = {"joint[*].damping": 1.0, "body[fore].mass": 0.5}
+    values = {"joint[*].damping": 1.0, "body[fore].mass": 0.5, "actuator[e].kp": 2.0}
     values |= {f"{e.name}.{p.name}": p.probes[-1] for e in effects for p in e.parameters}
     said = {"effects": names, "parameters": {n: {"value": v} for n, v in values.items()}}
     left_out = write_patched(arm.robot, arm.model.effects, said, tmp_path / "patched.xml")

@@ -186,14 +186,12 @@ def _tuned(robot: RobotFile, effect: RobotEffect) -> bool:
     """Tell whether the nominal fit may already change what an effect changes."""
     if not isinstance(effect, ModelField):
         return False
-    tuned = {(t.at.field, row, t.at.column) for t in robot.tune for row in t.at.rows or (-1,)}
-    own = {
-        (at.field, row, at.column)
-        for some in effect.addresses(robot.model).values()
-        for at in some
-        for row in at.rows or (-1,)
-    }
-    return own <= tuned
+    own = [at for some in effect.addresses(robot.model).values() for at in some]
+    tuned, changed = (
+        {(at.field, row, at.column, at.along is None) for at in some for row in at.rows or (-1,)}
+        for some in ([t.at for t in robot.tune], own)
+    )
+    return changed <= tuned
 
 
 def _fields(joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:

@@ -35,15 +35,15 @@ class ModelFields:
         self._change(at, lambda old: old + values)
 
     def multiply(self, at: Address, values: np.ndarray) -> None:
-        """Multiply the addressed elements; of masses the inertias too."""
-        self._change(at, lambda old: old * values)
-        if at.mass:
-            inertia = self.field("body_inertia")
-            inertia[:, list(at.rows)] *= np.asarray(values)[..., None]
+        """Multiply the addressed elements, and what goes along."""
+        for one in filter(None, (at, at.along)):
+            self._change(
+                one, lambda old: old * values.reshape(*values.shape, *[1] * (old.ndim - 2))
+            )
 
     def set(self, at: Address, values: np.ndarray) -> None:
-        """Overwrite the addressed elements; of masses, scale the inertias."""
-        if at.mass:
+        """Overwrite the addressed elements; scale what goes along."""
+        if at.along:
             self.multiply(at, values / self.field(at.field)[at.index])
         else:
             self._change(at, lambda old: np.broadcast_to(values, old.shape))

@@ -24,13 +24,24 @@ FIELDS = {  # what may be set of each: a field of MjModel, most of them called a
     },
     "body": {name: f"body_{name}" for name in ("mass", "ipos", "inertia")},
     "actuator": {
-        name: f"actuator_{name}"
-        for name in ["gainprm", "biasprm", "dynprm", "gear", "forcerange", "damping", "armature"]
+        "kp": "actuator_gainprm",
+        **{
+            name: f"actuator_{name}"
+            for name in (
+                "gainprm",
+                "biasprm",
+                "dynprm",
+                "gear",
+                "forcerange",
+                "damping",
+                "armature",
+            )
+        },
     },
     "geom": {name: f"geom_{name}" for name in ("friction", "solref")},
     "option": {name: f"opt.{name}" for name in ("gravity", "wind", "density", "viscosity")},
 }
-FIRST_OF = ("gainprm", "gear", "friction")  # without an index, their first element is meant
+FIRST_OF = ("kp", "gainprm", "gear", "friction")  # without an index, their first element is meant
 FORM = re.compile(r"(\w+)(?:\[([^\]]+)\])?(?:\.(\w+))?(?:\[(\d)\])?")
 WIDTH = {mujoco.mjtJoint.mjJNT_FREE: 6, mujoco.mjtJoint.mjJNT_BALL: 3}
 
@@ -39,7 +50,8 @@ WIDTH = {mujoco.mjtJoint.mjJNT_FREE: 6, mujoco.mjtJoint.mjJNT_BALL: 3}
 class Address:
     """Elements of one field of an MjModel: `rows`, and of each row the `column` where it has any.
 
-    With a `mass` the bodies' inertias go along, as those of bodies of the same shape.
+    What goes `along` grows by the same factor: inertias with masses, as those of bodies of the same
+    shape, and with a servo's `kp` what it holds against it.
     """
 
     name: str
@@ -47,7 +59,7 @@ class Address:
     rows: tuple[int, ...]
     column: int | None
     unit: str = ""
-    mass: bool = False
+    along: "Address | None" = None
 
     def nominal(self, model: mujoco.MjModel) -> np.ndarray:
         """Return the values in the model, (n_rows,)."""
@@ -140,8 +152,14 @@ def address(model: mujoco.MjModel, text: str, where: str) -> Address:
         index = 0
     if size and (index is None or index >= size):
         raise ValueError(f"{where}: it has {size} elements; end it with [0] to [{size - 1}]")
-    column = index if size else None
-    return Address(text, field, rows, column, mass=attribute == "mass")
+    along = None
+    if attribute == "mass":
+        along = Address(text, "body_inertia", rows, None)
+    elif attribute == "kp":
+        along = Address(text, "actuator_biasprm", rows, 1)
+        if not along.nominal(model).all():
+            raise ValueError(f"{where}: only position servos have a kp; take gainprm")
+    return Address(text, field, rows, index if size else None, along=along)
 
 
 def channel(model: mujoco.MjModel, text: str, where: str) -> Channel:
