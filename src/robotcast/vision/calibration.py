@@ -27,17 +27,11 @@ _FLAGS = (
 
 @dataclass(frozen=True)
 class Calibration:
-    """A camera as its pictures show it.
-
-    Attributes
-    ----------
-    reprojection_px : root mean square distance between seen and reprojected marker corners.
-    markers : how many markers were seen.
-    """
+    """A camera as its pictures show it."""
 
     camera: Camera
-    reprojection_px: float
-    markers: int
+    reprojection_px: float  # root mean square distance of seen and reprojected marker corners
+    markers: int  # how many were seen
 
     @property
     def uncertainty_m(self) -> float:
@@ -83,9 +77,9 @@ def calibrate(
         )
     camera = replace(
         nominal,
-        distortion=tuple(float(d) for d in distortion.ravel()),
-        rotation=tuple(float(r) for r in rotations[0].ravel()),
-        translation_m=tuple(float(t) for t in translations[0].ravel()),
+        distortion=tuple(distortion.ravel().tolist()),
+        rotation=tuple(rotations[0].ravel().tolist()),
+        translation_m=tuple(translations[0].ravel().tolist()),
     )
     return Calibration(camera, float(error_px), len(found))
 
@@ -111,68 +105,51 @@ def _misplaced(found: Mapping[int, np.ndarray], board: FiducialBoard) -> str:
     return f"of the markers, {', '.join(said)}" if said else "measure their places again"
 
 
-COLUMNS, ROWS = 7, 5
+COLUMNS, ROWS, SQUARE_M = 7, 5, 0.035  # of the printed board
 DOTS_PER_M = 300 / 0.0254
 FEWEST_CORNERS = 12
 FEWEST_VIEWS = 6
 
 
-@dataclass(frozen=True)
-class PrintedBoard:
-    """A ChArUco board of 7 × 5 squares; A4 holds squares of 35 mm.
+def _charuco() -> cv2.aruco.CharucoBoard:
+    # another family than the casting board's markers, so that neither is taken for the other
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_50)
+    return cv2.aruco.CharucoBoard((COLUMNS, ROWS), SQUARE_M, 0.75 * SQUARE_M, family)
 
-    Attributes
-    ----------
-    square_m : side of a square, as measured on the print.
+
+def printed_board() -> np.ndarray:
+    """Return a ChArUco board that A4 holds, as grey pixels to print at 300 dots an inch."""
+    side = round(SQUARE_M * DOTS_PER_M)
+    return _charuco().generateImage((COLUMNS * side, ROWS * side), marginSize=0)
+
+
+def board_corners(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the printed board's corners seen in a picture (height, width, 3), or None.
+
+    They are given on the board, (n, 3) [m], and in the picture, (n, 2).
     """
-
-    square_m: float = 0.035
-
-    def __post_init__(self) -> None:
-        if not 0.005 <= self.square_m <= 0.2:
-            raise ValueError(f"board: square_m must be in [0.005, 0.2] m, got {self.square_m}")
-
-    def picture(self) -> np.ndarray:
-        """Return the board as grey pixels to print at 300 dots an inch."""
-        side = round(self.square_m * DOTS_PER_M)
-        return self._charuco().generateImage((COLUMNS * side, ROWS * side), marginSize=0)
-
-    def corners(self, picture: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return the corners seen, on the board (n, 3) [m] and in the picture (n, 2), or None."""
-        grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture
-        board = self._charuco()
-        pixels, numbers, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
-        if numbers is None or len(numbers) < FEWEST_CORNERS:
-            return None
-        places = np.asarray(board.getChessboardCorners())[np.ravel(numbers).astype(int)]
-        return places.reshape(-1, 3).astype(np.float32), pixels.reshape(-1, 2).astype(np.float32)
-
-    def _charuco(self) -> cv2.aruco.CharucoBoard:
-        # another family than the casting board's markers, so that neither is taken for the other
-        family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_50)
-        return cv2.aruco.CharucoBoard((COLUMNS, ROWS), self.square_m, 0.75 * self.square_m, family)
+    board = _charuco()
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    pixels, numbers, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
+    if numbers is None or len(numbers) < FEWEST_CORNERS:
+        return None
+    places = np.asarray(board.getChessboardCorners())[np.ravel(numbers).astype(int)]
+    return places.reshape(-1, 3).astype(np.float32), pixels.reshape(-1, 2).astype(np.float32)
 
 
 @dataclass(frozen=True)
 class Lens:
-    """What pictures of the printed board tell of a lens.
+    """What pictures of the printed board tell of a lens."""
 
-    Attributes
-    ----------
-    focal_widths : focal length in image widths, as conf/camera wants it.
-    spread_widths : its standard deviation.
-    reprojection_px : root mean square distance of seen and explained corners.
-    """
-
-    focal_widths: float
-    spread_widths: float
-    reprojection_px: float
+    focal_widths: float  # focal length in image widths, as conf/camera wants it
+    spread_widths: float  # its standard deviation
+    reprojection_px: float  # root mean square distance of seen and explained corners
     views: int
 
 
-def calibrate_lens(pictures: Sequence[np.ndarray], board: PrintedBoard) -> Lens:
-    """Return the focal length from pictures (height, width, 3) of the board at several tilts."""
-    seen = [found for picture in pictures if (found := board.corners(picture)) is not None]
+def calibrate_lens(pictures: Sequence[np.ndarray]) -> Lens:
+    """Return the focal length from pictures of the printed board, (height, width, 3), tilted."""
+    seen = [found for picture in pictures if (found := board_corners(picture)) is not None]
     if len(seen) < FEWEST_VIEWS:
         raise ValueError(
             f"calibration: the printed board is seen in {len(seen)} of {len(pictures)} pictures, "
