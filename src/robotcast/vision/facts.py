@@ -1,7 +1,8 @@
 """What a session tells its tracker beforehand: colours, sizes, the ArUco markers on the board."""
 
+import json
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import cv2
@@ -43,16 +44,6 @@ class FiducialBoard:
         places += [(x, y) for y in (-y_edge, y_edge) for x in along_x[:-1]]
         places += [(x_near, y) for y in along_y[1:-1] if abs(y) > spacing_m / 2]
         return cls(side_m, tuple((float(x), float(y)) for x, y in places))
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> "FiducialBoard":
-        """Read what `as_dict` wrote."""
-        centres = tuple((float(x), float(y)) for x, y in values["centres_m"])
-        return cls(float(values["side_m"]), centres)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return plain numbers for a YAML file."""
-        return {"side_m": self.side_m, "centres_m": [list(xy) for xy in self.centres_m]}
 
     def corners_m(self, number: int) -> np.ndarray:
         """Return the corners (4, 2) of a marker in OpenCV's order, clockwise from its top left."""
@@ -157,31 +148,15 @@ class TrackerFacts:
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "TrackerFacts":
         """Read what `as_dict` wrote."""
-        return cls(
-            period_s=float(values["period_s"]),
-            exposure_s=float(values["exposure_s"]),
-            focal_widths=float(values["focal_widths"]),
-            endpoint_radius_m=float(values["endpoint_radius_m"]),
-            endpoint_height_m=float(values["endpoint_height_m"]),
-            endpoint_bgr=_colour(values["endpoint_bgr"]),
-            board_bgr=_colour(values["board_bgr"]),
-            fiducials=FiducialBoard.from_dict(values["fiducials"]),
-        )
+        given = {field.name: values[field.name] for field in fields(cls)}
+        board = given.pop("fiducials")
+        fiducials = FiducialBoard(float(board["side_m"]), _numbers(board["centres_m"]))
+        return cls(**{name: _numbers(value) for name, value in given.items()}, fiducials=fiducials)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain numbers for a YAML file."""
-        return {
-            "period_s": self.period_s,
-            "exposure_s": self.exposure_s,
-            "focal_widths": self.focal_widths,
-            "endpoint_radius_m": self.endpoint_radius_m,
-            "endpoint_height_m": self.endpoint_height_m,
-            "endpoint_bgr": list(self.endpoint_bgr),
-            "board_bgr": list(self.board_bgr),
-            "fiducials": self.fiducials.as_dict(),
-        }
+        """Return plain numbers and lists for a YAML file."""
+        return json.loads(json.dumps(asdict(self)))
 
 
-def _colour(values: Any) -> tuple[float, float, float]:
-    blue, green, red = (float(v) for v in values)
-    return blue, green, red
+def _numbers(value: Any) -> Any:
+    return tuple(map(_numbers, value)) if isinstance(value, list) else float(value)
