@@ -10,7 +10,7 @@ import pytest
 from robotcast.casts.action import Action, ToolMotion
 from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.measurements.measurement_set import Cable
-from robotcast.rigs.kinematics import Gripper, joint_path
+from robotcast.rigs.kinematics import joint_path, link_points
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, render_cast
 from robotcast.sessions import (
     TOOL_FILE,
@@ -61,9 +61,8 @@ class Lab:
         share = np.linspace(0, 1, 20)[None, :, None]
         cable = (1 - share) * held + share * ends[:, None, :]
         pose = np.tile([*tool, np.arctan2(tool[1], tool[0])], (len(t_s), 1))
-        gripper = Gripper(length_m=0.17, fingers_m=0.06, held_height_m=0.02)
-        joints = joint_path(ToolMotion(t_s, pose), gripper)
-        return SceneMotion(t_s, cable, joints, gripper, CABLE.radius_m, RADIUS_M)
+        arm = link_points(joint_path(ToolMotion(t_s, pose)))
+        return SceneMotion(t_s, cable, arm, CABLE.radius_m, RADIUS_M)
 
     def film(
         self, folder: Path, scene: SceneMotion, seed: int = 0, tool: ToolMotion = STILL

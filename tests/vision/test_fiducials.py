@@ -7,8 +7,8 @@ from robotcast.vision.facts import FiducialBoard, TrackerFacts, find_markers
 
 def test_all_markers_are_found_where_the_camera_projects_them(lab):
     board = lab.facts.fiducials
-    scene = backdrop(lab.camera, board, lab.picture.board_bgr, (1.55, 2.45))
-    found = find_markers(cv2.cvtColor(scene, cv2.COLOR_BGR2GRAY), board)
+    scene = cv2.cvtColor(backdrop(lab.camera, lab.picture), cv2.COLOR_BGR2GRAY)
+    found = find_markers(scene, board)
     assert len(found) == len(board.centres_m) == 20
     for number, corners_px in found.items():
         corners_m = np.column_stack([board.corners_m(number), np.zeros(4)])

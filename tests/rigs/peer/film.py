@@ -84,8 +84,7 @@ class Film:
         scene = SceneMotion(
             span_s,
             np.stack([self._nodes_m] * 2),
-            np.stack([joints] * 2),
-            rig.gripper,
+            np.stack([link_points(joints, rig.gripper)] * 2),
             rig.cable.radius_m,
             rig.truth.endpoint_radius_m,
         )

@@ -6,7 +6,7 @@ board acts on it only through contacts. The arm lags; chance and resets scatter 
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -125,9 +125,6 @@ class CableTruth:
     segments: int = 30  # rigid pieces of the chain
     step_s: float = 0.001  # halving it moves the resting end by less than the resets scatter it
     contact_s: float = 0.003  # time constant of a contact
-
-    def with_friction(self, factor: float) -> "CableTruth":
-        return replace(self, friction=self.friction * factor)
 
 
 def build_cable(cable: Cable, truth: CableTruth) -> mujoco.MjSpec:

@@ -11,7 +11,7 @@ from robotcast import sessions
 from robotcast.casts.action import ToolMotion
 from robotcast.casts.plan import PlannedCast
 from robotcast.measurements.measurement_set import Cable, Trial
-from robotcast.rigs.kinematics import Gripper, joint_path
+from robotcast.rigs.kinematics import Gripper, joint_path, link_points
 from robotcast.rigs.virtual.cable import (
     TOOL_JOINTS,
     ArmDynamics,
@@ -24,7 +24,7 @@ from robotcast.rigs.virtual.cable import (
     compile_cable,
     generator,
 )
-from robotcast.rigs.virtual.mechanisms import Disturbance, HiddenEffect, acting
+from robotcast.rigs.virtual.mechanisms import Disturbance, HiddenEffect, acting, changed
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, frame_starts, render_cast
 from robotcast.vision.camera import Camera
 from robotcast.vision.facts import TrackerFacts
@@ -114,14 +114,12 @@ class VirtualRig:
         # a reset leaves the cable along the ray on which the cast starts
         drawn = self.scatter.draw(self.truth.segments, generator(self.seed, number, "start"))
         headings_rad = drawn + planned.tool.pose[0, 2]
-        truth = self.truth.with_friction(friction_factor)
+        truth = replace(self.truth, friction=self.truth.friction * friction_factor)
         arm = replace(self.arm, gain_error=self.arm.gain_error + gain)
         steps = np.arange(round((planned.end_s + SLOWEST_S) / truth.step_s) + 1) * truth.step_s
         path = np.zeros((len(steps), TOOL_JOINTS))
         path[:, [0, 1, 3]] = arm.follow(planned.tool, steps, delay_s=delay_s)
-        cable = self.cable
-        for effect in acting(self.hidden, "cable"):
-            cable = effect(cable, planned)
+        cable = changed(self.hidden, "cable", self.cable, planned)
         spec = build_cable(cable, truth)
         for effect in acting(self.hidden, "model"):
             effect(spec, cable, truth)
@@ -133,9 +131,7 @@ class VirtualRig:
 
     def _held(self, path: np.ndarray) -> np.ndarray:
         """Return where the cable is really held while the arm takes `path` (steps, 5)."""
-        for effect in acting(self.hidden, "hold"):
-            path = effect(path, self.truth.step_s)
-        return path
+        return changed(self.hidden, "hold", path, self.truth.step_s)
 
     def log_tool(self, tool: ToolMotion, number: int) -> ToolMotion:
         """Return the tool's motion as the controller logs it, at 125 Hz."""
@@ -151,8 +147,8 @@ class VirtualRig:
         times = np.array(still) if rest_only else np.concatenate([[-BEFORE_S], t_s, still[1:]])
         rows = np.searchsorted(t_s, np.clip(times, t_s[0], t_s[-1]))
         joints = joint_path(ToolMotion(times, tool[rows]), self.gripper)
-        radius, end_radius = self.cable.radius_m, self.truth.endpoint_radius_m
-        return SceneMotion(times, cable[rows], joints, self.gripper, radius, end_radius)
+        radii = self.cable.radius_m, self.truth.endpoint_radius_m
+        return SceneMotion(times, cable[rows], link_points(joints, self.gripper), *radii)
 
 
 @dataclass(frozen=True)
@@ -186,9 +182,5 @@ def measure_cast(
 
 def seen_places(rig: VirtualRig, cable: Motion, stamp_s: np.ndarray) -> np.ndarray:
     """Return where the rig's camera puts the free end in waypoints so stamped, (k, 2)."""
-    for effect in acting(rig.hidden, "stamps"):
-        stamp_s = effect(stamp_s)
-    places = ToolMotion(cable.t_s, cable.end_m).at(stamp_s)[:, :2]
-    for effect in acting(rig.hidden, "places"):
-        places = effect(places)
-    return places
+    end = ToolMotion(cable.t_s, cable.end_m).at(changed(rig.hidden, "stamps", stamp_s))
+    return changed(rig.hidden, "places", end[:, :2])
