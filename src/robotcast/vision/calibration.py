@@ -48,13 +48,10 @@ def calibrate(
 
     One view of a plane cannot tell focal length from height, so the focal length stays at its
     nominal value and the principal point in the middle; pose and distortion take up the rest.
+    `picture` is a frame, or the mean of several: noise averages out of the corners.
 
-    Parameters
-    ----------
-    picture : a frame, or the mean of several frames; noise averages out of the corners.
-    name : what to call the picture's source in an error.
-
-    Raises ValueError for too few markers, and for markers that do not lie where `facts` says.
+    Raises ValueError, which calls the picture `name`, for too few markers, and for markers that do
+    not lie where `facts` says.
     """
     height, width = picture.shape[:2]
     found = find_markers(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), facts.fiducials)

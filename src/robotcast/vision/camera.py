@@ -34,12 +34,9 @@ class Camera:
     ) -> "Camera":
         """Hang a camera over the board, looking down, x up and y left in the image.
 
-        Parameters
-        ----------
-        focal_widths, centre_offset_widths : focal length and the principal point's offset from
-            the middle, in image widths, so that one description serves every resolution.
-        position_m : the camera's position in the robot frame.
-        tilt_rad : small turns about the image's right, down and viewing axes.
+        Focal length and the principal point's offset from the middle are in image widths, so that
+        one description serves every resolution; the position is in the robot frame, the tilts are
+        small turns about the image's right, down and viewing axes.
         """
         if width <= 0 or height <= 0 or focal_widths <= 0:
             raise ValueError(

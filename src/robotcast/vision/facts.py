@@ -17,16 +17,10 @@ MODULES = 4 + 2 * BORDER_MODULES
 
 @dataclass(frozen=True)
 class FiducialBoard:
-    """Markers lying on the board, upright towards +x.
+    """Markers lying on the board, upright towards +x."""
 
-    Attributes
-    ----------
-    side_m : side of a marker's black square.
-    centres_m : (x, y) of each marker's centre in the robot frame, in the order of their numbers.
-    """
-
-    side_m: float
-    centres_m: tuple[tuple[float, float], ...]
+    side_m: float  # of a marker's black square
+    centres_m: tuple[tuple[float, float], ...]  # (x, y) in the robot frame, by their numbers
 
     @classmethod
     def along_edges(
@@ -103,38 +97,22 @@ BLOCK = "vision"
 
 @dataclass(frozen=True)
 class TrackingLimits:
-    """When a film is not believed.
+    """When a film is not believed: the most that markers may be off in its pictures."""
 
-    Attributes
-    ----------
-    reprojection_px : root mean square distance of seen and explained marker corners, above which
-        the markers do not lie where the session says; they are found to a third of a pixel.
-    moved_px : how far the markers shift in the picture, above which the camera was moved.
-    """
-
-    reprojection_px: float = 1.5
-    moved_px: float = 1.5
+    reprojection_px: float = 1.5  # root mean square, of corners, found to a third of a pixel
+    moved_px: float = 1.5  # shifted since the first picture: the camera was moved
 
 
 @dataclass(frozen=True)
 class TrackerFacts:
-    """The `vision` block of session.yaml: all that a person can measure or look up.
+    """The `vision` block of session.yaml: all that a person can measure or look up."""
 
-    Attributes
-    ----------
-    period_s : a waypoint is wanted every `period_s` from t = 0.
-    exposure_s : exposure time; frame k is exposed from video_t0_s + k / fps on.
-    focal_widths : the lens's nominal focal length in image widths.
-    endpoint_radius_m, endpoint_height_m : the bright round end and how high its centre lies.
-    endpoint_bgr, board_bgr : colours of the ball and the board, grey levels.
-    """
-
-    period_s: float
-    exposure_s: float
-    focal_widths: float
-    endpoint_radius_m: float
-    endpoint_height_m: float
-    endpoint_bgr: tuple[float, float, float]
+    period_s: float  # a waypoint is wanted so often, from t = 0 on
+    exposure_s: float  # frame k is exposed from video_t0_s + k / fps on
+    focal_widths: float  # the lens's nominal focal length in image widths
+    endpoint_radius_m: float  # of the bright round end
+    endpoint_height_m: float  # of its centre
+    endpoint_bgr: tuple[float, float, float]  # grey levels
     board_bgr: tuple[float, float, float]
     fiducials: FiducialBoard
 
