@@ -24,7 +24,6 @@ sys.path.insert(0, str(ROOT))
 
 from robotcast.build import build_rig  # noqa: E402
 from tests.rigs.peer.controller import Settings  # noqa: E402
-from tests.rigs.peer.film import FilmSettings  # noqa: E402
 from tests.rigs.peer.lab import GRIPPER, HOME_RAD  # noqa: E402
 from tests.rigs.peer.process import running_peer  # noqa: E402
 
@@ -52,7 +51,7 @@ def main() -> None:
         filmed = build_rig(compose("config", list(SIZE)))
     filmed = replace(filmed, gripper=GRIPPER)  # that the arm really has
     with (
-        running_peer(CONTROLLER, FilmSettings(filmed)) as peer,
+        running_peer(CONTROLLER, filmed) as peer,
         tempfile.TemporaryDirectory() as passing,
     ):
         folder = asked.folder or passing

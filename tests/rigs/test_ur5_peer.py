@@ -23,7 +23,6 @@ from robotcast.rigs.virtual.rig import VirtualRig
 from robotcast.sessions import read_session
 from robotcast.vision.tracker import track_session
 from tests.rigs.peer.controller import Settings
-from tests.rigs.peer.film import FilmSettings
 from tests.rigs.peer.lab import CAST_ENVELOPE, GRIPPER, HOME_RAD, scene, small_cast, ur5_rig
 from tests.rigs.peer.process import ROBOT_FAULTS, Peer, running_peer
 
@@ -43,7 +42,7 @@ def filmed() -> VirtualRig:
 
 @pytest.fixture(scope="module")
 def filmed_peer(filmed: VirtualRig) -> Iterator[Peer]:
-    with running_peer(HASTY, FilmSettings(filmed)) as p:
+    with running_peer(HASTY, filmed) as p:
         yield p
 
 
@@ -72,8 +71,8 @@ def session(rig, folder: Path, *actions: Action):
 def moves_after_fault(peer: Peer, *, cycles: int = 2) -> int:
     """Count the motion commands that came later than a few cycles after the last fault."""
     log = peer.log()
-    fault_s = log["faults"][-1][0]
-    return sum(t_s > fault_s + cycles * 0.008 + 1e-6 for t_s, _ in log["commands"])
+    fault_s = log.faults[-1][0]
+    return sum(t_s > fault_s + cycles * 0.008 + 1e-6 for t_s, _ in log.commands)
 
 
 def test_a_cast_becomes_a_measurement_and_the_clocks_are_compared(
@@ -183,22 +182,22 @@ def test_a_camera_that_goes_stops_the_arm(peer: Peer, filmed: VirtualRig, tmp_pa
 def test_an_operator_who_does_not_confirm_keeps_the_arm_still(
     peer: Peer, filmed: VirtualRig, tmp_path: Path
 ):
-    before = len(peer.log()["commands"])
+    before = len(peer.log().commands)
     rig = ur5_rig(peer, filmed, confirm=lambda _text: False)
     with pytest.raises(RigStopped, match="did not confirm"):
         session(rig, tmp_path, ACTION)
     rig.close()
-    assert len(peer.log()["commands"]) == before
+    assert len(peer.log().commands) == before
 
 
 def test_an_arm_that_stands_in_the_air_is_not_moved(peer: Peer, filmed: VirtualRig, tmp_path: Path):
     peer.place(HOME - [0.0, 0.3, 0.0, 0.0, 0.0, 0.0])
-    before = len(peer.log()["commands"])
+    before = len(peer.log().commands)
     rig = ur5_rig(peer, filmed)
     with pytest.raises(RigStopped, match="a reset starts from a tool that points down"):
         session(rig, tmp_path, ACTION)
     rig.close()
-    assert len(peer.log()["commands"]) == before
+    assert len(peer.log().commands) == before
 
 
 def test_targets_that_are_no_numbers_never_leave(bare_peer: Peer):
@@ -207,7 +206,7 @@ def test_targets_that_are_no_numbers_never_leave(bare_peer: Peer):
     with pytest.raises(RigStopped):
         arm.follow(bad, RobotLog())
     arm.close()
-    assert not bare_peer.log()["commands"]
+    assert not bare_peer.log().commands
 
 
 def test_missed_deadlines_are_counted_and_the_next_target_is_never_skipped(bare_peer: Peer):
@@ -224,7 +223,7 @@ def test_missed_deadlines_are_counted_and_the_next_target_is_never_skipped(bare_
     assert log.missed >= 40
     moving = (motion.joints_rad != motion.joints_rad[0]).any(axis=1)
     assert log.cycles == moving.sum() + log.missed
-    assert bare_peer.log()["targets"] == pytest.approx(motion.joints_rad)
+    assert bare_peer.log().targets == pytest.approx(motion.joints_rad)
 
 
 def test_the_peer_keeps_to_the_envelope(bare_peer: Peer):
@@ -232,7 +231,7 @@ def test_the_peer_keeps_to_the_envelope(bare_peer: Peer):
     motion = sway(HOME, arm.period_s)
     arm.follow(motion, RobotLog())
     arm.close()
-    joints = bare_peer.log()["joints"]
+    joints = bare_peer.log().joints
     speed = np.diff(joints, axis=0) / 0.008
     assert np.abs(speed).max() < CAST_ENVELOPE.joint_speed_rad_s[0]
     assert np.abs(np.diff(speed, axis=0)).max() / 0.008 < CAST_ENVELOPE.joint_acceleration_rad_s2[0]
