@@ -1,9 +1,7 @@
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 
 from robotcast.build import build
 from robotcast.casts.action import Action
@@ -24,9 +22,9 @@ from robotcast.rigs.kinematics import (
     tilted_joint_path,
 )
 from tests.good_casts import plan_cast
+from tests.rigs.small_rig import configured
 
-with initialize_config_dir(str(Path(__file__).parents[2] / "conf"), version_base=None):
-    CONFIG = compose("config").casts
+CONFIG = configured().casts
 LIMITS: PlanLimits = build(CONFIG["limits"])
 PAPER_COUNTS = GridCounts(theta1=15, theta2=15, r2=15, alpha=10, vmax=2)
 TURN = 2 * np.pi

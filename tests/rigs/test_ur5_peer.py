@@ -23,15 +23,16 @@ from robotcast.rigs.virtual.rig import VirtualRig
 from robotcast.sessions import read_session
 from robotcast.vision.tracker import track_session
 from tests.rigs.peer.controller import Settings
-from tests.rigs.peer.lab import CAST_ENVELOPE, GRIPPER, HOME_RAD, scene, small_cast, ur5_rig
+from tests.rigs.peer.lab import CAST_ENVELOPE, GRIPPER, HOME_RAD, scene, ur5_rig
 from tests.rigs.peer.process import ROBOT_FAULTS, Peer, running_peer
+from tests.rigs.small_rig import SHORT_CAST
 
 pytestmark = pytest.mark.slow
 
 PATIENT = Settings(HOME_RAD, patience_s=3.0)  # after 5 s of silence ur_rtde hangs up
 HASTY = replace(PATIENT, haste=3.0, misplaced_m=(0.001, -0.001, 0.0))
 UNHURRIED = WatchSettings(stale_s=3.5)  # a busy machine shall not decide a test
-ACTION = small_cast().action
+ACTION = SHORT_CAST.action
 HOME = np.array(HOME_RAD)
 
 
@@ -87,7 +88,7 @@ def test_a_cast_becomes_a_measurement_and_the_clocks_are_compared(
     assert (collected.added, collected.failed) == (1, {})
     notes = yaml.safe_load((tmp_path / "session" / "cast_00000" / "robot.yaml").read_text())
     assert notes["kinematic_difference_m"] == pytest.approx(0.00141, abs=1e-4)
-    told = small_cast().tool
+    told = SHORT_CAST.tool
     in_time = notes["cycles"] - notes["missed_deadlines"]
     assert in_time == pytest.approx((told.t_s[-1] + rig.run.rest_s) / 0.008, abs=2)
     assert "between the controller's tool pose and ours" in said[-1]
