@@ -27,4 +27,4 @@ def test_markers_lie_on_the_board_and_leave_the_base_free():
 
 
 def test_facts_survive_the_session_file(lab):
-    assert TrackerFacts.from_dict(lab.facts.as_dict()) == lab.facts
+    assert TrackerFacts.of(lab.session()) == lab.facts

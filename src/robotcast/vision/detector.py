@@ -152,6 +152,6 @@ def _largest_blob(cover: np.ndarray) -> np.ndarray | None:
 
 def _cut_by_border(blob: np.ndarray, shape: tuple[int, ...]) -> bool:
     """Tell whether a blob comes so near its picture's border that part of it may lie beyond."""
-    low = blob.reshape(-1, 2).min(axis=0)
-    high = blob.reshape(-1, 2).max(axis=0)
-    return bool(np.any(low < _SPREAD_PX) or np.any(high >= np.array(shape[1::-1]) - _SPREAD_PX))
+    x, y, width, height = cv2.boundingRect(blob)
+    room = (x, y, shape[1] - x - width, shape[0] - y - height)
+    return min(room) < _SPREAD_PX

@@ -118,15 +118,10 @@ class TrackerFacts:
 
     @classmethod
     def of(cls, session: Session) -> "TrackerFacts":
-        """Read what a session tells its tracker."""
+        """Read what a session tells its tracker, as `as_dict` wrote it."""
         if BLOCK not in session.facts:
             raise ValueError(f"{session.folder}: session.yaml has no `{BLOCK}` block")
-        return cls.from_dict(session.facts[BLOCK])
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> "TrackerFacts":
-        """Read what `as_dict` wrote."""
-        given = {field.name: values[field.name] for field in fields(cls)}
+        given = {field.name: session.facts[BLOCK][field.name] for field in fields(cls)}
         board = given.pop("fiducials")
         fiducials = FiducialBoard(float(board["side_m"]), _numbers(board["centres_m"]))
         return cls(**{name: _numbers(value) for name, value in given.items()}, fiducials=fiducials)

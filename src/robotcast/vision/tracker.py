@@ -15,22 +15,13 @@ from typing import Any
 import cv2
 import numpy as np
 
+from robotcast import sessions
 from robotcast.casts.action import ToolMotion
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.measurements.reader import judged
 from robotcast.processes import pool_map
 from robotcast.running import Progress, silent
-from robotcast.sessions import (
-    FRAMES_FILE,
-    TOOL_FILE,
-    VIDEO_FILE,
-    CastRecord,
-    CastRequest,
-    Session,
-    read_frame_times,
-    read_record,
-    read_tool,
-)
+from robotcast.sessions import CastRequest, Session
 from robotcast.vision.calibration import LIMITS, Calibration, calibrate
 from robotcast.vision.detector import Detection, EndpointDetector
 from robotcast.vision.facts import Stillness, TrackerFacts, TrackingLimits
@@ -66,7 +57,7 @@ class _Track:
     t_s: np.ndarray
     xy_m: np.ndarray
     calibration: Calibration
-    record: CastRecord
+    record: sessions.CastRecord
     moved: str  # that the camera was moved, after which nothing is seen; empty where it was not
 
 
@@ -76,7 +67,7 @@ def track_cast(folder: Path, session: Session, limits: TrackingLimits = LIMITS) 
     Raises ValueError when the video shows no fiducials or not where the session says, no
     endpoint, or not where it came to rest.
     """
-    facts, video = TrackerFacts.of(session), folder / VIDEO_FILE
+    facts, video = TrackerFacts.of(session), folder / sessions.VIDEO_FILE
     track = _track(folder, facts, limits)
     seen, last_s = np.isfinite(track.xy_m[:, 0]), track.t_s[-1]
     unrested, rest_s = track.moved, track.record.rest_s
@@ -97,7 +88,7 @@ def track_cast(folder: Path, session: Session, limits: TrackingLimits = LIMITS) 
     return TrackedCast(
         wanted[kept],
         waypoints[kept],
-        read_tool(folder / TOOL_FILE),
+        sessions.read_tool(folder / sessions.TOOL_FILE),
         int(np.sum(~kept)),
         len(seen),
         int(np.sum(~seen)),
@@ -150,7 +141,7 @@ def frame_noise(xy_m: np.ndarray) -> float:
 
 
 def _track(folder: Path, facts: TrackerFacts, limits: TrackingLimits) -> _Track:
-    video = folder / VIDEO_FILE
+    video = folder / sessions.VIDEO_FILE
     frames = _frames(video)
     first = list(itertools.islice(frames, _CALIBRATION_FRAMES))
     if len(first) < _CALIBRATION_FRAMES:
@@ -165,14 +156,14 @@ def _track(folder: Path, facts: TrackerFacts, limits: TrackingLimits) -> _Track:
         found.append(None if good is not None else detector.detect(frame))
         if good is None and number % _WATCHED == 0 and still.moved_px(frame) > limits.moved_px:
             good = max(number - _WATCHED + 1, 0)
-    record = read_record(folder)
+    record = sessions.read_record(folder)
     rate = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG).get(cv2.CAP_PROP_FPS)
-    if not (folder / FRAMES_FILE).is_file() and abs(rate / record.fps - 1) > _OTHER_RATE:
+    if not (folder / sessions.FRAMES_FILE).is_file() and abs(rate / record.fps - 1) > _OTHER_RATE:
         raise ValueError(
             f"{video}: has {rate:g} frames a second, and cast.yaml says {record.fps:g}; "
-            f"{FRAMES_FILE} may say when each was taken"
+            f"{sessions.FRAMES_FILE} may say when each was taken"
         )
-    t_s = read_frame_times(record, facts.exposure_s, len(found), folder)
+    t_s = sessions.read_frame_times(record, facts.exposure_s, len(found), folder)
     xy_m, known = _whole_only(found, video), np.isfinite(t_s)
     moved = ""
     if good is not None:
@@ -216,7 +207,7 @@ def _whole_only(found: list[Detection | None], video: Path) -> np.ndarray:
 
 def _require_rest(seen: np.ndarray, folder: Path) -> None:
     if not np.any(seen[-_CALIBRATION_FRAMES:]):
-        video = folder / VIDEO_FILE
+        video = folder / sessions.VIDEO_FILE
         raise ValueError(f"{video}: the endpoint is out of sight where it came to rest")
 
 

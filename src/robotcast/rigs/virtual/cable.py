@@ -4,7 +4,6 @@ The cable is of another make than the simulators that are tuned: it lifts, sags 
 board acts on it only through contacts. The arm lags; chance and resets scatter what both do.
 """
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,9 +78,6 @@ class StartScatter:
         spread = (self.headings_rad - mean) / np.sqrt(len(self.headings_rad) - 1)
         headings = mean + random.standard_normal(len(spread)) @ spread
         return np.interp((np.arange(segments) + 0.5) / segments, self.places, headings)
-
-    def digest(self) -> str:
-        return hashlib.sha256(self.headings_rad.tobytes() + self.places.tobytes()).hexdigest()
 
 
 def packaged_path(cable_name: str) -> Path:

@@ -69,7 +69,9 @@ class VirtualRig:
 
     def facts(self) -> dict[str, Any]:
         """Return what the tracker may know, and a digest of all that shapes a cast."""
-        parts = (self.truth, self.arm, self.noise, self.scatter.digest(), self.seed, *self.hidden)
+        scatter = self.scatter.headings_rad.tobytes() + self.scatter.places.tobytes()
+        start = hashlib.sha256(scatter).hexdigest()
+        parts = (self.truth, self.arm, self.noise, start, self.seed, *self.hidden)
         made = hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
         return {"vision": self.tracker.as_dict(), "made": made}
 
