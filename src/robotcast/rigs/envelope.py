@@ -18,7 +18,7 @@ from robotcast.rigs.kinematics import (
     JOINTS,
     LINK_CAPSULES,
     Gripper,
-    capsule_axis,
+    capsule_axes,
     joints_pointing_down,
     link_points,
     segment_distance,
@@ -181,8 +181,7 @@ def _measure_clearances(
     t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
 ) -> Iterator[_Measured]:
     """Measure board, base and arm itself, whatever the angles of base and wrist 3."""
-    points = link_points(joints, envelope.gripper)
-    axes = {link: capsule_axis(points, link) for link in LINK_CAPSULES}
+    axes = capsule_axes(link_points(joints, envelope.gripper))
     radii = {link: capsule.radius_m for link, capsule in LINK_CAPSULES.items()}
     for link in BOARD_LINKS:
         start, end = axes[link]

@@ -16,7 +16,7 @@ from robotcast.vision.facts import BORDER_MODULES, MODULES, FiducialBoard, dicti
 Colour = tuple[float, float, float]
 
 DRAWN_RADII_M = np.array([0.075, 0.06, 0.06, 0.06, 0.05, 0.045, 0.045, 0.045, 0.05, 0.012])
-"""How thick the arm's `LINKS` are in pictures."""
+"""How thick the arm's links are in pictures."""
 
 _BLUR_STEP_PX, _MOST_INSTANTS, _STILL_PX = 2.5, 12, 0.2
 _NOISE_SLACK_PX = 64

@@ -105,9 +105,9 @@ class VirtualRig:
     def simulate_truth(self, planned: PlannedCast, number: int) -> Truth:
         """Simulate cast `number` and return what really happened."""
         run, path = self.begin(planned, number)
-        motion = run.drive(self._held(path), moving_s=planned.end_s + 5 * self.arm.lag_s)
-        steps = np.arange(len(path)) * self.truth.step_s
-        tool = ToolMotion(steps, path[:, [0, 1, 3]])
+        held, step_s = changed(self.hidden, "hold", path, self.truth.step_s), self.truth.step_s
+        motion = run.drive(held, moving_s=planned.end_s + 5 * self.arm.lag_s)
+        tool = ToolMotion(np.arange(len(path)) * step_s, path[:, [0, 1, 3]])
         return Truth(motion, ToolMotion(motion.t_s, tool.at(motion.t_s)))
 
     def begin(self, planned: PlannedCast, number: int) -> tuple[CableRun, np.ndarray]:
@@ -126,22 +126,17 @@ class VirtualRig:
         for effect in acting(self.hidden, "model"):
             effect(spec, cable, truth)
         model = compile_cable(spec)
-        disturb = Disturbance(self.hidden, model, number)
-        run = CableRun(model, headings_rad, self._held(path)[0], disturb)
+        held = changed(self.hidden, "hold", path, truth.step_s)[0]
+        run = CableRun(model, headings_rad, held, Disturbance(self.hidden, model, number))
         run.settle()
         return run, path
-
-    def _held(self, path: np.ndarray) -> np.ndarray:
-        """Return where the cable is really held while the arm takes `path` (steps, 5)."""
-        return changed(self.hidden, "hold", path, self.truth.step_s)
 
     def log_tool(self, tool: ToolMotion, number: int) -> ToolMotion:
         """Return the tool's motion as the controller logs it, at 125 Hz."""
         t_s = np.arange(int(tool.t_s[-1] / LOG_S + 1e-9) + 1) * LOG_S
-        noise = self.noise
-        sizes = np.array([noise.tool_log_m, noise.tool_log_m, noise.tool_log_rad])
-        random = generator(self.seed, number, "log")
-        return ToolMotion(t_s, tool.at(t_s) + sizes * random.standard_normal((len(t_s), 3)))
+        wrong = generator(self.seed, number, "log").standard_normal((len(t_s), 3))
+        wrong *= [self.noise.tool_log_m, self.noise.tool_log_m, self.noise.tool_log_rad]
+        return ToolMotion(t_s, tool.at(t_s) + wrong)
 
     def _scene(self, truth: Truth, *, rest_only: bool) -> SceneMotion:
         t_s, cable, tool = truth.cable.t_s, truth.cable.nodes_m, truth.tool.pose
