@@ -31,14 +31,7 @@ class Calibration:
 
     camera: Camera
     reprojection_px: float  # root mean square distance of seen and reprojected marker corners
-    markers: int  # how many were seen
-
-    @property
-    def uncertainty_m(self) -> float:
-        """What the corners' noise leaves unknown of one coordinate on the board, on average."""
-        known = 2 * 4 * self.markers
-        per_coordinate_px = self.reprojection_px / np.sqrt(2) * np.sqrt(_FITTED / known)
-        return float(per_coordinate_px * self.camera.position_m[2] / self.camera.focal_px)
+    uncertainty_m: float  # what their noise leaves unknown of one coordinate, on average
 
 
 def calibrate(
@@ -78,7 +71,9 @@ def calibrate(
         rotation=tuple(rotations[0].ravel().tolist()),
         translation_m=tuple(translations[0].ravel().tolist()),
     )
-    return Calibration(camera, float(error_px), len(found))
+    per_coordinate_px = error_px / np.sqrt(2) * np.sqrt(_FITTED / (2 * len(corners_px)))
+    uncertainty_m = per_coordinate_px * camera.position_m[2] / camera.focal_px
+    return Calibration(camera, float(error_px), float(uncertainty_m))
 
 
 def _misplaced(found: Mapping[int, np.ndarray], board: FiducialBoard) -> str:
