@@ -52,13 +52,12 @@ def calibrate(
         seen = f"only {len(found)}" if found else "no"
         raise ValueError(f"{name}: {seen} fiducials found, at least {FEWEST_MARKERS} are needed")
     corners_px = np.concatenate(list(found.values())).astype(np.float32)
-    corners_m = np.concatenate([facts.fiducials.corners_m(i) for i in found])
-    points_m = np.column_stack([corners_m, np.zeros(len(corners_m))]).astype(np.float32)
+    corners_m = np.concatenate([facts.fiducials.corners_m(i) for i in found]).astype(np.float32)
     nominal = Camera.overhead(
         width, height, focal_widths=facts.focal_widths, position_m=(0.0, 0.0, 1.0)
     )
     error_px, _, distortion, rotations, translations = cv2.calibrateCamera(
-        [points_m], [corners_px], (width, height), nominal.matrix, np.zeros(5), flags=_FLAGS
+        [corners_m], [corners_px], (width, height), nominal.matrix, np.zeros(5), flags=_FLAGS
     )
     if error_px > limits.reprojection_px:
         raise ValueError(

@@ -40,9 +40,9 @@ class FiducialBoard:
         return cls(side_m, tuple((float(x), float(y)) for x, y in places))
 
     def corners_m(self, number: int) -> np.ndarray:
-        """Return the corners (4, 2) of a marker in OpenCV's order, clockwise from its top left."""
-        offsets = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * self.side_m / 2
-        return np.array(self.centres_m[number]) + offsets
+        """Return the corners (4, 3) of a marker in OpenCV's order, clockwise from its top left."""
+        offsets = np.array([[1, 1, 0], [1, -1, 0], [-1, -1, 0], [-1, 1, 0]]) * self.side_m / 2
+        return offsets + np.append(self.centres_m[number], 0.0)
 
 
 def dictionary() -> cv2.aruco.Dictionary:
@@ -71,8 +71,7 @@ class Stillness:
         grey = _grey(first)
         self._patches = []
         for number in range(len(board.centres_m)):
-            corners = np.column_stack([board.corners_m(number), np.zeros(4)])
-            pixels = camera.project(corners)
+            pixels = camera.project(board.corners_m(number))
             reach = np.ptp(pixels, axis=0) / 2
             low, high = pixels.min(axis=0) - reach, pixels.max(axis=0) + reach
             if (low >= 0).all() and (high < grey.shape[::-1]).all():
