@@ -85,13 +85,12 @@ def _misplaced(found: Mapping[int, np.ndarray], board: FiducialBoard) -> str:
         return "measure their places again"
     lies_m = cv2.perspectiveTransform(seen_px[None], to_board)[0]
     apart_m = np.linalg.norm(lies_m[:, None] - places_m[None], axis=-1)
-    nearest = apart_m.argmin(axis=1)
-    off = [i for i in range(len(numbers)) if apart_m[i, i] > board.side_m / 4]
-    swapped = {
-        (min(i, j), max(i, j)) for i in off for j in [int(nearest[i])] if j != i and nearest[j] == i
-    }
-    said = [f"{numbers[i]} and {numbers[j]} lie in each other's place" for i, j in sorted(swapped)]
-    alone = [i for i in off if not any(i in pair for pair in swapped)]
+    nearest, own = apart_m.argmin(axis=1), np.arange(len(numbers))
+    off = np.diag(apart_m) > board.side_m / 4
+    swapped = off & (nearest != own) & (nearest[nearest] == own)
+    pairs = {(min(i, nearest[i]), max(i, nearest[i])) for i in own[swapped]}
+    said = [f"{numbers[i]} and {numbers[j]} lie in each other's place" for i, j in sorted(pairs)]
+    alone = own[off & ~swapped]
     said += [f"{numbers[i]} lies {apart_m[i, i]:.2f} m from its place" for i in alone]
     return f"of the markers, {', '.join(said)}" if said else "measure their places again"
 
