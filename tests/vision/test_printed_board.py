@@ -33,6 +33,7 @@ VIEWS = [view(tilt, (0.03 * i - 0.08, 0.0, 0.5)) for i, tilt in enumerate(TILTS)
 def test_the_focal_length_is_found():
     lens = calibrate_lens(VIEWS)
     assert lens.focal_widths == pytest.approx(FOCAL, rel=0.01)
+    assert 0.0005 < lens.spread_widths < 0.01
     assert lens.views == len(TILTS)
     assert lens.reprojection_px < 0.5
 

@@ -155,5 +155,5 @@ def calibrate_lens(pictures: Sequence[np.ndarray]) -> Lens:
         np.zeros(5),
         flags=cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_K3,
     )
-    focal, deviation = matrix[0, 0] / width, float(np.ravel(spread)[0]) / width
-    return Lens(float(focal), deviation, float(error_px), len(seen))
+    deviation_px = float(np.ravel(spread)[1])  # OpenCV gives it for f_y alone, which f_x follows
+    return Lens(float(matrix[0, 0] / width), deviation_px / width, float(error_px), len(seen))
