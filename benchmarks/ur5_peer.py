@@ -35,7 +35,6 @@ from robotcast.rigs.ur5.motion import JointMotion, WholeMotion, refuse_unsafe, s
 from robotcast.sessions import read_session
 from robotcast.vision.tracker import track_session
 from tests.rigs.peer.controller import Settings
-from tests.rigs.peer.film import FilmSettings
 from tests.rigs.peer.lab import CAST_ENVELOPE, GRIPPER, HOME_RAD, RESET_ENVELOPE, scene, ur5_rig
 from tests.rigs.peer.process import ROBOT_FAULTS, running_peer
 from tests.rigs.small_rig import R0_M
@@ -79,7 +78,7 @@ def casts(count: int, seed: int) -> None:
     """Collect casts, track them, read the set."""
     filmed, random = scene(), np.random.default_rng(seed)
     chosen = list(enumerate(draw_allowed(random, count)))
-    with running_peer(HASTY, FilmSettings(filmed)) as peer, tempfile.TemporaryDirectory() as tmp:
+    with running_peer(HASTY, filmed) as peer, tempfile.TemporaryDirectory() as tmp:
         rig, folder = ur5_rig(peer, filmed), Path(tmp)
         collected = collect_casts(rig, chosen, folder / "session", LIMITS)
         rig.close()
@@ -112,8 +111,8 @@ def faults(times: int, seed: int) -> None:
                 seen = peer.log()
                 # an arm drifts off over some cycles, a stop is known with the next package
                 grace_s = (40 if fault == "off its path" else 2) * CYCLE_S
-                after_s = seen["faults"][-1][0] + grace_s + 1e-6
-                late += sum(t_s > after_s for t_s, _ in seen["commands"])
+                after_s = seen.faults[-1][0] + grace_s + 1e-6
+                late += sum(t_s > after_s for t_s, _ in seen.commands)
                 arm.close()
         print(
             f"faults: {fault}: {stopped} of {times} stopped, {late} motion commands after it",
@@ -125,7 +124,7 @@ def session_faults(times: int, seed: int) -> None:
     """Have every fault at random moments of a session; count what moved and what was lost."""
     random, filmed = np.random.default_rng(seed), scene(fps=15.0)
     drawn = draw_allowed(random, len(SESSION_FAULTS) + 1)
-    with running_peer(HASTY, FilmSettings(filmed)) as peer, tempfile.TemporaryDirectory() as tmp:
+    with running_peer(HASTY, filmed) as peer, tempfile.TemporaryDirectory() as tmp:
         folder = Path(tmp) / "session"
 
         def collect(wanted: int, **changes: Any) -> Collected:
@@ -151,9 +150,9 @@ def session_faults(times: int, seed: int) -> None:
                     collect(wanted, confirm=lambda _text, a=answers: next(a))
                 except RigStopped:
                     stopped += 1
-                seen = len(peer.log()["commands"])
+                seen = len(peer.log().commands)
                 time.sleep(0.5)
-                late += len(peer.log()["commands"]) - seen
+                late += len(peer.log().commands) - seen
                 peer.mend()
             kept = before.items() <= _digests(folder).items()
             rerun = collect(wanted)
@@ -200,9 +199,11 @@ def actions(count: int, executed: int, seed: int) -> None:
                 arm.follow(motion, RobotLog())
         log = peer.log()
         arm.close()
-    broken = broken_rules(log["t_s"], log["joints"], RESET_ENVELOPE) if executed else []
+    broken = (
+        broken_rules(np.array(log.t_s), np.array(log.joints), RESET_ENVELOPE) if executed else []
+    )
     print(f"actions: {dict(seen)}")
-    print(f"  envelope broken in the peer's log of {len(log['t_s'])} cycles: {len(broken)}")
+    print(f"  envelope broken in the peer's log of {len(log.t_s)} cycles: {len(broken)}")
     for rule in broken:
         print(f"    {rule}")
 
@@ -264,7 +265,7 @@ def offsets(delay_s: float, times: int) -> None:
     """Film the swaying arm with a known delay; print the offsets found."""
     filmed, found = scene(), []
     for _ in range(times):
-        with running_peer(PATIENT, FilmSettings(filmed, delay_s=delay_s)) as peer:
+        with running_peer(PATIENT, filmed, delay_s) as peer:
             rig = ur5_rig(peer, filmed)
             found.append(rig.open_session().camera_offset_s * 1e3)
             rig.close()

@@ -25,7 +25,6 @@ sys.path.insert(0, str(ROOT))  # for tests/
 
 from robotcast.build import build_rig
 from tests.rigs.peer.controller import Settings
-from tests.rigs.peer.film import FilmSettings
 from tests.rigs.peer.lab import GRIPPER, HOME_RAD
 from tests.rigs.peer.process import running_peer
 
@@ -53,7 +52,7 @@ def main() -> None:
         filmed = build_rig(compose("config", list(SIZE)))
     filmed = replace(filmed, gripper=GRIPPER)  # that the arm really has
     with (
-        running_peer(CONTROLLER, FilmSettings(filmed)) as peer,
+        running_peer(CONTROLLER, filmed) as peer,
         tempfile.TemporaryDirectory() as passing,
     ):
         folder = asked.folder or passing

@@ -15,19 +15,19 @@ from robotcast.build import build
 from robotcast.files import write_text
 from robotcast.rigs.ur5.camera import Webcam, WebcamSettings
 from robotcast.stage import require, stage, tell
-from robotcast.vision.calibration import PrintedBoard, calibrate_lens
+from robotcast.vision.calibration import calibrate_lens
 from robotcast.workflow.commissioning import views, write_prints
 
 
 def calibrate(config: DictConfig) -> None:
     require(config, "output")
-    folder, board, rig = Path(config.output), PrintedBoard(), config.rig
+    folder, rig = Path(config.output), config.rig
     if rig.get("camera") is None:
-        return write_prints(folder, board, build(config.camera.fiducials))
+        return write_prints(folder, build(config.camera.fiducials))
     settings = WebcamSettings(str(rig.camera), rig.width, rig.height, rig.fps)
     with closing(Webcam(settings)) as camera:
-        pictures = views(camera, board)
-    lens = calibrate_lens(pictures, board)
+        pictures = views(camera)
+    lens = calibrate_lens(pictures)
     write_text(folder / "lens.yaml", yaml.safe_dump(asdict(lens), sort_keys=False))
     tell(
         f"{folder / 'lens.yaml'}: focal length {lens.focal_widths:.4f} ± {lens.spread_widths:.4f} "

@@ -1,9 +1,7 @@
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 
 from robotcast.build import build
 from robotcast.casts.action import Action
@@ -16,7 +14,6 @@ from robotcast.rigs.envelope import (
     are_feasible,
     broken_rules,
     feasible_actions,
-    rules_broken_by_many,
 )
 from robotcast.rigs.kinematics import (
     GRIPPER,
@@ -25,9 +22,9 @@ from robotcast.rigs.kinematics import (
     tilted_joint_path,
 )
 from tests.good_casts import plan_cast
+from tests.rigs.small_rig import configured
 
-with initialize_config_dir(str(Path(__file__).parents[2] / "conf"), version_base=None):
-    CONFIG = compose("config").casts
+CONFIG = configured().casts
 LIMITS: PlanLimits = build(CONFIG["limits"])
 PAPER_COUNTS = dict(theta1=15, theta2=15, r2=15, alpha=10, vmax=2)
 TURN = 2 * np.pi
@@ -169,32 +166,21 @@ def test_an_envelope_with_a_hole_is_refused():
         replace(ENVELOPE, joint_speed_rad_s=(np.pi, np.pi, 0.0, np.pi, np.pi, np.pi))
 
 
-def test_many_motions_at_once_break_what_each_breaks_alone():
-    rng = np.random.default_rng(0)
+def test_of_many_actions_each_is_told_as_its_motion_and_the_mirror_image_alone():
     low, high = [0.3, 0, -1.2, 0.55, 0, 1.2], [1.1, 0, -0.3, 0.85, 1.8, 2.5]
-    actions = rng.uniform(low, high, (12, 6))
+    actions = np.random.default_rng(0).uniform(low, high, (12, 6))
     actions[:, 1] = np.nan
     curves = plan_curves(actions, 0.6, PlanLimits())
     t_s = np.arange(0, curves.end_s.max() + 0.01, 0.004)
-    joints = joints_pointing_down(curves.poses_at(t_s))
-    groups = ("joints", "tool", "clearances")
-    together = {
-        rule: outside
-        for group in groups
-        for rule, outside in rules_broken_by_many(group, t_s, joints, ENVELOPE).items()
-    }
-    alone = [rules(t_s, motion) for motion in joints]
+    images = (joints_pointing_down(curves.poses_at(t_s) * i) for i in ([1, 1, 1], [1, -1, -1]))
+    alone = [not any(rules(t_s, motion) for motion in both) for both in zip(*images, strict=True)]
     assert any(alone) and not all(alone)
-    for row, broken in enumerate(alone):
-        assert broken == {rule for rule, outside in together.items() if outside[row]}
+    assert are_feasible(actions, 0.6, PlanLimits(), ENVELOPE).tolist() == alone
 
 
-def test_out_of_reach_is_a_rule_of_its_own():
-    pose = np.array([[[0.6, 0, 0]] * 4, [[1.2, 0, 0]] * 4])
-    t_s = np.arange(4) * 0.008
-    broken = rules_broken_by_many("joints", t_s, joints_pointing_down(pose), ENVELOPE)
-    assert broken["reach"].tolist() == [False, True]
-    assert not broken["joint speed"].any()
+def test_what_the_arm_does_not_reach_is_not_feasible():
+    actions = np.array([[0.7, np.nan, -0.7, r2, 0.5, 1.2] for r2 in (0.7, 1.1)])
+    assert are_feasible(actions, 0.6, PlanLimits(), ANYWHERE).tolist() == [True, False]
 
 
 def envelope(name: str = "envelope") -> Envelope:

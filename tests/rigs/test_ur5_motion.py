@@ -16,15 +16,15 @@ from robotcast.rigs.ur5.motion import (
     refuse_motion,
     refuse_unsafe,
 )
-from tests.rigs.peer.lab import HOME_RAD, LIMITS, QUICK_RESET, small_cast
-from tests.rigs.small_rig import CABLE, R0_M
+from tests.rigs.peer.lab import HOME_RAD, LIMITS, QUICK_RESET
+from tests.rigs.small_rig import CABLE, R0_M, SHORT_CAST
 
 HOME = np.array(HOME_RAD)
 
 
 def whole(live: np.ndarray = HOME) -> WholeMotion:
     length = CABLE.length_m + 0.015
-    return plan_whole(small_cast(), live, length, r0_m=R0_M, settings=QUICK_RESET, gripper=GRIPPER)
+    return plan_whole(SHORT_CAST, live, length, r0_m=R0_M, settings=QUICK_RESET, gripper=GRIPPER)
 
 
 def changed(motion: JointMotion, row: int, joint: int, value: float) -> JointMotion:
@@ -40,7 +40,7 @@ def test_an_ordinary_motion_passes_and_is_continuous():
 
 
 def test_a_reset_starts_where_a_cast_ended():
-    end = joints_pointing_down(small_cast().tool.pose[-1])
+    end = joints_pointing_down(SHORT_CAST.tool.pose[-1])
     motion = whole(end)
     refuse_unsafe(motion, end, LIMITS)
 

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,16 +24,16 @@ from robotcast.rigs.virtual.rig import VirtualRig
 from robotcast.sessions import read_session
 from robotcast.vision.tracker import track_session
 from tests.rigs.peer.controller import Settings
-from tests.rigs.peer.film import FilmSettings
-from tests.rigs.peer.lab import CAST_ENVELOPE, GRIPPER, HOME_RAD, scene, small_cast, ur5_rig
+from tests.rigs.peer.lab import CAST_ENVELOPE, GRIPPER, HOME_RAD, scene, ur5_rig
 from tests.rigs.peer.process import ROBOT_FAULTS, Peer, running_peer
+from tests.rigs.small_rig import SHORT_CAST
 
 pytestmark = pytest.mark.slow
 
 PATIENT = Settings(HOME_RAD, patience_s=3.0)  # after 5 s of silence ur_rtde hangs up
 HASTY = replace(PATIENT, haste=3.0, misplaced_m=(0.001, -0.001, 0.0))
 UNHURRIED = WatchSettings(stale_s=3.5)  # a busy machine shall not decide a test
-ACTION = small_cast().action
+ACTION = SHORT_CAST.action
 HOME = np.array(HOME_RAD)
 
 
@@ -43,7 +44,7 @@ def filmed() -> VirtualRig:
 
 @pytest.fixture(scope="module")
 def filmed_peer(filmed: VirtualRig) -> Iterator[Peer]:
-    with running_peer(HASTY, FilmSettings(filmed)) as p:
+    with running_peer(HASTY, filmed) as p:
         yield p
 
 
@@ -72,23 +73,20 @@ def session(rig, folder: Path, *actions: Action):
 def moves_after_fault(peer: Peer, *, cycles: int = 2) -> int:
     """Count the motion commands that came later than a few cycles after the last fault."""
     log = peer.log()
-    fault_s = log["faults"][-1][0]
-    return sum(t_s > fault_s + cycles * 0.008 + 1e-6 for t_s, _ in log["commands"])
+    fault_s = log.faults[-1][0]
+    return sum(t_s > fault_s + cycles * 0.008 + 1e-6 for t_s, _ in log.commands)
 
 
 def test_a_cast_becomes_a_measurement_and_the_clocks_are_compared(
     peer: Peer, filmed: VirtualRig, tmp_path: Path
 ):
     said: list[str] = []
-    rig = ur5_rig(peer, filmed, tell=said.append)
-    try:
+    with closing(ur5_rig(peer, filmed, tell=said.append)) as rig:
         collected = session(rig, tmp_path / "session", ACTION)
-    finally:
-        rig.close()
     assert (collected.added, collected.failed) == (1, {})
     notes = yaml.safe_load((tmp_path / "session" / "cast_00000" / "robot.yaml").read_text())
     assert notes["kinematic_difference_m"] == pytest.approx(0.00141, abs=1e-4)
-    told = small_cast().tool
+    told = SHORT_CAST.tool
     in_time = notes["cycles"] - notes["missed_deadlines"]
     assert in_time == pytest.approx((told.t_s[-1] + rig.run.rest_s) / 0.008, abs=2)
     assert "between the controller's tool pose and ours" in said[-1]
@@ -132,25 +130,19 @@ def test_after_a_fault_nothing_moves(bare_peer: Peer, fault: str):
 
 
 def test_a_session_goes_on_after_a_fault(peer: Peer, filmed: VirtualRig, tmp_path: Path):
-    rig = ur5_rig(peer, filmed)
     second = Action(0.25, ACTION.r1_m, -0.25, 0.68, 0.2, 1.3)
-    try:
+    with closing(ur5_rig(peer, filmed)) as rig:
         session(rig, tmp_path, ACTION)
         before = (tmp_path / "cast_00000" / "tool.csv").read_bytes()
         peer.break_in("protective stop", 6.0)
         with pytest.raises(RigStopped, match=r"protective stop.*run the same comm"):
             session(rig, tmp_path, ACTION, second)
-    finally:
-        rig.close()
     assert moves_after_fault(peer) == 0
     assert (tmp_path / "failed_00001.yaml").is_file()
     peer.mend()
     peer.place(joints_pointing_down(np.array([0.62, 0.03, 0.1])))  # the operator lets it down
-    rig = ur5_rig(peer, filmed)
-    try:
+    with closing(ur5_rig(peer, filmed)) as rig:
         collected = session(rig, tmp_path, ACTION, second)
-    finally:
-        rig.close()
     assert (collected.stood, collected.added) == (1, 1)
     assert (tmp_path / "cast_00000" / "tool.csv").read_bytes() == before
 
@@ -159,46 +151,32 @@ def test_a_cable_that_lies_wrong_stops_after_three_resets(
     peer: Peer, filmed: VirtualRig, tmp_path: Path
 ):
     peer.break_now("cable crooked")
-    rig = ur5_rig(peer, filmed)
-    try:
-        with pytest.raises(RigStopped, match="not found on the axis after 3 resets"):
-            session(rig, tmp_path, ACTION)
-    finally:
-        rig.close()
-        peer.mend()
+    wrong = pytest.raises(RigStopped, match="not found on the axis after 3 resets")
+    with closing(ur5_rig(peer, filmed)) as rig, wrong:
+        session(rig, tmp_path, ACTION)
 
 
 def test_a_camera_that_goes_stops_the_arm(peer: Peer, filmed: VirtualRig, tmp_path: Path):
-    rig = ur5_rig(peer, filmed)
-    rig = replace(rig, webcam=replace(rig.webcam, gone_s=1.0))
+    webcam = replace(ur5_rig(peer, filmed).webcam, gone_s=1.0)
     peer.break_in("camera gone", 5.0)
-    try:
-        with pytest.raises(RigStopped, match="gave no frame for"):
-            session(rig, tmp_path, ACTION)
-    finally:
-        rig.close()
-        peer.mend()
+    gone = pytest.raises(RigStopped, match="gave no frame for")
+    with closing(ur5_rig(peer, filmed, webcam=webcam)) as rig, gone:
+        session(rig, tmp_path, ACTION)
 
 
-def test_an_operator_who_does_not_confirm_keeps_the_arm_still(
-    peer: Peer, filmed: VirtualRig, tmp_path: Path
+@pytest.mark.parametrize(
+    ("confirmed", "raised_rad", "said"),
+    [(False, 0.0, "did not confirm"), (True, 0.3, "a reset starts from a tool that points down")],
+)
+def test_an_arm_that_is_not_to_move_stays(
+    peer: Peer, filmed: VirtualRig, tmp_path: Path, confirmed: bool, raised_rad: float, said: str
 ):
-    before = len(peer.log()["commands"])
-    rig = ur5_rig(peer, filmed, confirm=lambda _text: False)
-    with pytest.raises(RigStopped, match="did not confirm"):
+    peer.place(HOME - [0.0, raised_rad, 0.0, 0.0, 0.0, 0.0])
+    before = len(peer.log().commands)
+    rig = ur5_rig(peer, filmed, confirm=lambda _text: confirmed)
+    with closing(rig), pytest.raises(RigStopped, match=said):
         session(rig, tmp_path, ACTION)
-    rig.close()
-    assert len(peer.log()["commands"]) == before
-
-
-def test_an_arm_that_stands_in_the_air_is_not_moved(peer: Peer, filmed: VirtualRig, tmp_path: Path):
-    peer.place(HOME - [0.0, 0.3, 0.0, 0.0, 0.0, 0.0])
-    before = len(peer.log()["commands"])
-    rig = ur5_rig(peer, filmed)
-    with pytest.raises(RigStopped, match="a reset starts from a tool that points down"):
-        session(rig, tmp_path, ACTION)
-    rig.close()
-    assert len(peer.log()["commands"]) == before
+    assert len(peer.log().commands) == before
 
 
 def test_targets_that_are_no_numbers_never_leave(bare_peer: Peer):
@@ -207,7 +185,7 @@ def test_targets_that_are_no_numbers_never_leave(bare_peer: Peer):
     with pytest.raises(RigStopped):
         arm.follow(bad, RobotLog())
     arm.close()
-    assert not bare_peer.log()["commands"]
+    assert not bare_peer.log().commands
 
 
 def test_missed_deadlines_are_counted_and_the_next_target_is_never_skipped(bare_peer: Peer):
@@ -224,7 +202,7 @@ def test_missed_deadlines_are_counted_and_the_next_target_is_never_skipped(bare_
     assert log.missed >= 40
     moving = (motion.joints_rad != motion.joints_rad[0]).any(axis=1)
     assert log.cycles == moving.sum() + log.missed
-    assert bare_peer.log()["targets"] == pytest.approx(motion.joints_rad)
+    assert bare_peer.log().targets == pytest.approx(motion.joints_rad)
 
 
 def test_the_peer_keeps_to_the_envelope(bare_peer: Peer):
@@ -232,7 +210,7 @@ def test_the_peer_keeps_to_the_envelope(bare_peer: Peer):
     motion = sway(HOME, arm.period_s)
     arm.follow(motion, RobotLog())
     arm.close()
-    joints = bare_peer.log()["joints"]
+    joints = bare_peer.log().joints
     speed = np.diff(joints, axis=0) / 0.008
     assert np.abs(speed).max() < CAST_ENVELOPE.joint_speed_rad_s[0]
     assert np.abs(np.diff(speed, axis=0)).max() / 0.008 < CAST_ENVELOPE.joint_acceleration_rad_s2[0]

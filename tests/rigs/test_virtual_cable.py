@@ -62,7 +62,7 @@ def test_the_cable_does_not_stretch_and_stays_on_the_board(cable, truth):
 
 def test_a_rougher_board_stops_the_end_earlier(cable, truth):
     def coasted(factor):
-        run = start(cable, truth.with_friction(factor))
+        run = start(cable, replace(truth, friction=factor * truth.friction))
         return run.drive(swept(truth, 0.35), moving_s=10.0).end_m[-1, 1]
 
     assert coasted(1.5) < coasted(1.0) - 0.01 < coasted(0.6) - 0.02

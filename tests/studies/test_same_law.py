@@ -219,7 +219,7 @@ def test_the_cable_yields_at_the_librarys_curvature():
 
 def test_the_end_bears_another_load_than_its_weight():
     """The cable is stiff and light, the end heavy: what bends between them carries some of it."""
-    run = laid(CABLE, TRUTH, [])
+    run = laid(CABLE, TRUTH)
     run.settle()
     mujoco.mj_forward(run.model, run.data)
     end, load_n = run.model.body("endpoint").id, 0.0

@@ -10,7 +10,7 @@ import pytest
 from robotcast.casts.action import Action, ToolMotion
 from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.measurements.measurement_set import Cable
-from robotcast.rigs.kinematics import Gripper, joint_path
+from robotcast.rigs.kinematics import joint_path, link_points
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, render_cast
 from robotcast.sessions import (
     TOOL_FILE,
@@ -22,11 +22,11 @@ from robotcast.sessions import (
     write_tool,
 )
 from robotcast.vision.camera import Camera
-from robotcast.vision.facts import BLOCK, FiducialBoard, TrackerFacts
+from robotcast.vision.facts import BLOCK, TrackerFacts
+from tests.rigs.small_rig import small_rig
 
 RADIUS_M = 0.015
-FPS, EXPOSURE_S = 60.0, 0.004
-BOARD_BGR, BALL_BGR = (150.0, 85.0, 35.0), (150.0, 30.0, 240.0)
+FPS = 60.0
 ACTION = Action(0.5, 0.6, -0.5, 0.7, 0.0, 2.0)
 CABLE = Cable("rope", 0.6, 0.01, 0.0045, 0.02)
 
@@ -61,9 +61,8 @@ class Lab:
         share = np.linspace(0, 1, 20)[None, :, None]
         cable = (1 - share) * held + share * ends[:, None, :]
         pose = np.tile([*tool, np.arctan2(tool[1], tool[0])], (len(t_s), 1))
-        gripper = Gripper(length_m=0.17, fingers_m=0.06, held_height_m=0.02)
-        joints = joint_path(ToolMotion(t_s, pose), gripper)
-        return SceneMotion(t_s, cable, joints, gripper, CABLE.radius_m, RADIUS_M)
+        arm = link_points(joint_path(ToolMotion(t_s, pose)))
+        return SceneMotion(t_s, cable, arm, CABLE.radius_m, RADIUS_M)
 
     def film(
         self, folder: Path, scene: SceneMotion, seed: int = 0, tool: ToolMotion = STILL
@@ -89,37 +88,11 @@ class Lab:
         write_record(CastRequest(number, number, ACTION), folder)
         return self.film(folder, scene, number, tool)
 
-    def without_markers(self) -> "Lab":
-        bare = FiducialBoard(self.picture.fiducials.side_m, ())
-        return replace(self, picture=replace(self.picture, fiducials=bare))
-
 
 def make_lab(width: int) -> Lab:
     """A lab whose true camera is tilted, off-centre, distorted and not quite of nominal focus."""
-    camera = Camera.overhead(
-        width,
-        width * 9 // 16,
-        focal_widths=0.711,
-        position_m=(0.81, 0.03, 2.2),
-        tilt_rad=(0.025, -0.018, 0.012),
-        centre_offset_widths=(0.002, -0.0015),
-        distortion=(-0.06, 0.02, 0.0005, -0.0004, 0.0),
-    )
-    markers = FiducialBoard.along_edges(1.55, 2.45, side_m=0.08, margin_m=0.07, spacing_m=0.35)
-    picture = PictureSettings(
-        markers,
-        1.55,
-        2.45,
-        fps=FPS,
-        exposure_s=EXPOSURE_S,
-        noise_grey=2.5,
-        vignetting=0.12,
-        board_bgr=BOARD_BGR,
-        endpoint_bgr=BALL_BGR,
-        cable_bgr=(205.0, 210.0, 215.0),
-    )
-    facts = TrackerFacts(0.1, EXPOSURE_S, 0.708, RADIUS_M, RADIUS_M, BALL_BGR, BOARD_BGR, markers)
-    return Lab(camera, picture, facts)
+    rig = small_rig(width, width * 9 // 16)
+    return Lab(rig.camera, rig.picture, replace(rig.tracker, endpoint_height_m=RADIUS_M))
 
 
 @pytest.fixture(scope="session")

@@ -35,9 +35,3 @@ def test_the_height_of_the_ball_shifts_what_is_seen(lab):
     shift = np.linalg.norm(ignored - points[:, :2], axis=1)
     far = away > 0.8
     np.testing.assert_allclose(shift[far], away[far] * 0.015 / 2.185, rtol=0.25)
-
-
-def test_a_board_without_markers_is_refused_by_name(lab):
-    bare = lab.without_markers()
-    with pytest.raises(ValueError, match=r"cast_7/video.mp4: no fiducials found"):
-        calibrate(first_frame(bare), bare.facts, "cast_7/video.mp4")

@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from robotcast.vision.detector import EndpointFilter
-from tests.vision.conftest import BALL_BGR, BOARD_BGR
+from tests.rigs.small_rig import RIG
+
+BALL_BGR, BOARD_BGR = RIG.tracker.endpoint_bgr, RIG.tracker.board_bgr
 
 
 def pixels(*colours) -> np.ndarray:

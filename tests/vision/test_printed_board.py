@@ -4,16 +4,15 @@ import cv2
 import numpy as np
 import pytest
 
-from robotcast.vision.calibration import COLUMNS, ROWS, PrintedBoard, calibrate_lens
+from robotcast.vision.calibration import COLUMNS, ROWS, SQUARE_M, calibrate_lens, printed_board
 
 WIDTH, HEIGHT, FOCAL = 960, 540, 0.71
-BOARD = PrintedBoard()
 
 
 def view(tilt: tuple[float, float, float], place_m: tuple[float, float, float]) -> np.ndarray:
     """A picture of the board, turned by `tilt` about its centre, through an ideal lens."""
-    printed = BOARD.picture()
-    size = np.array([COLUMNS, ROWS]) * BOARD.square_m
+    printed = printed_board()
+    size = np.array([COLUMNS, ROWS]) * SQUARE_M
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
     points = np.column_stack([(corners - 0.5) * size, np.zeros(4)])
     matrix = np.array(
@@ -32,8 +31,9 @@ VIEWS = [view(tilt, (0.03 * i - 0.08, 0.0, 0.5)) for i, tilt in enumerate(TILTS)
 
 
 def test_the_focal_length_is_found():
-    lens = calibrate_lens(VIEWS, BOARD)
+    lens = calibrate_lens(VIEWS)
     assert lens.focal_widths == pytest.approx(FOCAL, rel=0.01)
+    assert 0.0005 < lens.spread_widths < 0.01
     assert lens.views == len(TILTS)
     assert lens.reprojection_px < 0.5
 
@@ -41,4 +41,4 @@ def test_the_focal_length_is_found():
 def test_too_few_views_are_refused():
     empty = np.full_like(VIEWS[0], 90)
     with pytest.raises(ValueError, match="seen in 2 of 4 pictures"):
-        calibrate_lens([*VIEWS[:2], empty, empty], BOARD)
+        calibrate_lens([*VIEWS[:2], empty, empty])

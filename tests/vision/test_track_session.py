@@ -37,7 +37,10 @@ def folder(filmed: Path, tmp_path: Path) -> Path:
     return tmp_path / "session"
 
 
-def refilm(video: Path, change: Callable[[int, np.ndarray], np.ndarray | None]) -> None:
+Change = Callable[[int, np.ndarray], np.ndarray | None]
+
+
+def refilm(video: Path, change: Change) -> None:
     """Replace every frame of a video by what `change` makes of it, or leave it out."""
     reader, frames = cv2.VideoCapture(str(video)), []
     while (read := reader.read())[0]:
@@ -48,6 +51,14 @@ def refilm(video: Path, change: Callable[[int, np.ndarray], np.ndarray | None]) 
         if (changed := change(number, frame)) is not None:
             writer.write(changed)
     writer.release()
+
+
+def frames(change: Change) -> Callable[[Path], None]:
+    return lambda cast: refilm(cast / VIDEO_FILE, change)
+
+
+def holds(name: str, text: str) -> Callable[[Path], object]:
+    return lambda cast: (cast / name).write_text(text)
 
 
 def tracked(folder: Path) -> TrackedSession:
@@ -82,37 +93,9 @@ def test_whatever_is_wrong_inside_a_cast_loses_that_cast(folder: Path) -> None:
     assert reported[0] == (0, 2, "") and reported[-1] == (2, 2, "1 lost")
 
 
-def cut_request(cast: Path) -> None:
-    (cast / "request.yaml").write_text("number: 8\n")
-
-
-def empty_request(cast: Path) -> None:
-    (cast / "request.yaml").write_text("")
-
-
 def name_a_copy(cast: Path) -> None:
     shutil.rmtree(cast)
     shutil.copytree(cast.with_name("cast_00007"), cast.with_name("cast_00007 (copy)"))
-
-
-def cut_tool(cast: Path) -> None:
-    (cast / "tool.csv").write_text("t,x,y,yaw\n0,0.6,0,0\n0.008,0.6,")
-
-
-def no_tool(cast: Path) -> None:
-    (cast / "tool.csv").unlink()
-
-
-def one_frame(cast: Path) -> None:
-    refilm(cast / VIDEO_FILE, lambda number, frame: frame if number == 0 else None)
-
-
-def no_film(cast: Path) -> None:
-    (cast / VIDEO_FILE).write_bytes(b"")
-
-
-def black_film(cast: Path) -> None:
-    refilm(cast / VIDEO_FILE, lambda number, frame: 0 * frame)
 
 
 def another_rate(cast: Path) -> None:
@@ -134,20 +117,24 @@ def clock_again(cast: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
-        (cut_request, "request.yaml: is cut"),
-        (empty_request, "request.yaml: is cut or empty"),
+        (holds("request.yaml", "number: 8\n"), "request.yaml: is cut"),
+        (holds("request.yaml", ""), "request.yaml: is cut or empty"),
         (name_a_copy, r"\(copy\): holds cast_00007; a copy is no cast"),
-        (cut_tool, "tool.csv line 3: y must be a finite number, got an empty cell"),
-        (no_tool, "tool.csv: cannot be read"),
-        (one_frame, "only 1 frames can be read"),
-        (no_film, "only 0 frames can be read"),
-        (black_film, "no fiducials found"),
+        (
+            holds("tool.csv", "t,x,y,yaw\n0,0.6,0,0\n0.008,0.6,"),
+            "tool.csv line 3: y must be a finite number, got an empty cell",
+        ),
+        (lambda cast: (cast / "tool.csv").unlink(), "tool.csv: cannot be read"),
+        (lambda cast: (cast / VIDEO_FILE).unlink(), "video.mp4: no such video"),
+        (frames(lambda n, frame: frame if n == 0 else None), "only 1 frames can be read"),
+        (holds(VIDEO_FILE, ""), "only 0 frames can be read"),
+        (frames(lambda n, frame: 0 * frame), "cast_00008/video.mp4: no fiducials found"),
         (another_rate, "has 60 frames a second, and cast.yaml says 30"),
         (clock_again, r"frames.csv line \d+: t is 0 .* the clock began again"),
     ],
 )
 def test_a_bad_cast_does_not_take_the_session_along(
-    folder: Path, spoil: Callable[[Path], None], said: str
+    folder: Path, spoil: Callable[[Path], object], said: str
 ) -> None:
     spoil(folder / "cast_00008")
     found = tracked(folder)
@@ -165,24 +152,22 @@ def damage(cast: Path) -> None:
     (cast / VIDEO_FILE).write_bytes(data)
 
 
-def stop_early(cast: Path) -> None:
-    refilm(cast / VIDEO_FILE, lambda number, frame: frame if number < 40 else None)
-
-
-def bump(cast: Path) -> None:
-    refilm(cast / VIDEO_FILE, lambda n, frame: np.roll(frame, 8, axis=1) if n > 42 else frame)
-
-
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
         (damage, "its last frame is of t = .* and the cable came to rest at"),
-        (stop_early, "its last frame is of t = 0.60 s, and the cable came to rest at"),
-        (bump, r"the camera was moved at t = 0.6\d s"),
+        (
+            frames(lambda n, frame: frame if n < 40 else None),
+            "its last frame is of t = 0.60 s, and the cable came to rest at",
+        ),
+        (
+            frames(lambda n, f: np.roll(f, 8, axis=1) if n > 42 else f),
+            r"the camera was moved at t = 0.6\d s",
+        ),
     ],
 )
 def test_half_a_film_has_waypoints_and_no_endpoint(
-    folder: Path, spoil: Callable[[Path], None], said: str
+    folder: Path, spoil: Callable[[Path], object], said: str
 ) -> None:
     spoil(folder / "cast_00008")
     found = tracked(folder)
@@ -232,7 +217,7 @@ def test_markers_in_each_others_place_are_named(filmed: Path, tmp_path: Path) ->
 
 @pytest.mark.slow
 def test_two_processes_track_the_same(folder: Path) -> None:
-    no_film(folder / "cast_00008")
+    (folder / "cast_00008" / VIDEO_FILE).unlink()
     alone, together = tracked(folder), track_session(read_session(folder), workers=2)
     np.testing.assert_array_equal(alone.tracked[7].xy_m, together.tracked[7].xy_m)
     assert alone.lost == together.lost

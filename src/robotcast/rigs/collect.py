@@ -74,12 +74,8 @@ def collect_casts(
 ) -> Collected:
     """Execute the casts of `actions` that the session in `folder` does not hold yet.
 
-    Parameters
-    ----------
-    actions : (action_id, action); an action that is listed again is repeated.
-    plan : makes the motion of an action; a function of a module, so that workers find it.
-    describe : what `progress` shall say of a cast that was just finished.
-
+    An action (action_id, action) that is listed again is repeated. `plan` makes its motion, a
+    function of a module, so that workers find it; `describe` tells `progress` of a finished cast.
     Raises `RigStopped` when the rig stopped: what is finished stays, a further call goes on.
     """
     planner = partial(plan, r0_m=rig.r0_m, limits=limits)

@@ -6,9 +6,9 @@ them, or a motion that does not start and end at rest, breaks a limit. An action
 neither its motion nor the mirror image breaks a rule.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,14 +18,12 @@ from robotcast.rigs.kinematics import (
     JOINTS,
     LINK_CAPSULES,
     Gripper,
-    capsule_axis,
+    capsule_axes,
     joints_pointing_down,
     link_points,
     segment_distance,
 )
 from robotcast.running import Progress, silent
-
-RuleGroup = Literal["joints", "tool", "clearances"]
 
 HAND_LINKS = ("wrist 1", "wrist 2", "wrist 3", "gripper", "fingers")
 BASE_LINKS = ("forearm", *HAND_LINKS)
@@ -120,6 +118,9 @@ class _Measured(NamedTuple):
         return np.maximum(self.value - self.high, self.low - self.value)
 
 
+Measure = Callable[[np.ndarray, np.ndarray, Envelope], Iterator[_Measured]]
+
+
 def broken_rules(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> list[BrokenRule]:
     """Return every rule that a motion breaks, each at its worst; empty when it may be executed.
 
@@ -136,7 +137,7 @@ def broken_rules(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> lis
     if not (np.diff(t_s) > 0).all():
         raise ValueError("envelope: times must increase")
     broken = []
-    for measure in _MEASURES.values():
+    for measure in (_measure_joints, _measure_tool, _measure_clearances):
         for measured in measure(t_s, joints[None], envelope):
             excess = measured.excess()[0]
             worst = int(np.argmax(excess))
@@ -147,25 +148,8 @@ def broken_rules(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> lis
     return broken
 
 
-def rules_broken_by_many(
-    group: RuleGroup, t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
-) -> dict[str, np.ndarray]:
-    """Return which of many motions break each rule of a group, (n,) of bool.
-
-    "joints" concerns single joints, "tool" the held end's place and speed, whatever the angle of
-    wrist 3, and "clearances" board, base and arm itself, whatever the angles of base and wrist 3.
-    `joints` (n, m, 6) [rad], at times `t_s` (m,) that all share, are NaN where the arm does not
-    reach, which breaks "reach", one of the joints' rules, and no other.
-    """
-    lost = np.asarray(~np.isfinite(joints).all(axis=(1, 2)))
-    broken = {"reach": lost} if group == "joints" else {}
-    for measured in _MEASURES[group](t_s, joints, envelope):
-        outside = ~(measured.excess() <= 0).all(axis=1) & ~lost
-        broken[measured.rule] = broken.get(measured.rule, False) | outside
-    return broken
-
-
 def _measure_joints(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> Iterator[_Measured]:
+    """Measure single joints."""
     padded_s = np.concatenate([[2 * t_s[0] - t_s[1]], t_s, [2 * t_s[-1] - t_s[-2]]])
     middle_s = (padded_s[1:] + padded_s[:-1]) / 2
     for index, part in enumerate(JOINTS):
@@ -182,6 +166,7 @@ def _measure_joints(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> 
 
 
 def _measure_tool(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> Iterator[_Measured]:
+    """Measure the held end's place and speed, whatever the angle of wrist 3."""
     tool, box = link_points(joints, envelope.gripper)[..., -1, :], envelope.box
     for index, limits in enumerate((box.x_m, box.y_m, box.z_m)):
         yield _Measured("tool box", "xyz"[index], t_s, tool[..., index], *limits)
@@ -195,8 +180,8 @@ def _measure_tool(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> It
 def _measure_clearances(
     t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
 ) -> Iterator[_Measured]:
-    points = link_points(joints, envelope.gripper)
-    axes = {link: capsule_axis(points, link) for link in LINK_CAPSULES}
+    """Measure board, base and arm itself, whatever the angles of base and wrist 3."""
+    axes = capsule_axes(link_points(joints, envelope.gripper))
     radii = {link: capsule.radius_m for link, capsule in LINK_CAPSULES.items()}
     for link in BOARD_LINKS:
         start, end = axes[link]
@@ -207,9 +192,6 @@ def _measure_clearances(
         gap = segment_distance(*axes[one], *axes[other]) - radii[one] - radii[other]
         part = one if other == "column" else f"{one} and {other}"
         yield _Measured(rule, part, t_s, gap, envelope.clearance_m)
-
-
-_MEASURES = {"joints": _measure_joints, "tool": _measure_tool, "clearances": _measure_clearances}
 
 
 def feasible_actions(
@@ -237,21 +219,21 @@ def are_feasible(
 def _are_feasible(curves: CastCurves, envelope: Envelope, progress: Progress) -> np.ndarray:
     first, member = distinct_arcs(curves.actions)  # α turns the wrist alone
     arcs, both = curves.rows(first), (AS_IT_IS, MIRRORED)
-    broken = _broken_in("tool", arcs, PLACE_SAMPLE_S, envelope, both)
-    broken |= _broken_in("clearances", arcs, PLACE_SAMPLE_S, envelope, (AS_IT_IS,))
-    joints = _broken_in("joints", curves, JOINT_SAMPLE_S, envelope, both, progress)
+    broken = _broken_in(_measure_tool, arcs, PLACE_SAMPLE_S, envelope, both)
+    broken |= _broken_in(_measure_clearances, arcs, PLACE_SAMPLE_S, envelope, (AS_IT_IS,))
+    joints = _broken_in(_measure_joints, curves, JOINT_SAMPLE_S, envelope, both, progress)
     return ~(broken[member] | joints)
 
 
 def _broken_in(
-    group: RuleGroup,
+    measure: Measure,
     curves: CastCurves,
     sample_s: float,
     envelope: Envelope,
     images: tuple[np.ndarray, ...],
     progress: Progress = silent,
 ) -> np.ndarray:
-    """Tell which casts break a rule of a group in any of their images, (n,) of bool."""
+    """Tell which casts break a rule, or go beyond the arm's reach, in any image, (n,) of bool."""
     n = len(curves.actions)
     broken, order = np.zeros(n, dtype=bool), np.argsort(curves.end_s, kind="stable")
     for start in range(0, n, ROWS_AT_ONCE):
@@ -261,7 +243,7 @@ def _broken_in(
         pose = some.poses_at(t_s)
         for image in images:
             joints = joints_pointing_down(pose * image, envelope.gripper)
-            for outside in rules_broken_by_many(group, t_s, joints, envelope).values():
-                broken[rows] |= outside
+            for measured in measure(t_s, joints, envelope):
+                broken[rows] |= ~(measured.excess() <= 0).all(axis=1)  # NaN out of reach
         progress(start + len(rows), n, "filtering")
     return broken

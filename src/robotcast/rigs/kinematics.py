@@ -49,7 +49,6 @@ LINK_CAPSULES = {  # a capsule around each straight piece between consecutive `l
 made from the maker's models), but for the cable's connector at the foot. Joint housings reach
 beyond the axes on which the pieces meet. The hand is what the gripper's sheet says, rounded up.
 """
-LINKS = tuple(LINK_CAPSULES)
 
 
 @dataclass(frozen=True)
@@ -142,7 +141,7 @@ def tilted_joint_path(
 
 
 def link_points(joints: np.ndarray, gripper: Gripper = GRIPPER) -> np.ndarray:
-    """Return the points (..., 11, 3) [m] that bound the `LINKS`, from the base to the held end.
+    """Return the points (..., 11, 3) [m] that bound the links, from the base to the held end.
 
     `joints` has the shape (..., 6) [rad].
     """
@@ -172,13 +171,14 @@ def link_points(joints: np.ndarray, gripper: Gripper = GRIPPER) -> np.ndarray:
     return np.cumsum(np.stack(steps, axis=-2), axis=-2)
 
 
-def capsule_axis(points_m: np.ndarray, link: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return both ends (..., 3) [m] of the axis of a link's capsule, from `link_points`."""
-    index, capsule = LINKS.index(link), LINK_CAPSULES[link]
-    start, end = points_m[..., index, :], points_m[..., index + 1, :]
-    along = end - start
-    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
-    return start - capsule.before_m * along, end + capsule.beyond_m * along
+def capsule_axes(points_m: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return both ends (..., 3) [m] of the axis of each link's capsule, from `link_points`."""
+    axes = {}
+    for index, (link, capsule) in enumerate(LINK_CAPSULES.items()):
+        start, end = points_m[..., index, :], points_m[..., index + 1, :]
+        along = (end - start) / np.linalg.norm(end - start, axis=-1, keepdims=True)
+        axes[link] = start - capsule.before_m * along, end + capsule.beyond_m * along
+    return axes
 
 
 def segment_distance(

@@ -27,24 +27,11 @@ _FLAGS = (
 
 @dataclass(frozen=True)
 class Calibration:
-    """A camera as its pictures show it.
-
-    Attributes
-    ----------
-    reprojection_px : root mean square distance between seen and reprojected marker corners.
-    markers : how many markers were seen.
-    """
+    """A camera as its pictures show it."""
 
     camera: Camera
-    reprojection_px: float
-    markers: int
-
-    @property
-    def uncertainty_m(self) -> float:
-        """What the corners' noise leaves unknown of one coordinate on the board, on average."""
-        known = 2 * 4 * self.markers
-        per_coordinate_px = self.reprojection_px / np.sqrt(2) * np.sqrt(_FITTED / known)
-        return float(per_coordinate_px * self.camera.position_m[2] / self.camera.focal_px)
+    reprojection_px: float  # root mean square distance of seen and reprojected marker corners
+    uncertainty_m: float  # what their noise leaves unknown of one coordinate, on average
 
 
 def calibrate(
@@ -54,13 +41,10 @@ def calibrate(
 
     One view of a plane cannot tell focal length from height, so the focal length stays at its
     nominal value and the principal point in the middle; pose and distortion take up the rest.
+    `picture` is a frame, or the mean of several: noise averages out of the corners.
 
-    Parameters
-    ----------
-    picture : a frame, or the mean of several frames; noise averages out of the corners.
-    name : what to call the picture's source in an error.
-
-    Raises ValueError for too few markers, and for markers that do not lie where `facts` says.
+    Raises ValueError, which calls the picture `name`, for too few markers, and for markers that do
+    not lie where `facts` says.
     """
     height, width = picture.shape[:2]
     found = find_markers(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), facts.fiducials)
@@ -68,13 +52,12 @@ def calibrate(
         seen = f"only {len(found)}" if found else "no"
         raise ValueError(f"{name}: {seen} fiducials found, at least {FEWEST_MARKERS} are needed")
     corners_px = np.concatenate(list(found.values())).astype(np.float32)
-    corners_m = np.concatenate([facts.fiducials.corners_m(i) for i in found])
-    points_m = np.column_stack([corners_m, np.zeros(len(corners_m))]).astype(np.float32)
+    corners_m = np.concatenate([facts.fiducials.corners_m(i) for i in found]).astype(np.float32)
     nominal = Camera.overhead(
         width, height, focal_widths=facts.focal_widths, position_m=(0.0, 0.0, 1.0)
     )
     error_px, _, distortion, rotations, translations = cv2.calibrateCamera(
-        [points_m], [corners_px], (width, height), nominal.matrix, np.zeros(5), flags=_FLAGS
+        [corners_m], [corners_px], (width, height), nominal.matrix, np.zeros(5), flags=_FLAGS
     )
     if error_px > limits.reprojection_px:
         raise ValueError(
@@ -83,11 +66,13 @@ def calibrate(
         )
     camera = replace(
         nominal,
-        distortion=tuple(float(d) for d in distortion.ravel()),
-        rotation=tuple(float(r) for r in rotations[0].ravel()),
-        translation_m=tuple(float(t) for t in translations[0].ravel()),
+        distortion=tuple(distortion.ravel().tolist()),
+        rotation=tuple(rotations[0].ravel().tolist()),
+        translation_m=tuple(translations[0].ravel().tolist()),
     )
-    return Calibration(camera, float(error_px), len(found))
+    per_coordinate_px = error_px / np.sqrt(2) * np.sqrt(_FITTED / (2 * len(corners_px)))
+    uncertainty_m = per_coordinate_px * camera.position_m[2] / camera.focal_px
+    return Calibration(camera, float(error_px), float(uncertainty_m))
 
 
 def _misplaced(found: Mapping[int, np.ndarray], board: FiducialBoard) -> str:
@@ -100,79 +85,61 @@ def _misplaced(found: Mapping[int, np.ndarray], board: FiducialBoard) -> str:
         return "measure their places again"
     lies_m = cv2.perspectiveTransform(seen_px[None], to_board)[0]
     apart_m = np.linalg.norm(lies_m[:, None] - places_m[None], axis=-1)
-    nearest = apart_m.argmin(axis=1)
-    off = [i for i in range(len(numbers)) if apart_m[i, i] > board.side_m / 4]
-    swapped = {
-        (min(i, j), max(i, j)) for i in off for j in [int(nearest[i])] if j != i and nearest[j] == i
-    }
-    said = [f"{numbers[i]} and {numbers[j]} lie in each other's place" for i, j in sorted(swapped)]
-    alone = [i for i in off if not any(i in pair for pair in swapped)]
+    nearest, own = apart_m.argmin(axis=1), np.arange(len(numbers))
+    off = np.diag(apart_m) > board.side_m / 4
+    swapped = off & (nearest != own) & (nearest[nearest] == own)
+    pairs = {(min(i, nearest[i]), max(i, nearest[i])) for i in own[swapped]}
+    said = [f"{numbers[i]} and {numbers[j]} lie in each other's place" for i, j in sorted(pairs)]
+    alone = own[off & ~swapped]
     said += [f"{numbers[i]} lies {apart_m[i, i]:.2f} m from its place" for i in alone]
     return f"of the markers, {', '.join(said)}" if said else "measure their places again"
 
 
-COLUMNS, ROWS = 7, 5
+COLUMNS, ROWS, SQUARE_M = 7, 5, 0.035  # of the printed board
 DOTS_PER_M = 300 / 0.0254
 FEWEST_CORNERS = 12
 FEWEST_VIEWS = 6
 
 
-@dataclass(frozen=True)
-class PrintedBoard:
-    """A ChArUco board of 7 × 5 squares; A4 holds squares of 35 mm.
+def _charuco() -> cv2.aruco.CharucoBoard:
+    # another family than the casting board's markers, so that neither is taken for the other
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_50)
+    return cv2.aruco.CharucoBoard((COLUMNS, ROWS), SQUARE_M, 0.75 * SQUARE_M, family)
 
-    Attributes
-    ----------
-    square_m : side of a square, as measured on the print.
+
+def printed_board() -> np.ndarray:
+    """Return a ChArUco board that A4 holds, as grey pixels to print at 300 dots an inch."""
+    side = round(SQUARE_M * DOTS_PER_M)
+    return _charuco().generateImage((COLUMNS * side, ROWS * side), marginSize=0)
+
+
+def board_corners(picture: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the printed board's corners seen in a picture (height, width, 3), or None.
+
+    They are given on the board, (n, 3) [m], and in the picture, (n, 2).
     """
-
-    square_m: float = 0.035
-
-    def __post_init__(self) -> None:
-        if not 0.005 <= self.square_m <= 0.2:
-            raise ValueError(f"board: square_m must be in [0.005, 0.2] m, got {self.square_m}")
-
-    def picture(self) -> np.ndarray:
-        """Return the board as grey pixels to print at 300 dots an inch."""
-        side = round(self.square_m * DOTS_PER_M)
-        return self._charuco().generateImage((COLUMNS * side, ROWS * side), marginSize=0)
-
-    def corners(self, picture: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return the corners seen, on the board (n, 3) [m] and in the picture (n, 2), or None."""
-        grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture
-        board = self._charuco()
-        pixels, numbers, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
-        if numbers is None or len(numbers) < FEWEST_CORNERS:
-            return None
-        places = np.asarray(board.getChessboardCorners())[np.ravel(numbers).astype(int)]
-        return places.reshape(-1, 3).astype(np.float32), pixels.reshape(-1, 2).astype(np.float32)
-
-    def _charuco(self) -> cv2.aruco.CharucoBoard:
-        # another family than the casting board's markers, so that neither is taken for the other
-        family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_50)
-        return cv2.aruco.CharucoBoard((COLUMNS, ROWS), self.square_m, 0.75 * self.square_m, family)
+    board = _charuco()
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    pixels, numbers, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
+    if numbers is None or len(numbers) < FEWEST_CORNERS:
+        return None
+    places = np.asarray(board.getChessboardCorners())[np.ravel(numbers).astype(int)]
+    return places.reshape(-1, 3).astype(np.float32), pixels.reshape(-1, 2).astype(np.float32)
 
 
 @dataclass(frozen=True)
 class Lens:
-    """What pictures of the printed board tell of a lens.
+    """What pictures of the printed board tell of a lens."""
 
-    Attributes
-    ----------
-    focal_widths : focal length in image widths, as conf/camera wants it.
-    spread_widths : its standard deviation.
-    reprojection_px : root mean square distance of seen and explained corners.
-    """
-
-    focal_widths: float
-    spread_widths: float
-    reprojection_px: float
+    focal_widths: float  # focal length in image widths, as conf/camera wants it
+    spread_widths: float  # its standard deviation
+    reprojection_px: float  # root mean square distance of seen and explained corners
     views: int
 
 
-def calibrate_lens(pictures: Sequence[np.ndarray], board: PrintedBoard) -> Lens:
-    """Return the focal length from pictures (height, width, 3) of the board at several tilts."""
-    seen = [found for picture in pictures if (found := board.corners(picture)) is not None]
+def calibrate_lens(pictures: Sequence[np.ndarray]) -> Lens:
+    """Return the focal length from pictures of the printed board, (height, width, 3), tilted."""
+    seen = [found for picture in pictures if (found := board_corners(picture)) is not None]
     if len(seen) < FEWEST_VIEWS:
         raise ValueError(
             f"calibration: the printed board is seen in {len(seen)} of {len(pictures)} pictures, "
@@ -188,5 +155,5 @@ def calibrate_lens(pictures: Sequence[np.ndarray], board: PrintedBoard) -> Lens:
         np.zeros(5),
         flags=cv2.CALIB_USE_INTRINSIC_GUESS | cv2.CALIB_FIX_ASPECT_RATIO | cv2.CALIB_FIX_K3,
     )
-    focal, deviation = matrix[0, 0] / width, float(np.ravel(spread)[0]) / width
-    return Lens(float(focal), deviation, float(error_px), len(seen))
+    deviation_px = float(np.ravel(spread)[1])  # OpenCV gives it for f_y alone, which f_x follows
+    return Lens(float(matrix[0, 0] / width), deviation_px / width, float(error_px), len(seen))

@@ -10,25 +10,15 @@ _UNDISTORT_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-9)
 
 @dataclass(frozen=True)
 class Camera:
-    """Where a camera is, how it is turned, and how its lens bends straight lines.
+    """Where a camera is, how it is turned, and how its lens bends straight lines."""
 
-    Attributes
-    ----------
-    width, height : size of the image [px].
-    focal_px : focal length; pixels are square.
-    centre_px : principal point (u, v).
-    distortion : (k1, k2, p1, p2, k3), the Brown–Conrady terms in OpenCV's order.
-    rotation : Rodrigues vector (3,) that turns the robot frame into the camera's.
-    translation_m : (3,), so that p_camera = R p + translation.
-    """
-
-    width: int
+    width: int  # of the image [px], as is the height
     height: int
-    focal_px: float
-    centre_px: tuple[float, float]
-    distortion: tuple[float, ...]
-    rotation: tuple[float, ...]
-    translation_m: tuple[float, ...]
+    focal_px: float  # focal length; pixels are square
+    centre_px: tuple[float, float]  # principal point (u, v)
+    distortion: tuple[float, ...]  # (k1, k2, p1, p2, k3), Brown–Conrady terms in OpenCV's order
+    rotation: tuple[float, ...]  # Rodrigues vector (3,) that turns the robot frame to the camera's
+    translation_m: tuple[float, ...]  # (3,), so that p_camera = R p + translation
 
     @classmethod
     def overhead(
@@ -44,12 +34,9 @@ class Camera:
     ) -> "Camera":
         """Hang a camera over the board, looking down, x up and y left in the image.
 
-        Parameters
-        ----------
-        focal_widths, centre_offset_widths : focal length and the principal point's offset from
-            the middle, in image widths, so that one description serves every resolution.
-        position_m : the camera's position in the robot frame.
-        tilt_rad : small turns about the image's right, down and viewing axes.
+        Focal length and the principal point's offset from the middle are in image widths, so that
+        one description serves every resolution; the position is in the robot frame, the tilts are
+        small turns about the image's right, down and viewing axes.
         """
         if width <= 0 or height <= 0 or focal_widths <= 0:
             raise ValueError(
@@ -58,19 +45,15 @@ class Camera:
             )
         looking_down = np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
         turn = cv2.Rodrigues(np.asarray(tilt_rad, dtype=float))[0] @ looking_down
-        rotation = cv2.Rodrigues(turn)[0].ravel()
-        translation = -turn @ np.asarray(position_m, dtype=float)
+        right, down = centre_offset_widths
         return cls(
             width,
             height,
             focal_widths * width,
-            (
-                (width - 1) / 2 + centre_offset_widths[0] * width,
-                (height - 1) / 2 + centre_offset_widths[1] * width,
-            ),
-            tuple(float(d) for d in distortion),
-            tuple(float(r) for r in rotation),
-            tuple(float(t) for t in translation),
+            ((width - 1) / 2 + right * width, (height - 1) / 2 + down * width),
+            tuple(map(float, distortion)),
+            tuple(cv2.Rodrigues(turn)[0].ravel().tolist()),
+            tuple((-turn @ np.asarray(position_m, dtype=float)).tolist()),
         )
 
     @property
@@ -106,12 +89,7 @@ class Camera:
         return np.asarray(points_m) @ self.rotation_matrix[2] + self.translation_m[2]
 
     def ball_outline(self, centre_m: np.ndarray, radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return the ellipses that balls at (…, 3) are seen as.
-
-        Returns
-        -------
-        The middles (…, 2) and the half-axes as columns (…, 2, 2), both in pixels.
-        """
+        """Return middles (…, 2) and half-axes, columns (…, 2, 2) [px], of balls seen at (…, 3)."""
         sight = self.position_m - centre_m
         distance = np.linalg.norm(sight, axis=-1, keepdims=True)
         sight = sight / distance

@@ -1,6 +1,6 @@
 """Finding the endpoint, told by colour alone, in one frame after another."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -55,11 +55,6 @@ class EndpointFilter:
         return np.linalg.lstsq(terms, level[bare] - 1, rcond=None)[0]
 
 
-def light_at(light: np.ndarray, pixel: np.ndarray, shape: tuple[int, ...]) -> float:
-    """Return the share of light at a pixel (2,) of an image of `shape` (height, width, …)."""
-    return float(1 + light[0] * _squared_radius(pixel, shape[1], shape[0]) + light[1])
-
-
 def _squared_radius(pixels: np.ndarray, width: int, height: int) -> np.ndarray:
     centre = np.array([width - 1, height - 1]) / 2
     return np.sum((pixels - centre) ** 2, axis=-1) / width**2
@@ -74,19 +69,11 @@ _SPARSE = 8  # pixels of the picture that tell how bright it is beside the first
 _FLICKER = 0.02  # a smaller change of brightness is noise
 
 
-@dataclass(frozen=True)
-class Detection:
-    """A bright blob in one frame.
+class Detection(NamedTuple):
+    """A bright blob in one frame."""
 
-    Attributes
-    ----------
-    xy_m : (2,), where the ball's centre is if the blob is all of it.
-    area : the blob's covered area over that of the whole ball seen there, before the endpoint's
-        true brightness is known.
-    """
-
-    xy_m: np.ndarray
-    area: float
+    xy_m: np.ndarray  # (2,), where the ball's centre is if the blob is all of it
+    area: float  # over the whole ball's there, before the endpoint's true brightness is known
 
 
 class EndpointDetector:
@@ -105,11 +92,9 @@ class EndpointDetector:
         """Return the largest endpoint-coloured blob of the next frame, None without one."""
         gain = float(np.median((frame[::_SPARSE, ::_SPARSE] + 1.0) / self._first))
         self._gain = gain if abs(gain - 1) > _FLICKER else 1.0
-        expected = self._expected_pixel()
-        found = None if expected is None else self._measure(frame, expected)
-        if found is None:
-            place = self._search(frame)
-            found = None if place is None else self._measure(frame, place)
+        found = self._measure(frame, 2 * self._seen[-1] - self._seen[0]) if self._seen else None
+        if found is None and (place := self._search(frame)) is not None:
+            found = self._measure(frame, place)
         if found is None:
             self._seen.clear()
             return None
@@ -117,15 +102,9 @@ class EndpointDetector:
         self._seen = [*self._seen[-1:], pixel]
         return Detection(self._camera.to_plane(pixel, self._facts.endpoint_height_m), area)
 
-    def _expected_pixel(self) -> np.ndarray | None:
-        if not self._seen:
-            return None
-        return 2 * self._seen[-1] - self._seen[0]
-
     def _search(self, frame: np.ndarray) -> np.ndarray | None:
-        coarse = cv2.resize(
-            frame, None, fx=1 / _COARSE, fy=1 / _COARSE, interpolation=cv2.INTER_AREA
-        )
+        scale = 1 / _COARSE
+        coarse = cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         blob = _largest_blob(self._filter.cover(coarse) / self._gain)
         if blob is None:
             return None
@@ -150,7 +129,9 @@ class EndpointDetector:
         if mass <= 0:
             return None
         centroid = low + np.array([moments["m10"], moments["m01"]]) / mass
-        area = mass / light_at(self._light, centroid, frame.shape) / self._whole_area(centroid)
+        fall_off, level = self._light
+        light = float(1 + fall_off * _squared_radius(centroid, camera.width, camera.height) + level)
+        area = mass / light / self._whole_area(centroid)
         return (centroid, area) if area > _SMALLEST_SHARE else None
 
     def _whole_area(self, pixel: np.ndarray) -> float:
@@ -171,6 +152,6 @@ def _largest_blob(cover: np.ndarray) -> np.ndarray | None:
 
 def _cut_by_border(blob: np.ndarray, shape: tuple[int, ...]) -> bool:
     """Tell whether a blob comes so near its picture's border that part of it may lie beyond."""
-    low = blob.reshape(-1, 2).min(axis=0)
-    high = blob.reshape(-1, 2).max(axis=0)
-    return bool(np.any(low < _SPREAD_PX) or np.any(high >= np.array(shape[1::-1]) - _SPREAD_PX))
+    x, y, width, height = cv2.boundingRect(blob)
+    room = (x, y, shape[1] - x - width, shape[0] - y - height)
+    return min(room) < _SPREAD_PX

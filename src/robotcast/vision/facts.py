@@ -1,7 +1,8 @@
 """What a session tells its tracker beforehand: colours, sizes, the ArUco markers on the board."""
 
+import json
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import cv2
@@ -16,16 +17,10 @@ MODULES = 4 + 2 * BORDER_MODULES
 
 @dataclass(frozen=True)
 class FiducialBoard:
-    """Markers lying on the board, upright towards +x.
+    """Markers lying on the board, upright towards +x."""
 
-    Attributes
-    ----------
-    side_m : side of a marker's black square.
-    centres_m : (x, y) of each marker's centre in the robot frame, in the order of their numbers.
-    """
-
-    side_m: float
-    centres_m: tuple[tuple[float, float], ...]
+    side_m: float  # of a marker's black square
+    centres_m: tuple[tuple[float, float], ...]  # (x, y) in the robot frame, by their numbers
 
     @classmethod
     def along_edges(
@@ -44,20 +39,10 @@ class FiducialBoard:
         places += [(x_near, y) for y in along_y[1:-1] if abs(y) > spacing_m / 2]
         return cls(side_m, tuple((float(x), float(y)) for x, y in places))
 
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> "FiducialBoard":
-        """Read what `as_dict` wrote."""
-        centres = tuple((float(x), float(y)) for x, y in values["centres_m"])
-        return cls(float(values["side_m"]), centres)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return plain numbers for a YAML file."""
-        return {"side_m": self.side_m, "centres_m": [list(xy) for xy in self.centres_m]}
-
     def corners_m(self, number: int) -> np.ndarray:
-        """Return the corners (4, 2) of a marker in OpenCV's order, clockwise from its top left."""
-        offsets = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * self.side_m / 2
-        return np.array(self.centres_m[number]) + offsets
+        """Return the corners (4, 3) of a marker in OpenCV's order, clockwise from its top left."""
+        offsets = np.array([[1, 1, 0], [1, -1, 0], [-1, -1, 0], [-1, 1, 0]]) * self.side_m / 2
+        return offsets + np.append(self.centres_m[number], 0.0)
 
 
 def dictionary() -> cv2.aruco.Dictionary:
@@ -86,8 +71,7 @@ class Stillness:
         grey = _grey(first)
         self._patches = []
         for number in range(len(board.centres_m)):
-            corners = np.column_stack([board.corners_m(number), np.zeros(4)])
-            pixels = camera.project(corners)
+            pixels = camera.project(board.corners_m(number))
             reach = np.ptp(pixels, axis=0) / 2
             low, high = pixels.min(axis=0) - reach, pixels.max(axis=0) + reach
             if (low >= 0).all() and (high < grey.shape[::-1]).all():
@@ -112,76 +96,39 @@ BLOCK = "vision"
 
 @dataclass(frozen=True)
 class TrackingLimits:
-    """When a film is not believed.
+    """When a film is not believed: the most that markers may be off in its pictures."""
 
-    Attributes
-    ----------
-    reprojection_px : root mean square distance of seen and explained marker corners, above which
-        the markers do not lie where the session says; they are found to a third of a pixel.
-    moved_px : how far the markers shift in the picture, above which the camera was moved.
-    """
-
-    reprojection_px: float = 1.5
-    moved_px: float = 1.5
+    reprojection_px: float = 1.5  # root mean square, of corners, found to a third of a pixel
+    moved_px: float = 1.5  # shifted since the first picture: the camera was moved
 
 
 @dataclass(frozen=True)
 class TrackerFacts:
-    """The `vision` block of session.yaml: all that a person can measure or look up.
+    """The `vision` block of session.yaml: all that a person can measure or look up."""
 
-    Attributes
-    ----------
-    period_s : a waypoint is wanted every `period_s` from t = 0.
-    exposure_s : exposure time; frame k is exposed from video_t0_s + k / fps on.
-    focal_widths : the lens's nominal focal length in image widths.
-    endpoint_radius_m, endpoint_height_m : the bright round end and how high its centre lies.
-    endpoint_bgr, board_bgr : colours of the ball and the board, grey levels.
-    """
-
-    period_s: float
-    exposure_s: float
-    focal_widths: float
-    endpoint_radius_m: float
-    endpoint_height_m: float
-    endpoint_bgr: tuple[float, float, float]
+    period_s: float  # a waypoint is wanted so often, from t = 0 on
+    exposure_s: float  # frame k is exposed from video_t0_s + k / fps on
+    focal_widths: float  # the lens's nominal focal length in image widths
+    endpoint_radius_m: float  # of the bright round end
+    endpoint_height_m: float  # of its centre
+    endpoint_bgr: tuple[float, float, float]  # grey levels
     board_bgr: tuple[float, float, float]
     fiducials: FiducialBoard
 
     @classmethod
     def of(cls, session: Session) -> "TrackerFacts":
-        """Read what a session tells its tracker."""
+        """Read what a session tells its tracker, as `as_dict` wrote it."""
         if BLOCK not in session.facts:
             raise ValueError(f"{session.folder}: session.yaml has no `{BLOCK}` block")
-        return cls.from_dict(session.facts[BLOCK])
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> "TrackerFacts":
-        """Read what `as_dict` wrote."""
-        return cls(
-            period_s=float(values["period_s"]),
-            exposure_s=float(values["exposure_s"]),
-            focal_widths=float(values["focal_widths"]),
-            endpoint_radius_m=float(values["endpoint_radius_m"]),
-            endpoint_height_m=float(values["endpoint_height_m"]),
-            endpoint_bgr=_colour(values["endpoint_bgr"]),
-            board_bgr=_colour(values["board_bgr"]),
-            fiducials=FiducialBoard.from_dict(values["fiducials"]),
-        )
+        given = {field.name: session.facts[BLOCK][field.name] for field in fields(cls)}
+        board = given.pop("fiducials")
+        fiducials = FiducialBoard(float(board["side_m"]), _numbers(board["centres_m"]))
+        return cls(**{name: _numbers(value) for name, value in given.items()}, fiducials=fiducials)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain numbers for a YAML file."""
-        return {
-            "period_s": self.period_s,
-            "exposure_s": self.exposure_s,
-            "focal_widths": self.focal_widths,
-            "endpoint_radius_m": self.endpoint_radius_m,
-            "endpoint_height_m": self.endpoint_height_m,
-            "endpoint_bgr": list(self.endpoint_bgr),
-            "board_bgr": list(self.board_bgr),
-            "fiducials": self.fiducials.as_dict(),
-        }
+        """Return plain numbers and lists for a YAML file."""
+        return json.loads(json.dumps(asdict(self)))
 
 
-def _colour(values: Any) -> tuple[float, float, float]:
-    blue, green, red = (float(v) for v in values)
-    return blue, green, red
+def _numbers(value: Any) -> Any:
+    return tuple(map(_numbers, value)) if isinstance(value, list) else float(value)

@@ -15,22 +15,13 @@ from typing import Any
 import cv2
 import numpy as np
 
+from robotcast import sessions
 from robotcast.casts.action import ToolMotion
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.measurements.reader import judged
 from robotcast.processes import pool_map
 from robotcast.running import Progress, silent
-from robotcast.sessions import (
-    FRAMES_FILE,
-    TOOL_FILE,
-    VIDEO_FILE,
-    CastRecord,
-    CastRequest,
-    Session,
-    read_frame_times,
-    read_record,
-    read_tool,
-)
+from robotcast.sessions import CastRequest, Session
 from robotcast.vision.calibration import LIMITS, Calibration, calibrate
 from robotcast.vision.detector import Detection, EndpointDetector
 from robotcast.vision.facts import Stillness, TrackerFacts, TrackingLimits
@@ -46,28 +37,17 @@ _LATE = 1.5  # periods between the last waypoint and the rest
 
 @dataclass(frozen=True)
 class TrackedCast:
-    """What a video shows of the free end.
+    """What a video shows of the free end."""
 
-    Attributes
-    ----------
-    t_s, xy_m : ndarrays of shape (k,) and (k, 2), the waypoints that were seen.
-    gaps : how many waypoints are missing.
-    frames, hidden : how many frames the video has, and in how many the endpoint was hidden.
-    reprojection_px : how well the fitted camera explains the markers.
-    noise_m : standard deviation of one tracked coordinate: of the frames about their neighbours,
-        and of the calibration; NaN when too few frames were seen.
-    unrested : why the free end was not seen at rest, so that its last waypoint is no endpoint;
-        empty where it was.
-    """
-
-    t_s: np.ndarray
-    xy_m: np.ndarray
-    gaps: int
+    t_s: np.ndarray  # (k,), of the waypoints that were seen
+    xy_m: np.ndarray  # (k, 2)
+    tool: ToolMotion  # what the arm did, from its log
+    gaps: int  # how many waypoints are missing
     frames: int
-    hidden: int
-    reprojection_px: float
-    noise_m: float
-    unrested: str = ""
+    hidden: int  # in how many of them the endpoint was hidden
+    reprojection_px: float  # how well the fitted camera explains the markers
+    noise_m: float  # standard deviation of one coordinate; NaN when too few frames were seen
+    unrested: str  # why the last waypoint is no endpoint: not seen at rest; empty where it is one
 
 
 @dataclass(frozen=True)
@@ -77,41 +57,38 @@ class _Track:
     t_s: np.ndarray
     xy_m: np.ndarray
     calibration: Calibration
-    record: CastRecord
+    record: sessions.CastRecord
     moved: str  # that the camera was moved, after which nothing is seen; empty where it was not
 
 
 def track_cast(folder: Path, session: Session, limits: TrackingLimits = LIMITS) -> TrackedCast:
-    """Track the free end through `folder`/video.mp4.
+    """Track the free end through `folder`/video.mp4; read what the tool did.
 
     Raises ValueError when the video shows no fiducials or not where the session says, no
     endpoint, or not where it came to rest.
     """
-    facts = TrackerFacts.of(session)
+    facts, video = TrackerFacts.of(session), folder / sessions.VIDEO_FILE
     track = _track(folder, facts, limits)
-    seen = np.isfinite(track.xy_m[:, 0])
+    seen, last_s = np.isfinite(track.xy_m[:, 0]), track.t_s[-1]
     unrested, rest_s = track.moved, track.record.rest_s
-    if not unrested and rest_s - track.t_s[-1] > _LATE * facts.period_s:
-        unrested = (
-            f"{folder / VIDEO_FILE}: its last frame is of t = {track.t_s[-1]:.2f} s, and the cable "
-            f"came to rest at {rest_s:.2f} s"
-        )
+    late_s = _LATE * facts.period_s
+    rested = f"and the cable came to rest at {rest_s:.2f} s"
+    if not unrested and rest_s - last_s > late_s:
+        unrested = f"{video}: its last frame is of t = {last_s:.2f} s, {rested}"
     if not unrested:
         _require_rest(seen, folder)
-    wanted = np.arange(int(track.t_s[-1] / facts.period_s + 1e-9) + 1) * facts.period_s
+    wanted = np.arange(int(last_s / facts.period_s + 1e-9) + 1) * facts.period_s
     waypoints = waypoints_at(wanted, track.t_s, track.xy_m)
     kept = np.isfinite(waypoints[:, 0])
     if not kept.any():
-        raise ValueError(f"{folder / VIDEO_FILE}: the endpoint is seen at no waypoint")
-    last_s = float(wanted[kept][-1])
-    if not unrested and rest_s - last_s > _LATE * facts.period_s:
-        unrested = (
-            f"{folder / VIDEO_FILE}: the endpoint is seen last at t = {last_s:.2f} s, and the "
-            f"cable came to rest at {rest_s:.2f} s"
-        )
+        raise ValueError(f"{video}: the endpoint is seen at no waypoint")
+    last_s = wanted[kept][-1]
+    if not unrested and rest_s - last_s > late_s:
+        unrested = f"{video}: the endpoint is seen last at t = {last_s:.2f} s, {rested}"
     return TrackedCast(
         wanted[kept],
         waypoints[kept],
+        sessions.read_tool(folder / sessions.TOOL_FILE),
         int(np.sum(~kept)),
         len(seen),
         int(np.sum(~seen)),
@@ -137,12 +114,17 @@ def waypoints_at(wanted_s: np.ndarray, t_s: np.ndarray, xy_m: np.ndarray) -> np.
     two neighbours otherwise.
     """
     before = np.clip(np.searchsorted(t_s, wanted_s, side="right") - 1, 0, len(t_s) - 2)
-    share = ((wanted_s - t_s[before]) / (t_s[before + 1] - t_s[before]))[:, None]
+    s = ((wanted_s - t_s[before]) / (t_s[before + 1] - t_s[before]))[:, None]
     padded = np.pad(xy_m, ((1, 1), (0, 0)), constant_values=np.nan)
     p0, p1, p2, p3 = (padded[before + i] for i in range(4))
-    line = (1 - share) * p1 + share * p2
-    inside = (share >= -1e-9) & (share <= 1 + 1e-9)
-    bent = _cubic(share, p0, p1, p2, p3)
+    line = (1 - s) * p1 + s * p2
+    inside = (s >= -1e-9) & (s <= 1 + 1e-9)
+    bent = (  # Lagrange's, through evenly spaced points at −1, 0, 1, 2
+        -s * (s - 1) * (s - 2) / 6 * p0
+        + (s + 1) * (s - 1) * (s - 2) / 2 * p1
+        - (s + 1) * s * (s - 2) / 2 * p2
+        + (s + 1) * s * (s - 1) / 6 * p3
+    )
     return np.where(inside, np.where(np.isfinite(bent), bent, line), np.nan)
 
 
@@ -152,32 +134,16 @@ def frame_noise(xy_m: np.ndarray) -> float:
     Each frame is compared with the cubic through the two frames on either side; the median is
     not moved by the few frames where the motion itself is rougher than a cubic.
     """
-    if len(xy_m) < 5:
-        return float("nan")
     around = (4 * (xy_m[1:-3] + xy_m[3:-1]) - xy_m[:-4] - xy_m[4:]) / 6
     misses = np.abs(xy_m[2:-2] - around)
     misses = misses[np.isfinite(misses)]
-    if len(misses) == 0:
-        return float("nan")
-    return float(np.median(misses) / 0.6745 / np.sqrt(1 + 34 / 36))
-
-
-def _cubic(
-    s: np.ndarray, p0: np.ndarray, p1: np.ndarray, p2: np.ndarray, p3: np.ndarray
-) -> np.ndarray:
-    """Lagrange's cubic through evenly spaced points at −1, 0, 1, 2, taken at `s`."""
-    return (
-        -s * (s - 1) * (s - 2) / 6 * p0
-        + (s + 1) * (s - 1) * (s - 2) / 2 * p1
-        - (s + 1) * s * (s - 2) / 2 * p2
-        + (s + 1) * s * (s - 1) / 6 * p3
-    )
+    return float(np.median(misses) / 0.6745 / np.sqrt(1 + 34 / 36)) if len(misses) else float("nan")
 
 
 def _track(folder: Path, facts: TrackerFacts, limits: TrackingLimits) -> _Track:
-    video = folder / VIDEO_FILE
+    video = folder / sessions.VIDEO_FILE
     frames = _frames(video)
-    first = [f for _, f in zip(range(_CALIBRATION_FRAMES), frames, strict=False)]
+    first = list(itertools.islice(frames, _CALIBRATION_FRAMES))
     if len(first) < _CALIBRATION_FRAMES:
         raise ValueError(f"{video}: only {len(first)} frames can be read")
     picture = np.rint(np.mean(first, axis=0)).astype(np.uint8)
@@ -190,14 +156,14 @@ def _track(folder: Path, facts: TrackerFacts, limits: TrackingLimits) -> _Track:
         found.append(None if good is not None else detector.detect(frame))
         if good is None and number % _WATCHED == 0 and still.moved_px(frame) > limits.moved_px:
             good = max(number - _WATCHED + 1, 0)
-    record = read_record(folder)
+    record = sessions.read_record(folder)
     rate = cv2.VideoCapture(str(video), cv2.CAP_FFMPEG).get(cv2.CAP_PROP_FPS)
-    if not (folder / FRAMES_FILE).is_file() and abs(rate / record.fps - 1) > _OTHER_RATE:
+    if not (folder / sessions.FRAMES_FILE).is_file() and abs(rate / record.fps - 1) > _OTHER_RATE:
         raise ValueError(
             f"{video}: has {rate:g} frames a second, and cast.yaml says {record.fps:g}; "
-            f"{FRAMES_FILE} may say when each was taken"
+            f"{sessions.FRAMES_FILE} may say when each was taken"
         )
-    t_s = read_frame_times(record, facts.exposure_s, len(found), folder)
+    t_s = sessions.read_frame_times(record, facts.exposure_s, len(found), folder)
     xy_m, known = _whole_only(found, video), np.isfinite(t_s)
     moved = ""
     if good is not None:
@@ -241,28 +207,17 @@ def _whole_only(found: list[Detection | None], video: Path) -> np.ndarray:
 
 def _require_rest(seen: np.ndarray, folder: Path) -> None:
     if not np.any(seen[-_CALIBRATION_FRAMES:]):
-        video = folder / VIDEO_FILE
+        video = folder / sessions.VIDEO_FILE
         raise ValueError(f"{video}: the endpoint is out of sight where it came to rest")
-
-
-Outcome = tuple[TrackedCast, ToolMotion] | str
 
 
 @dataclass(frozen=True)
 class TrackedSession:
-    """What the videos of a session show.
-
-    Attributes
-    ----------
-    tracked : the casts that were tracked, by their number.
-    tools : their tool logs.
-    lost : why a cast could not be tracked, by its number, or its folder's name.
-    """
+    """What the videos of a session show."""
 
     session: Session
-    tracked: dict[int, TrackedCast]
-    tools: dict[int, ToolMotion]
-    lost: dict[int | str, str]
+    tracked: dict[int, TrackedCast]  # by the cast's number
+    lost: dict[int | str, str]  # why a cast was not tracked, by its number or its folder's name
 
     @property
     def noise_m(self) -> float | None:
@@ -286,37 +241,24 @@ class TrackedSession:
             first = next(iter(self.lost.values()), "it holds no casts")
             raise ValueError(f"{session.folder}: no cast could be tracked ({first})")
         trials = tuple(
-            Trial(
-                cast.number,
-                cast.action_id,
-                cast.action,
-                self.tools[cast.number],
-                self.tracked[cast.number].t_s,
-                self.tracked[cast.number].xy_m,
-                rested=not self.tracked[cast.number].unrested,
-            )
-            for cast in session.casts
-            if cast.number in self.tracked
+            Trial(c.number, c.action_id, c.action, t.tool, t.t_s, t.xy_m, rested=not t.unrested)
+            for c in session.casts
+            if (t := self.tracked.get(c.number)) is not None
         )
-        period_s = TrackerFacts.of(session).period_s
-        return judged(
-            MeasurementSet(
-                session.cable, session.r0_m, period_s, self.noise_m, trials, session.rig
-            ),
-            folder,
-        )
+        about, period_s = (session.cable, session.r0_m), TrackerFacts.of(session).period_s
+        measured = MeasurementSet(*about, period_s, self.noise_m, trials, session.rig)
+        return judged(measured, folder)
 
     def summary(self) -> dict[str, Any]:
         """Return what a person wants to know about the tracking, as plain numbers."""
         casts = list(self.tracked.values())
         errors_px = [c.reprojection_px for c in casts]
+        unrested = {n: c.unrested for n, c in self.tracked.items() if c.unrested}
         return {
             "casts": len(self.session.casts),
             "tracked": len(casts),
             "lost": [{"trial": n, "reason": reason} for n, reason in self.lost.items()],
-            "unrested": [
-                {"trial": n, "reason": c.unrested} for n, c in self.tracked.items() if c.unrested
-            ],
+            "unrested": [{"trial": n, "reason": reason} for n, reason in unrested.items()],
             "frames": sum(c.frames for c in casts),
             "hidden_frames": sum(c.hidden for c in casts),
             "waypoints": sum(len(c.t_s) for c in casts),
@@ -335,14 +277,11 @@ def track_session(
     workers: int = 1,
     progress: Progress = silent,
 ) -> TrackedSession:
-    """Track every cast of a session; a cast that cannot be tracked is lost, the others go on.
+    """Track every cast of a session, `workers` side by side, each in a process of its own.
 
-    Parameters
-    ----------
-    workers : how many casts are tracked side by side, each in a process of its own.
+    A cast that cannot be tracked is lost, the others go on.
     """
     tracked: dict[int, TrackedCast] = {}
-    tools: dict[int, ToolMotion] = {}
     lost: dict[int | str, str] = {**session.broken}
     total = len(session.casts)
     progress(0, total)
@@ -353,15 +292,15 @@ def track_session(
             if isinstance(outcome, str):
                 lost[cast.number] = outcome
             else:
-                tracked[cast.number], tools[cast.number] = outcome
+                tracked[cast.number] = outcome
             progress(done, total, f"{len(lost)} lost" if lost else "")
-    return TrackedSession(session, tracked, tools, lost)
+    return TrackedSession(session, tracked, lost)
 
 
-def _attempt(session: Session, limits: TrackingLimits, cast: CastRequest) -> Outcome:
+def _attempt(session: Session, limits: TrackingLimits, cast: CastRequest) -> TrackedCast | str:
     folder = session.cast_folder(cast)
     try:
-        return track_cast(folder, session, limits), read_tool(folder / TOOL_FILE)
+        return track_cast(folder, session, limits)
     except ValueError as error:
         return str(error)
     except Exception as error:  # whatever goes wrong inside one cast loses that cast alone

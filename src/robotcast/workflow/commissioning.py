@@ -20,16 +20,16 @@ from robotcast.rigs.ur5.camera import Webcam
 from robotcast.rigs.ur5.motion import WholeMotion
 from robotcast.rigs.ur5.rig import Ur5Rig
 from robotcast.stage import bar, tell, warn
-from robotcast.vision.calibration import DOTS_PER_M, PrintedBoard
+from robotcast.vision.calibration import DOTS_PER_M, board_corners, printed_board
 from robotcast.vision.facts import BORDER_MODULES, FiducialBoard, dictionary
 
 VIEWS, EVERY_S, AT_MOST_S = 15, 1.0, 180.0
 
 
-def write_prints(folder: Path, board: PrintedBoard, markers: FiducialBoard) -> None:
+def write_prints(folder: Path, markers: FiducialBoard) -> None:
     """Write the board and the casting board's markers, each with the place of its centre."""
     side = round(markers.side_m * DOTS_PER_M)
-    _write_picture(folder / "printed_board.png", board.picture())
+    _write_picture(folder / "printed_board.png", printed_board())
     places = []
     for number, (x, y) in enumerate(markers.centres_m):
         black = cv2.aruco.generateImageMarker(dictionary(), number, side, borderBits=BORDER_MODULES)
@@ -43,14 +43,14 @@ def write_prints(folder: Path, board: PrintedBoard, markers: FiducialBoard) -> N
     )
 
 
-def views(camera: Webcam, board: PrintedBoard) -> list[np.ndarray]:
+def views(camera: Webcam) -> list[np.ndarray]:
     """Take a picture a second in which the board is seen, while somebody tilts and moves it."""
     pictures: list[np.ndarray] = []
     until = time.monotonic() + AT_MOST_S
     with bar("hold the printed board into the picture, tilted, elsewhere each time") as progress:
         while len(pictures) < VIEWS and time.monotonic() < until:
             picture = camera.picture()
-            if board.corners(picture) is not None:
+            if board_corners(picture) is not None:
                 pictures.append(picture)
             progress(len(pictures), VIEWS)
             time.sleep(EVERY_S)

@@ -8,7 +8,6 @@ controller's clock: it waits while one is drawn.
 
 import socket
 from collections import deque
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -25,43 +24,24 @@ HALF_CYCLE_S = 0.001
 PUT_M = 0.05  # no arm moves its tool so far in one cycle
 
 
-@dataclass(frozen=True)
-class FilmSettings:
-    """What is filmed, and how late a frame leaves the camera.
-
-    Attributes
-    ----------
-    rig : whose camera, board and cable are seen.
-    delay_s : of the controller's time.
-    """
-
-    rig: VirtualRig
-    delay_s: float = 0.0
-
-
 class Film:
-    """The camera and its stream."""
+    """The camera of a rig and its stream, each frame late by `delay_s` of the controller's time."""
 
-    def __init__(self, settings: FilmSettings, host: str) -> None:
-        self.settings = settings
+    def __init__(self, rig: VirtualRig, delay_s: float, host: str) -> None:
+        self.rig, self.delay_s = rig, delay_s
         self.address = f"http://{host}:{PORT}/film.mjpg"
         self.gone, self.heading_rad = False, 0.0
         self._server = socket.create_server((host, PORT))
         self._server.setblocking(False)
         self._viewers: list[socket.socket] = []
-        self._path: list[tuple[float, np.ndarray]] = []
         self._waiting: deque[tuple[float, bytes]] = deque()
         self._next_s, self._seed = 0.0, 0
         self._cable: CableRun | None = None
         self._nodes_m = np.zeros((0, 3))
         self._at_home = False
-        self._prepare()
-
-    def _prepare(self) -> None:
-        """Paint the scene once, which takes seconds, before anybody waits for a frame."""
-        rig = self.settings.rig
+        # Paint the scene once, which takes seconds, before anybody waits for a frame.
         home = joints_pointing_down(np.array([rig.r0_m, 0.0, 0.0]), rig.gripper)
-        self._path = [(0.0, home)]
+        self._path: list[tuple[float, np.ndarray]] = [(0.0, home)]
         self._move_cable(home)
         self._draw(home)
 
@@ -70,22 +50,21 @@ class Film:
         self._path.append((t_s, joints))
         self._admit()
         if t_s >= self._next_s - HALF_CYCLE_S:
-            self._next_s += 1 / self.settings.rig.picture.fps
+            self._next_s += 1 / self.rig.picture.fps
             if self._viewers and not self.gone:
                 self._move_cable(joints)
-                self._waiting.append((t_s + self.settings.delay_s, self._draw(joints)))
+                self._waiting.append((t_s + self.delay_s, self._draw(joints)))
             self._path = self._path[-1:]
         while self._waiting and t_s >= self._waiting[0][0] - HALF_CYCLE_S:
             self._send(self._waiting.popleft()[1])
 
     def _draw(self, joints: np.ndarray) -> bytes:
-        rig = self.settings.rig
+        rig = self.rig
         span_s = np.array([0.0, rig.picture.exposure_s + 0.5 / rig.picture.fps])
         scene = SceneMotion(
             span_s,
             np.stack([self._nodes_m] * 2),
-            np.stack([joints] * 2),
-            rig.gripper,
+            np.stack([link_points(joints, rig.gripper)] * 2),
             rig.cable.radius_m,
             rig.truth.endpoint_radius_m,
         )
@@ -94,7 +73,7 @@ class Film:
         return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
 
     def _move_cable(self, joints: np.ndarray) -> None:
-        rig = self.settings.rig
+        rig = self.rig
         held = _held(joints, rig)
         at_home = bool(np.hypot(held[0] - rig.r0_m, held[1]) < HOME_M and held[2] < HOME_M)
         poses = np.array([_held(q, rig) for _, q in self._path])

@@ -5,52 +5,31 @@ from typing import Any
 
 import numpy as np
 
-from robotcast.casts.plan import PlanLimits, PlannedCast
+from robotcast.build import build
 from robotcast.casts.reset import ResetSettings
-from robotcast.rigs.envelope import Envelope, ToolBox
 from robotcast.rigs.kinematics import GRIPPER, joints_pointing_down
 from robotcast.rigs.ur5.arm import ServoSettings, WatchSettings
 from robotcast.rigs.ur5.camera import WebcamSettings
 from robotcast.rigs.ur5.motion import SafetyLimits
 from robotcast.rigs.ur5.rig import RunSettings, Ur5Rig
 from robotcast.rigs.virtual.rig import VirtualRig
-from tests.good_casts import plan_cast
 from tests.rigs.peer.process import Peer
-from tests.rigs.small_rig import CABLE, R0_M, TRUTH, small_rig
+from tests.rigs.small_rig import CABLE, R0_M, TRUTH, configured, small_rig
 
 LIGHT = replace(TRUTH, segments=15, step_s=0.002)  # to simulate
 HOME_RAD = tuple(joints_pointing_down(np.array([R0_M, 0.0, 0.0])))
-WIDTH, HEIGHT = 800, 450
 QUICK_RESET = ResetSettings(
     lift_s=1.2, raise_s=0.6, hang_s=0.1, settle_s=0.1, pull_s=0.6, rest_s=0.1
 )
-TURNS = (6.2832, 6.2832, 3.1416, 6.2832, 6.2832, 6.2832)
-CAST_ENVELOPE = Envelope(
-    joint_min_rad=tuple(-t for t in TURNS),
-    joint_max_rad=TURNS,
-    joint_speed_rad_s=(3.1416,) * 6,
-    joint_acceleration_rad_s2=(40.0,) * 6,
-    tool_speed_m_s=2.5,
-    clearance_m=0.01,
-    box=ToolBox((0.0, 1.55), (-1.225, 1.225), (0.005, 0.05), 0.5),
-    gripper=GRIPPER,
-)
-RESET_ENVELOPE = replace(
-    CAST_ENVELOPE, box=ToolBox((0.1, 1.55), (-1.225, 1.225), (0.005, 0.9), 0.3)
-)
+CASTS = configured().casts
+CAST_ENVELOPE, RESET_ENVELOPE = build(CASTS.envelope), build(CASTS.reset_envelope)
 LIMITS = SafetyLimits(RESET_ENVELOPE, CAST_ENVELOPE, (2000.0,) * 6, 0.02)
 
 
-def small_cast() -> PlannedCast:
-    """A short, quick cast."""
-    return plan_cast(0.3, -0.2, 0.7, 0.3, 1.4, r0_m=R0_M, limits=PlanLimits())
-
-
-def scene(width: int = WIDTH, height: int = HEIGHT, fps: float = 30.0) -> VirtualRig:
+def scene(fps: float = 30.0) -> VirtualRig:
     """What the peer's camera films: the virtual rig's board, cable and lens."""
-    return small_rig(
-        width, height, fps=fps, marker_m=0.1, noise_grey=1.0, truth=LIGHT, gripper=GRIPPER
-    )
+    picture = f"camera.picture={{fps: {fps}, noise_grey: 1.0}}", "camera.fiducials.side_m=0.1"
+    return small_rig(800, 450, *picture, truth=LIGHT, gripper=GRIPPER)
 
 
 def ur5_rig(peer: Peer, filmed: VirtualRig, **changes: Any) -> Ur5Rig:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tests.rigs.peer.controller import Settings
+from tests.rigs.peer.controller import Log, Settings
 from tests.rigs.peer.server import Server, listen
 
 if TYPE_CHECKING:
-    from tests.rigs.peer.film import FilmSettings
+    from robotcast.rigs.virtual.rig import VirtualRig
 
 FIRST_HOST, HOSTS = 2, 200
 ROBOT_FAULTS = (
@@ -27,13 +27,7 @@ ROBOT_FAULTS = (
 
 
 class Peer:
-    """A running peer.
-
-    Attributes
-    ----------
-    host : the loopback address it listens at; several peers run side by side.
-    camera : where its video is served, "" without one.
-    """
+    """A running peer at the loopback address `host`, its video at `camera`, "" without one."""
 
     def __init__(self, host: str, camera: str, orders: Connection) -> None:
         self.host, self.camera, self._orders = host, camera, orders
@@ -58,8 +52,7 @@ class Peer:
         """Move the arm by hand."""
         self._order("place", np.asarray(joints_rad))
 
-    def log(self) -> dict[str, Any]:
-        """Return every cycle's told and actual joints, the motion commands and the faults."""
+    def log(self) -> Log:
         return self._order("log")
 
     def _order(self, *order: Any) -> Any:
@@ -68,11 +61,13 @@ class Peer:
 
 
 @contextmanager
-def running_peer(settings: Settings, film: "FilmSettings | None" = None) -> Iterator[Peer]:
-    """Run a peer at a free loopback address, with a camera if `film` is given."""
+def running_peer(
+    settings: Settings, filmed: "VirtualRig | None" = None, delay_s: float = 0.0
+) -> Iterator[Peer]:
+    """Run a peer at a free loopback address, with the camera, so late, of a rig if one is given."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=_serve, args=(settings, film, theirs), daemon=True)
+    process = context.Process(target=_serve, args=(settings, filmed, delay_s, theirs), daemon=True)
     process.start()
     theirs.close()  # so that a peer that could not start ends the waiting
     try:
@@ -93,12 +88,14 @@ def _listen_somewhere() -> tuple[str, list[socket.socket]]:
     raise OSError("peer: every loopback address is taken")
 
 
-def _serve(settings: Settings, film: "FilmSettings | None", orders: Connection) -> None:
+def _serve(
+    settings: Settings, filmed: "VirtualRig | None", delay_s: float, orders: Connection
+) -> None:
     (host, sockets), shown = _listen_somewhere(), None
-    if film is not None:
+    if filmed is not None:
         from tests.rigs.peer.film import Film  # brings a simulator, a peer without one starts soon
 
-        shown = Film(film, host)
+        shown = Film(filmed, delay_s, host)
     server = Server(sockets, settings, orders, shown)
     orders.send((host, "" if shown is None else shown.address))
     server.run()

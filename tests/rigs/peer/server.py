@@ -3,6 +3,7 @@
 import selectors
 import socket
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
@@ -10,7 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tests.rigs.peer import rtde
-from tests.rigs.peer.controller import PLAYING, Controller, Settings
+from tests.rigs.peer.controller import (
+    INPUT_TYPES,
+    OUTPUTS,
+    STEP_S,
+    VERSION,
+    Arm,
+    Controller,
+    Settings,
+)
 
 if TYPE_CHECKING:
     from tests.rigs.peer.film import Film
@@ -28,21 +37,15 @@ class _Client:
     port: int
     received: bytearray = field(default_factory=bytearray)
     outputs: list[str] = field(default_factory=list)
-    output_types: list[str] = field(default_factory=list)
     inputs: list[list[str]] = field(default_factory=list)
     started: bool = False
 
 
 def listen(host: str) -> list[socket.socket]:
     """Listen on every port of a controller at `host`; OSError when one is taken."""
-    sockets = []
-    try:
-        for port in PORTS:
-            sockets.append(socket.create_server((host, port)))
-    except OSError:
-        for opened in sockets:
-            opened.close()
-        raise
+    with ExitStack() as opened:
+        sockets = [opened.enter_context(socket.create_server((host, port))) for port in PORTS]
+        opened.pop_all()
     return sockets
 
 
@@ -66,12 +69,12 @@ class Server:
             listening.setblocking(False)
             self._selector.register(listening, selectors.EVENT_READ, self._accept)
         self._selector.register(orders, selectors.EVENT_READ, self._obey)
-        self._patience, self._silence_s = settings.patience_s, 0.0
+        self._silence_s = 0.0
         self._running = True
 
     def run(self) -> None:
         """Serve until told to end. A late cycle shifts the clock: none is made up in haste."""
-        step_s = self.controller.step_s / self.controller.settings.haste
+        step_s = STEP_S / self.controller.settings.haste
         due = time.monotonic() + step_s
         while self._running:
             wait_s = max(due - time.monotonic(), LOOK_S if self._patient() else 0.0)
@@ -89,7 +92,7 @@ class Server:
         if not self.controller.awaits_target():
             self._silence_s = now
             return False
-        return now < self._silence_s + self._patience
+        return now < self._silence_s + self.controller.settings.patience_s
 
     def _cycle(self) -> None:
         controller = self.controller
@@ -101,14 +104,15 @@ class Server:
             self._break(kind)
         for sock, client in list(self._clients.items()):
             if client.started and not self._silent:
+                types = [OUTPUTS[name][0] for name in client.outputs]
                 values = [self._value(name) for name in client.outputs]
-                package = bytes([1]) + rtde.pack(client.output_types, values)
-                self._send(sock, rtde.message(rtde.DATA, package))
+                self._send(sock, rtde.message(rtde.DATA, bytes([1]) + rtde.pack(types, values)))
 
     def _value(self, name: str) -> object:
+        value = OUTPUTS[name][1](self.controller)
         if self._frozen is not None and not name.startswith("output_"):
-            return self._frozen.setdefault(name, self.controller.output(name))
-        return self.controller.output(name)
+            return self._frozen.setdefault(name, value)
+        return value
 
     def _accept(self, listening: socket.socket) -> None:
         sock, _ = listening.accept()
@@ -153,47 +157,31 @@ class Server:
         if kind == rtde.VERSION:
             self._send(sock, rtde.message(kind, bytes([payload[-1] == 2])))
         elif kind == rtde.CONTROLLER:
-            version = rtde.pack(["UINT32"] * 4, self.controller.settings.version)
-            self._send(sock, rtde.message(kind, version))
+            self._send(sock, rtde.message(kind, rtde.pack(["UINT32"] * 4, VERSION)))
         elif kind == rtde.OUTPUTS:
             client.outputs = payload[8:].decode().strip(",").split(",")
-            client.output_types = rtde.types_of(client.outputs, rtde.OUTPUT_TYPES)
-            types = ",".join(client.output_types).encode()
+            types = ",".join(OUTPUTS[name][0] for name in client.outputs).encode()
             self._send(sock, rtde.message(kind, bytes([1]) + types))
         elif kind == rtde.INPUTS:
             names = payload.decode().strip(",").split(",")
             client.inputs.append(names)
-            types = ",".join(rtde.types_of(names, rtde.INPUT_TYPES)).encode()
+            types = ",".join(INPUT_TYPES[name] for name in names).encode()
             self._send(sock, rtde.message(kind, bytes([len(client.inputs)]) + types))
         elif kind in (rtde.START, rtde.PAUSE):
             client.started = kind == rtde.START
             self._send(sock, rtde.message(kind, bytes([1])))
         elif kind == rtde.DATA:
             names = client.inputs[payload[0] - 1]
-            types = rtde.types_of(names, rtde.INPUT_TYPES)
+            types = [INPUT_TYPES[name] for name in names]
             self.controller.receive(names, rtde.unpack_scalars(types, payload[1:]))
 
     def _dashboard(self, line: str) -> str:
-        controller = self.controller
-        version = controller.settings.version
         if line == "stop":
-            controller.stop_program()
+            self.controller.stop_program()
             return "Stopped"
-        if line == "unlock protective stop":
-            controller.release()
-            return "Protective stop releasing"
-        answers = {
-            "PolyscopeVersion": f"URSoftware {'.'.join(map(str, version))} (Apr 01 2021)",
-            "is in remote control": "true",
-            "get serial number": "20183500001",
-            "get robot model": "UR5",
-            "robotmode": "Robotmode: RUNNING",
-            "safetymode": "Safetymode: NORMAL",
-            "running": f"Program running: {str(controller.runtime == PLAYING).lower()}",
-            "programState": "PLAYING" if controller.runtime == PLAYING else "STOPPED",
-            "quit": "Disconnected",
-        }
-        return answers.get(line, f"could not understand: '{line}'")
+        if line == "PolyscopeVersion":
+            return f"URSoftware {'.'.join(map(str, VERSION))} (Apr 01 2021)"
+        return f"could not understand: '{line}'"
 
     def _obey(self, orders: Connection) -> None:
         name, *values = orders.recv()
@@ -210,20 +198,12 @@ class Server:
             self._due.clear()
             self.controller.release()
         elif name == "hurry":
-            for _ in range(round(values[0] / self.controller.step_s)):
+            for _ in range(round(values[0] / STEP_S)):
                 self._cycle()
         elif name == "place":
-            self.controller.arm.place(values[0])
+            self.controller.arm = Arm(values[0])
         elif name == "log":
-            log = self.controller.log
-            answer = {
-                "t_s": np.array(log.t_s),
-                "told": np.array(log.told).reshape(-1, 6),
-                "joints": np.array(log.joints).reshape(-1, 6),
-                "commands": list(log.commands),
-                "targets": np.array(log.targets).reshape(-1, 6),
-                "faults": list(log.faults),
-            }
+            answer = self.controller.log
         elif name == "end":
             self._running = False
         orders.send(answer)

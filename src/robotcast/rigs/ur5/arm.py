@@ -146,8 +146,8 @@ class Arm:
         self._listener = _Client(listen, "hears the controller")
         try:
             self._listener.obey(host, FIRST_S)
-            seen_s = [self.next_state(None, ARRIVAL_S).t_s]
-            for _ in range(PERIODS):
+            seen_s = [-np.inf]
+            for _ in range(PERIODS + 1):
                 seen_s.append(self.next_state(seen_s[-1], ARRIVAL_S).t_s)
         except RigStopped as stop:
             self._listener.kill()
@@ -155,13 +155,12 @@ class Arm:
                 f"no UR controller answers at rig.host={host} ({stop}); "
                 "check the cable, the address and that the robot is switched on"
             ) from None
-        self.period_s = 0.008 if np.diff(seen_s).min() > 0.006 else 0.002
+        self.period_s = 0.008 if np.diff(seen_s[1:]).min() > 0.006 else 0.002
 
-    def next_state(self, last_s: float | None, patience_s: float) -> RobotState:
+    def next_state(self, last_s: float, patience_s: float) -> RobotState:
         """Wait for a cycle later than `last_s`; raise `RigStopped` when none comes in time."""
-        self._listener.send(-np.inf if last_s is None else last_s)
-        answer = self._listener.answer(patience_s)
-        if answer is None:
+        self._listener.send(last_s)
+        if (answer := self._listener.answer(patience_s)) is None:
             self._listener.kill()  # what it would still send answers nothing that is asked later
             raise RigStopped(
                 f"the controller sent nothing new for {patience_s * 1e3:.0f} ms "
@@ -173,7 +172,7 @@ class Arm:
 
     def live(self) -> RobotState:
         """Return the present state; raise when it is not fresh."""
-        return self.next_state(self.next_state(None, ARRIVAL_S).t_s, ARRIVAL_S)
+        return self.next_state(self.next_state(-np.inf, ARRIVAL_S).t_s, ARRIVAL_S)
 
     def start(self) -> np.ndarray:
         """Return the live joints (6,) of an arm that may start; raise `RigStopped` otherwise."""
@@ -207,9 +206,9 @@ class Arm:
         window = int(np.ceil(self.watch.lag_s / self.period_s))
         with self._driving() as driver:
             for index, target in enumerate(motion.joints_rad):
-                last_s = log.states[-1].t_s if log.states else None
+                last_s = log.states[-1].t_s if log.states else -np.inf
                 state = self.next_state(last_s, self.watch.stale_s)
-                if last_s is not None and moving[index]:
+                if log.states and moving[index]:
                     cycles = round((state.t_s - last_s) / self.period_s)
                     log.cycles += cycles
                     log.missed += cycles - 1

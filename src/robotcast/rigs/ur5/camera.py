@@ -36,10 +36,6 @@ class WebcamSettings:
     focus: float | None = None
     gone_s: float = 0.5  # without a new frame for so long, the camera is gone
 
-    @property
-    def device(self) -> bool:
-        return self.source.isdigit() or self.source.startswith("/dev/")
-
 
 class Webcam:
     """An open camera whose frames arrive in a thread of their own.
@@ -111,7 +107,8 @@ class Webcam:
 
     def _take_frames(self) -> None:
         # The thread lets go of the camera itself: nobody may while it waits for a frame.
-        is_file = not self.settings.device and "://" not in self.settings.source
+        source = self.settings.source
+        is_file = not source.isdigit() and Path(source).is_file()
         due_s = time.monotonic()
         try:
             while self._running:
@@ -153,7 +150,7 @@ def _opened(asked: WebcamSettings) -> tuple[cv2.VideoCapture, list[str]]:
     if not asked.source:
         raise ValueError("rig=ur5 needs a camera: rig.camera=0, /dev/video0, or a recorded file")
     wanted: list[tuple[str, int, float | None]] = []
-    if asked.device:
+    if asked.source.isdigit() or asked.source.startswith("/dev/"):
         capture = cv2.VideoCapture(int(asked.source.removeprefix("/dev/video")), cv2.CAP_V4L2)
         wanted = [
             ("", cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG")),

@@ -95,8 +95,6 @@ def plan_whole(
     gripper: Gripper,
 ) -> WholeMotion:
     """Plan the reset from where the arm stands, (6,), and the cast after it."""
-    if not np.isfinite(planned.tool.pose).all():
-        raise ValueError("ur5: the planned cast holds numbers that are not finite")
     start = held_pose(live_rad, gripper)
     # A wrist cannot turn on for ever: the reset turns it back to where it started.
     reset = plan_reset(start, cable_length_m, r0_m=r0_m, settings=settings)

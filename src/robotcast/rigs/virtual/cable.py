@@ -4,9 +4,8 @@ The cable is of another make than the simulators that are tuned: it lifts, sags 
 board acts on it only through contacts. The arm lags; chance and resets scatter what both do.
 """
 
-import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -80,9 +79,6 @@ class StartScatter:
         headings = mean + random.standard_normal(len(spread)) @ spread
         return np.interp((np.arange(segments) + 0.5) / segments, self.places, headings)
 
-    def digest(self) -> str:
-        return hashlib.sha256(self.headings_rad.tobytes() + self.places.tobytes()).hexdigest()
-
 
 def packaged_path(cable_name: str) -> Path:
     return Path(__file__).parent / "scatter" / f"{cable_name}.csv"
@@ -125,9 +121,6 @@ class CableTruth:
     segments: int = 30  # rigid pieces of the chain
     step_s: float = 0.001  # halving it moves the resting end by less than the resets scatter it
     contact_s: float = 0.003  # time constant of a contact
-
-    def with_friction(self, factor: float) -> "CableTruth":
-        return replace(self, friction=self.friction * factor)
 
 
 def build_cable(cable: Cable, truth: CableTruth) -> mujoco.MjSpec:

@@ -28,8 +28,6 @@ LEAST_STEP, MOST_STEP = 0.2, 4.0
 Parameters = dict[str, float]
 Draw = Callable[[np.random.Generator], float | tuple[float, float]]
 
-SESSION = 52  # casts over which friction drifts, as many as the benchmark's sets hold
-
 
 def _size(random: np.random.Generator) -> float:
     return 1.0
@@ -52,29 +50,15 @@ def _between(low: float, high: float) -> Draw:
 class Mechanism:
     """One thing that can be hidden.
 
-    Attributes
-    ----------
-    draws : parameter, or two with a space between → how it is drawn for size 1. Those drawn by
-        `_size`, `_signed` or `_direction` grow with the size.
-    start, most : the size with which its fitting to a wanted shift starts, and the largest.
-    same_law : whether an effect of this name in the library follows the same law, so that the
-        two sizes can be compared.
-    fixed : parameters that are the same in every case.
+    `draws` says of every parameter, or two with a space between, how it is drawn for size 1. Those
+    drawn by `_size`, `_signed` or `_direction` grow with the size.
     """
 
     draws: Mapping[str, Draw]
-    start: float
-    most: float
-    same_law: bool = True
-    fixed: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def strengths(self) -> list[str]:
-        """Parameters that grow with the size."""
-        grow = (_size, _signed, _direction)
-        return [
-            name for names, draw in self.draws.items() if draw in grow for name in names.split()
-        ]
+    start: float  # the size with which its fitting to a wanted shift starts
+    most: float  # the largest size
+    same_law: bool = True  # as the library's effect of this name: the sizes can be compared
+    fixed: Mapping[str, float] = field(default_factory=dict)  # parameters, the same in every case
 
     def place(self, random: np.random.Generator) -> Parameters:
         """Draw what the size leaves open (a direction, a sign, a place), at size 1."""
@@ -86,7 +70,9 @@ class Mechanism:
 
     def parameters(self, place: Mapping[str, float], size: float) -> Parameters:
         """Return the parameters of the mechanism at `place` with this size."""
-        return {k: v * size if k in self.strengths else v for k, v in place.items()}
+        growing = (k for k, draw in self.draws.items() if draw in (_size, _signed, _direction))
+        strengths = " ".join(growing).split()
+        return {k: v * size if k in strengths else v for k, v in place.items()}
 
 
 _SPOT = {"x0": _between(0.75, 1.15), "y0": _between(-0.5, 0.5)}  # the ends of many casts cross it
@@ -111,13 +97,12 @@ LIBRARY: Mapping[str, Mechanism] = {
     "camera_rotation": Mechanism({"phi": _signed}, 0.01, 0.2),
     "camera_offset": Mechanism({"dx dy": _direction}, 0.01, 0.1),
     "lens_distortion": Mechanism(
-        {"x0": _between(0.7, 0.85), "y0": _between(-0.05, 0.05), "k": _signed},
-        0.05,
-        0.3,
+        {"x0": _between(0.7, 0.85), "y0": _between(-0.05, 0.05), "k": _signed}, 0.05, 0.3
     ),
     "camera_clock": Mechanism({"k": _signed}, 0.01, 0.1),
     "cable_slip": Mechanism({"s": _size, "v": _between(0.7, 1.1)}, 0.01, 0.04),
-    "friction_drift": Mechanism({"k": _size}, 0.4, 0.8, fixed={"casts": SESSION}),
+    # by as many casts as a set of the benchmark holds
+    "friction_drift": Mechanism({"k": _size}, 0.4, 0.8, fixed={"casts": 52}),
     "tool_offset": Mechanism({"dx dy": _direction}, 0.01, 0.05),
 }
 """Effects that a diagnosis can name."""
@@ -151,9 +136,7 @@ def make_effect(name: str, given: Mapping[str, float]) -> HiddenEffect:
 class Shift:
     """How far hidden effects move the paths of some casts on a rig with nothing else hidden.
 
-    Parameters
-    ----------
-    period_s : between the waypoints that are looked at.
+    A waypoint every `period_s` is looked at.
     """
 
     def __init__(
@@ -170,9 +153,8 @@ class Shift:
         In % of cable length. A cast that amplifies everything does not count for more.
         """
         places_m, moving = self._seen(hidden)
-        moving = moving | self._moves
         apart = np.linalg.norm(places_m - self._still_m, axis=2)
-        averages = (apart * moving).sum(axis=1) / moving.sum(axis=1)
+        averages = np.average(apart, axis=1, weights=moving | self._moves)
         return float(100 * np.median(averages) / self._rig.cable.length_m)
 
     def sized(

@@ -94,6 +94,13 @@ def acting(effects: Sequence[HiddenEffect], where: str) -> list[HiddenEffect]:
     return [effect for effect in effects if MECHANISMS[effect.name][0] == where]
 
 
+def changed(effects: Sequence[HiddenEffect], where: str, value: Any, *given: Any) -> Any:
+    """Return what the effects that act there make of `value`, one after the other."""
+    for effect in acting(effects, where):
+        value = effect(value, *given)
+    return value
+
+
 def _acts(where: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     def enter(mechanism: Callable[..., Any]) -> Callable[..., Any]:
         MECHANISMS[mechanism.__name__] = where, mechanism

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 
 from robotcast.files import atomic_file
-from robotcast.rigs.kinematics import Gripper, link_points
 from robotcast.sessions import video_writer
 from robotcast.vision.camera import Camera
 from robotcast.vision.facts import BORDER_MODULES, MODULES, FiducialBoard, dictionary
@@ -17,7 +16,7 @@ from robotcast.vision.facts import BORDER_MODULES, MODULES, FiducialBoard, dicti
 Colour = tuple[float, float, float]
 
 DRAWN_RADII_M = np.array([0.075, 0.06, 0.06, 0.06, 0.05, 0.045, 0.045, 0.045, 0.05, 0.012])
-"""How thick the arm's `LINKS` are in pictures."""
+"""How thick the arm's links are in pictures."""
 
 _BLUR_STEP_PX, _MOST_INSTANTS, _STILL_PX = 2.5, 12, 0.2
 _NOISE_SLACK_PX = 64
@@ -43,8 +42,7 @@ class SceneMotion:
 
     t_s: np.ndarray
     cable_m: np.ndarray  # (n, m, 3), nodes from the held end to the free end's centre
-    joints_rad: np.ndarray  # (n, 6), of the arm
-    gripper: Gripper
+    arm_m: np.ndarray  # (n, 11, 3), the arm's `link_points`
     cable_radius_m: float
     endpoint_radius_m: float
 
@@ -97,13 +95,11 @@ def frames(
     darker = cv2.subtract(shutter.scene, offset)
     bank = _noise_bank(camera.width, camera.height, settings.noise_grey)
     rng, picture = np.random.default_rng(seed), np.empty_like(shutter.scene)
-
-    moving_m = (motion.cable_m, link_points(motion.joints_rad, motion.gripper))
-    begins = frame_starts(motion, settings)
-    ends = begins + settings.exposure_s
+    moving_m, begins = (motion.cable_m, motion.arm_m), frame_starts(motion, settings)
     travels = []
     for points in moving_m:
-        first, last = (camera.project(_at(t_s, motion.t_s, points)) for t_s in (begins, ends))
+        times = begins, begins + settings.exposure_s
+        first, last = (camera.project(_at(t_s, motion.t_s, points)) for t_s in times)
         travels.append(np.linalg.norm(last - first, axis=-1).max(axis=-1))
     counts = np.clip(np.ceil(np.maximum(*travels) / _BLUR_STEP_PX), 1, _MOST_INSTANTS).astype(int)
     for begin, count, arm_travel in zip(begins, counts, travels[1], strict=True):
@@ -122,8 +118,7 @@ class _Shutter:
 
     def __init__(self, motion: SceneMotion, camera: Camera, settings: PictureSettings) -> None:
         self.camera = camera
-        board_m = (settings.board_length_m, settings.board_width_m)
-        scene = backdrop(camera, settings.fiducials, settings.board_bgr, board_m)
+        scene = backdrop(camera, settings)
         self._light = _vignette(camera, settings.vignetting)
         self.scene = cv2.multiply(scene, cv2.merge([self._light] * 3), dtype=cv2.CV_8U)
         self._canvas, self._total = np.empty_like(scene), np.empty(scene.shape, np.float32)
@@ -249,15 +244,10 @@ def _noise_bank(width: int, height: int, deviation: float) -> np.ndarray:
 
 
 @lru_cache(maxsize=4)
-def backdrop(
-    camera: Camera, fiducials: FiducialBoard, board_bgr: Colour, board_m: tuple[float, float]
-) -> np.ndarray:
-    """Return the empty scene through the lens, uint8 (height, width, 3), without vignetting.
-
-    `board_m` is the board's length along x and width along y.
-    """
-    texture = _texture(fiducials, board_bgr, board_m)
-    xy_m = _board_points(camera) + np.array([_FLOOR_M, board_m[1] / 2 + _FLOOR_M])
+def backdrop(camera: Camera, settings: PictureSettings) -> np.ndarray:
+    """Return the empty scene through the lens, uint8 (height, width, 3), without vignetting."""
+    origin_m = np.array([_FLOOR_M, settings.board_width_m / 2 + _FLOOR_M])
+    texture, xy_m = _texture(settings, origin_m), _board_points(camera) + origin_m
     rows, columns = cv2.split((xy_m / _TEXEL_M - 0.5).astype(np.float32))
     fine = cv2.remap(texture, columns, rows, cv2.INTER_LINEAR, borderValue=_FLOOR_BGR)
     return cv2.resize(fine, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
@@ -277,20 +267,17 @@ def _board_points(camera: Camera) -> np.ndarray:
     return fine[_NODE_EVERY : _NODE_EVERY + size[0], _NODE_EVERY : _NODE_EVERY + size[1]]
 
 
-def _texture(
-    fiducials: FiducialBoard, board_bgr: Colour, board_m: tuple[float, float]
-) -> np.ndarray:
+def _texture(settings: PictureSettings, origin_m: np.ndarray) -> np.ndarray:
     """Return floor and board from above, one texel a millimetre; rows run along x, columns y."""
+    board_m = (settings.board_length_m, settings.board_width_m)
     shape = tuple(round((side + 2 * _FLOOR_M) / _TEXEL_M) for side in board_m)
-    texture = np.empty((*shape, 3), np.float32)
-    texture[:] = _FLOOR_BGR
+    texture = np.full((*shape, 3), _FLOOR_BGR, np.float32)
     near = round(_FLOOR_M / _TEXEL_M)
     far, right = (round((_FLOOR_M + side) / _TEXEL_M) for side in board_m)
-    texture[near:far, near:right] = board_bgr
+    texture[near:far, near:right] = settings.board_bgr
     texture *= _mottling(shape)[..., None]
-    origin = np.array([_FLOOR_M, board_m[1] / 2 + _FLOOR_M])
-    for number, centre in enumerate(fiducials.centres_m):
-        _stick_marker(texture, number, origin + centre, fiducials.side_m)
+    for number, centre in enumerate(settings.fiducials.centres_m):
+        _stick_marker(texture, number, origin_m + centre, settings.fiducials.side_m)
     return np.clip(texture, 0, 255).astype(np.uint8)
 
 

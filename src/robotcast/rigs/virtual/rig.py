@@ -11,7 +11,7 @@ from robotcast import sessions
 from robotcast.casts.action import ToolMotion
 from robotcast.casts.plan import PlannedCast
 from robotcast.measurements.measurement_set import Cable, Trial
-from robotcast.rigs.kinematics import Gripper, joint_path
+from robotcast.rigs.kinematics import Gripper, joint_path, link_points
 from robotcast.rigs.virtual.cable import (
     TOOL_JOINTS,
     ArmDynamics,
@@ -24,7 +24,7 @@ from robotcast.rigs.virtual.cable import (
     compile_cable,
     generator,
 )
-from robotcast.rigs.virtual.mechanisms import Disturbance, HiddenEffect, acting
+from robotcast.rigs.virtual.mechanisms import Disturbance, HiddenEffect, acting, changed
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, frame_starts, render_cast
 from robotcast.vision.camera import Camera
 from robotcast.vision.facts import TrackerFacts
@@ -69,7 +69,9 @@ class VirtualRig:
 
     def facts(self) -> dict[str, Any]:
         """Return what the tracker may know, and a digest of all that shapes a cast."""
-        parts = (self.truth, self.arm, self.noise, self.scatter.digest(), self.seed, *self.hidden)
+        scatter = self.scatter.headings_rad.tobytes() + self.scatter.places.tobytes()
+        start = hashlib.sha256(scatter).hexdigest()
+        parts = (self.truth, self.arm, self.noise, start, self.seed, *self.hidden)
         made = hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
         return {"vision": self.tracker.as_dict(), "made": made}
 
@@ -103,9 +105,9 @@ class VirtualRig:
     def simulate_truth(self, planned: PlannedCast, number: int) -> Truth:
         """Simulate cast `number` and return what really happened."""
         run, path = self.begin(planned, number)
-        motion = run.drive(self._held(path), moving_s=planned.end_s + 5 * self.arm.lag_s)
-        steps = np.arange(len(path)) * self.truth.step_s
-        tool = ToolMotion(steps, path[:, [0, 1, 3]])
+        held, step_s = changed(self.hidden, "hold", path, self.truth.step_s), self.truth.step_s
+        motion = run.drive(held, moving_s=planned.end_s + 5 * self.arm.lag_s)
+        tool = ToolMotion(np.arange(len(path)) * step_s, path[:, [0, 1, 3]])
         return Truth(motion, ToolMotion(motion.t_s, tool.at(motion.t_s)))
 
     def begin(self, planned: PlannedCast, number: int) -> tuple[CableRun, np.ndarray]:
@@ -114,36 +116,27 @@ class VirtualRig:
         # a reset leaves the cable along the ray on which the cast starts
         drawn = self.scatter.draw(self.truth.segments, generator(self.seed, number, "start"))
         headings_rad = drawn + planned.tool.pose[0, 2]
-        truth = self.truth.with_friction(friction_factor)
+        truth = replace(self.truth, friction=self.truth.friction * friction_factor)
         arm = replace(self.arm, gain_error=self.arm.gain_error + gain)
         steps = np.arange(round((planned.end_s + SLOWEST_S) / truth.step_s) + 1) * truth.step_s
         path = np.zeros((len(steps), TOOL_JOINTS))
         path[:, [0, 1, 3]] = arm.follow(planned.tool, steps, delay_s=delay_s)
-        cable = self.cable
-        for effect in acting(self.hidden, "cable"):
-            cable = effect(cable, planned)
+        cable = changed(self.hidden, "cable", self.cable, planned)
         spec = build_cable(cable, truth)
         for effect in acting(self.hidden, "model"):
             effect(spec, cable, truth)
         model = compile_cable(spec)
-        disturb = Disturbance(self.hidden, model, number)
-        run = CableRun(model, headings_rad, self._held(path)[0], disturb)
+        held = changed(self.hidden, "hold", path, truth.step_s)[0]
+        run = CableRun(model, headings_rad, held, Disturbance(self.hidden, model, number))
         run.settle()
         return run, path
-
-    def _held(self, path: np.ndarray) -> np.ndarray:
-        """Return where the cable is really held while the arm takes `path` (steps, 5)."""
-        for effect in acting(self.hidden, "hold"):
-            path = effect(path, self.truth.step_s)
-        return path
 
     def log_tool(self, tool: ToolMotion, number: int) -> ToolMotion:
         """Return the tool's motion as the controller logs it, at 125 Hz."""
         t_s = np.arange(int(tool.t_s[-1] / LOG_S + 1e-9) + 1) * LOG_S
-        noise = self.noise
-        sizes = np.array([noise.tool_log_m, noise.tool_log_m, noise.tool_log_rad])
-        random = generator(self.seed, number, "log")
-        return ToolMotion(t_s, tool.at(t_s) + sizes * random.standard_normal((len(t_s), 3)))
+        wrong = generator(self.seed, number, "log").standard_normal((len(t_s), 3))
+        wrong *= [self.noise.tool_log_m, self.noise.tool_log_m, self.noise.tool_log_rad]
+        return ToolMotion(t_s, tool.at(t_s) + wrong)
 
     def _scene(self, truth: Truth, *, rest_only: bool) -> SceneMotion:
         t_s, cable, tool = truth.cable.t_s, truth.cable.nodes_m, truth.tool.pose
@@ -151,8 +144,8 @@ class VirtualRig:
         times = np.array(still) if rest_only else np.concatenate([[-BEFORE_S], t_s, still[1:]])
         rows = np.searchsorted(t_s, np.clip(times, t_s[0], t_s[-1]))
         joints = joint_path(ToolMotion(times, tool[rows]), self.gripper)
-        radius, end_radius = self.cable.radius_m, self.truth.endpoint_radius_m
-        return SceneMotion(times, cable[rows], joints, self.gripper, radius, end_radius)
+        radii = self.cable.radius_m, self.truth.endpoint_radius_m
+        return SceneMotion(times, cable[rows], link_points(joints, self.gripper), *radii)
 
 
 @dataclass(frozen=True)
@@ -186,9 +179,5 @@ def measure_cast(
 
 def seen_places(rig: VirtualRig, cable: Motion, stamp_s: np.ndarray) -> np.ndarray:
     """Return where the rig's camera puts the free end in waypoints so stamped, (k, 2)."""
-    for effect in acting(rig.hidden, "stamps"):
-        stamp_s = effect(stamp_s)
-    places = ToolMotion(cable.t_s, cable.end_m).at(stamp_s)[:, :2]
-    for effect in acting(rig.hidden, "places"):
-        places = effect(places)
-    return places
+    end = ToolMotion(cable.t_s, cable.end_m).at(changed(rig.hidden, "stamps", stamp_s))
+    return changed(rig.hidden, "places", end[:, :2])
