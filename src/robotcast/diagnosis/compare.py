@@ -19,7 +19,7 @@ from robotcast.diagnosis.repeats import (
     repeat_scatter,
 )
 from robotcast.diagnosis.rule import RULE, Rule
-from robotcast.diagnosis.slices import Slice, slice_errors
+from robotcast.diagnosis.slices import Slice, shared_factors
 from robotcast.files import plain
 
 LEAST_PART = 0.5  # of the trials that must still be seen at a time
@@ -95,15 +95,12 @@ def median_phases(records: Sequence[Record]) -> dict[str, float]:
 
 def trends(records: Sequence[Record], found: Misfit) -> dict[str, Trend]:
     """Return the error against every factor that all trials have and that varies."""
-    shared = set.intersection(*(set(r.factors) for r in records))
-    made = {}
-    for name in (n for n in records[0].factors if n in shared):
-        values = np.array([r.factors[name] for r in records], dtype=float)
-        if np.ptp(values) > 0:
-            made[name] = Trend(
-                values, found.sample_percent, *_running(values, found.sample_percent)
-            )
-    return made
+    error = found.sample_percent
+    return {
+        name: Trend(values, error, *_running(values, error))
+        for name, values in shared_factors(records).items()
+        if np.ptp(values) > 0
+    }
 
 
 def _running(values: np.ndarray, errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -311,18 +308,15 @@ class Explained:
         slices = _usual_slices(self.comparison(found.base.revision))
         return {
             name: [
-                {"slice": some.name, "before_percent": b, "after_percent": a}
-                for some, b, a in zip(
-                    slices, self._errors(slices, before), self._errors(slices, after), strict=True
-                )
+                {"slice": s.name, "before_percent": s.percent(b), "after_percent": s.percent(a)}
+                for s in slices
             ]
-            for name, (before, after) in pairs.items()
+            for name, (b, a) in ((n, map(self._misfit, pair)) for n, pair in pairs.items())
         }
 
-    def _errors(self, slices: Sequence[Slice], revision: Revision) -> list[float | None]:
+    def _misfit(self, revision: Revision) -> Misfit:
         inquiry = self._inquiry
-        predicted = self._prediction(revision)
-        return slice_errors(slices, inquiry.records, predicted, inquiry.model.scale)
+        return misfit(inquiry.records, self._prediction(revision), inquiry.model.scale)
 
     def _prediction(self, revision: Revision) -> np.ndarray:
         """Return what a revision predicts, (n_trials, k_max, d)."""

@@ -178,14 +178,7 @@ def _slice_of(
     *first, last = (str(records[row].trial) for row in rows)
     numbers = f"{', '.join(first)} and {last}" if first else last
     name = f"{wording.trial if len(rows) == 1 else wording.trials} {numbers}"
-    return Slice(
-        name=name,
-        kind="trial",
-        subject=name.capitalize(),
-        trials=tuple(r.trial for r in records),
-        mask=mask,
-        whole_trials=True,
-    )
+    return Slice(name, "trial", name.capitalize(), mask, whole_trials=True)
 
 
 PERMUTATIONS = 2000
