@@ -79,8 +79,7 @@ class Inquiry:
     @cached_property
     def groups(self) -> np.ndarray:
         """Which trials are held out together, numbered from 0, (n_trials,)."""
-        whole = [r.group if r.held_out_with is None else r.held_out_with for r in self.records]
-        return np.unique(whole, return_inverse=True)[1]
+        return np.unique([r.together for r in self.records], return_inverse=True)[1]
 
     def parameters(self, active: Sequence[str]) -> tuple[Parameter, ...]:
         """Return the parameters of the model with these effects, in a vector's order."""

@@ -35,6 +35,11 @@ class Record:
     held_out_with: int | None = None
     ended: bool = True
 
+    @property
+    def together(self) -> int:
+        """Trials that no split may cut apart share this number."""
+        return self.group if self.held_out_with is None else self.held_out_with
+
 
 class Candidate(Protocol):
     """A mechanism that the model may lack.

@@ -226,7 +226,7 @@ def _signals(records: Sequence[Record], wording: Wording, slicing: Slicing) -> I
         return
     for i, way in enumerate(np.eye(d)):
         name, directions = wording.axis(i).name, np.broadcast_to(way, (*present.shape, d))
-        yield Slice(f"in {name}", "signal", name, present, directions)
+        yield Slice(f"in {name}", "signal", name[0].upper() + name[1:], present, directions)
 
 
 def _factors(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
