@@ -18,7 +18,6 @@ import time
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -109,9 +108,7 @@ def _selected(search: Selection, method: Callable[..., Effects], library: Librar
     """Select effects, and refit each part of them to see whether it would do; return how many."""
     taken = method(search, library)
     for size in range(len(taken) - 1, 0, -1):
-        for part in combinations(taken, size):
-            if part not in search.early.fits:
-                search.early.fit(part, search.early.of_larger(part))
+        search.early.parts((), taken, size)
     return len(taken)
 
 
@@ -147,7 +144,7 @@ def verdicts(
         own.judge(size)
         own.simplify()
         own.take_apart()
-        said = decide(own.found, floor, case.rule, Unexplained, own.refit_singles).words
+        said = decide(own.found, Unexplained, own.refit_singles).words
         more = inquiry.simulated - before, time.monotonic() - begun
         found[name] = set(said), casts + more[0], seconds + more[1]
     return found

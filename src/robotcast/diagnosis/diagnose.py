@@ -159,9 +159,7 @@ class _Run:
         )
         self._found = selection.run()
         self._base = self._found.base.revision
-        self._verdict = decide(
-            self._found, self._floor, case.rule, self._look, selection.refit_singles
-        )
+        self._verdict = decide(self._found, self._look, selection.refit_singles)
         self._found = selection.choose((*case.fixed, *self._verdict.named))
         self._screen(self._found.chosen)
 
@@ -186,10 +184,8 @@ class _Run:
             self._screens = dict(looked)
 
     def _look(self) -> Unexplained:
-        case, tell = self._case, partial(self._step, self._found, Step.FIELDS)
-        return look_for_the_unknown(
-            self.inquiry, self._found, self._fields, case.effort, case.rule, tell
-        )
+        tell, effort = partial(self._step, self._found, Step.FIELDS), self._case.effort
+        return look_for_the_unknown(self.inquiry, self._found, self._fields, effort, tell)
 
     def choose_next(self, further: Callable[[], Further]) -> None:
         """Look for the trials that would decide what is still open."""

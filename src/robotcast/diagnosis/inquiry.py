@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from threading import Lock
 
 import numpy as np
 
+from robotcast.diagnosis.misfit import padded
 from robotcast.diagnosis.model import Model, Record
 from robotcast.diagnosis.rule import Effort
 from robotcast.fitting.least_squares import (
@@ -65,7 +65,7 @@ class Inquiry:
         Of every trial it sees this share of the samples, the first ones.
         """
         other = copy(self)
-        for name in ("everything", "groups", "_padded"):
+        for name in ("everything", "groups", "_measured"):
             other.__dict__.pop(name, None)
         some = spread(self.everything, n)
         other.records = tuple(_beginning(self.records[i], share) for i in some)
@@ -90,6 +90,20 @@ class Inquiry:
         """Return where in a vector the parameters of one of the effects stand."""
         first = len(self.parameters(active[: active.index(name)]))
         return slice(first, first + len(self.model.effects[name].parameters))
+
+    def carried(
+        self,
+        active: Sequence[str],
+        of: Sequence[str],
+        vector: np.ndarray,
+        onto: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Return a vector, nominal by default, with what it shares with one of other effects."""
+        found, own = self.nominal(active) if onto is None else onto.copy(), self.parameters(())
+        found[: len(own)] = vector[: len(own)]
+        for name in set(active) & set(of):
+            found[self.entries(active, name)] = vector[self.entries(of, name)]
+        return found
 
     def steps(self, active: Sequence[str]) -> np.ndarray:
         """Return the finite-difference steps of all parameters."""
@@ -124,8 +138,9 @@ class Inquiry:
 
         def evaluate(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
             difference = self.differences(active, vectors, trials)
-            counts = np.isfinite(self._measured(trials)).all(axis=-1).sum(axis=1)
-            lost = (np.isnan(difference) & np.isfinite(self._measured(trials))).any(axis=(2, 3))
+            present = np.isfinite(self._measured[trials])
+            counts = present.all(axis=-1).sum(axis=1)
+            lost = (np.isnan(difference) & present).any(axis=(2, 3))
             weighed = np.nan_to_num(difference) / np.sqrt(counts)[:, None, None]
             weighed[lost] = 0
             weighed[lost, 0, 0] = LOST * self.model.scale
@@ -191,7 +206,7 @@ class Inquiry:
         chosen = [self.records[i] for i in trials]
         predicted = self.model.predict(chosen, active, self.values(active, vectors))
         self._runs.add(len(vectors) * len(trials))
-        measured = self._measured(trials)
+        measured = self._measured[trials]
         k = max(len(record.times_s) for record in chosen)
         wanted = (len(vectors), len(trials), k, measured.shape[2])
         if predicted.shape != wanted:
@@ -200,19 +215,11 @@ class Inquiry:
         difference[:, :, :k] = predicted - measured[:, :k]
         return difference
 
-    def errors(
-        self, active: Sequence[str], vector: np.ndarray, trials: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return average and final error of every trial, each (m,), in % of the scale.
-
-        A trial whose run diverged counts with one scale.
-        """
-        return self.percent(self.differences(active, vector[None], trials)[0], trials)
-
     def percent(self, difference: np.ndarray, trials: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Turn differences (m, k_max, d) into average and final errors, in % of the scale.
 
-        The final error of a trial that was not seen to end is NaN.
+        A trial whose run diverged counts with one scale; the final error of one that was not seen
+        to end is NaN.
         """
         distance = np.linalg.norm(difference, axis=-1)
         counts = np.array([len(self.records[i].times_s) for i in trials])
@@ -237,20 +244,13 @@ class Inquiry:
         counts = np.array([len(self.records[i].times_s) for i in trials])
         shape = (len(trials), -1, self.records[0].measured.shape[1])
         found = residual.reshape(shape) * (np.sqrt(counts) * self.noise)[:, None, None]
-        found[np.isnan(self._measured(trials))] = np.nan
+        found[np.isnan(self._measured[trials])] = np.nan
         return found
 
-    def _measured(self, trials: np.ndarray) -> np.ndarray:
-        """Return the measured signals (m, k_max, d), NaN past a trial's own; k_max of all."""
-        return self._padded[trials]
-
     @cached_property
-    def _padded(self) -> np.ndarray:
-        k_max = max(len(r.times_s) for r in self.records)
-        padded = np.full((len(self.records), k_max, self.records[0].measured.shape[1]), np.nan)
-        for row, record in zip(padded, self.records, strict=True):
-            row[: len(record.times_s)] = record.measured
-        return padded
+    def _measured(self) -> np.ndarray:
+        """The measured signals (n_trials, k_max, d), NaN past a trial's own."""
+        return padded(self.records, [r.measured for r in self.records])
 
 
 class _Runs:
@@ -259,12 +259,10 @@ class _Runs:
     def __init__(self, progress: Progress) -> None:
         self.done = 0
         self._progress = progress
-        self._lock = Lock()
 
     def add(self, runs: int) -> None:
-        with self._lock:
-            self.done += runs
-            self._progress(self.done, 0)
+        self.done += runs
+        self._progress(self.done, 0)
 
 
 def _beginning(record: Record, share: float) -> Record:

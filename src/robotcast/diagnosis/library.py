@@ -142,8 +142,7 @@ class Library:
 
     def again(self, effects: tuple[str, ...], part: Fit, effort: Effort) -> "Library":
         """Return the whole fitted from where the model with a few of its effects was, if better."""
-        vector = self._null.copy()
-        vector[self._kept(effects)] = part.vector
+        vector = self.early.carried(self.effects, effects, part.vector, self._null)
         fit = self.early.fit(self.effects, vector, effort.refit)
         if fit.loss > (1 - effort.pays) * self.fit.loss:
             return self
@@ -167,11 +166,8 @@ class Library:
     @cached_property
     def columns(self) -> dict[str, list[int]]:
         """Which of the vector's entries are whose."""
-        found, at = {}, self._own
-        for name in self.effects:
-            n = len(self.early.model.effects[name].parameters)
-            found[name], at = list(range(at, at + n)), at + n
-        return found
+        every = list(range(len(self.fit.vector)))
+        return {name: every[self.early.entries(self.effects, name)] for name in self.effects}
 
     @property
     def free(self) -> list[int]:
@@ -249,25 +245,25 @@ class Beginnings:
 
         A set that was left in a worse valley than one of its parts would lose to it.
         """
-        own, starts = len(self.inquiry.model.parameters), [vector]
         parts = [e for e in self.fits if set(e) < set(effects)]
         if not parts:
-            return starts
+            return [vector]
         part = min(parts, key=lambda e: self.fits[e].loss)
-        start, fitted = vector.copy(), self.fits[part].vector
-        start[:own] = fitted[:own]
-        for name in part:
-            start[self.inquiry.entries(effects, name)] = fitted[self.inquiry.entries(part, name)]
-        return [*starts, start]
+        return [vector, self.inquiry.carried(effects, part, self.fits[part].vector, vector)]
 
-    def of_larger(self, effects: tuple[str, ...]) -> np.ndarray:
-        """Return where a set starts that was only fitted as part of a larger one."""
-        whole = min(
-            (e for e in self.fits if set(effects) < set(e)), key=lambda e: self.fits[e].loss
-        )
-        fitted, own = self.fits[whole].vector, len(self.inquiry.model.parameters)
-        parts = [fitted[self.inquiry.entries(whole, name)] for name in effects]
-        return np.concatenate([fitted[:own], *parts])
+    def parts(
+        self, fixed: tuple[str, ...], others: Sequence[str], size: int
+    ) -> list[tuple[str, ...]]:
+        """Return the sets of so many effects beside the fixed ones, all fitted.
+
+        One that was only fitted as part of a larger set starts from the best of those.
+        """
+        sets = [(*fixed, *some) for some in combinations(others, size)]
+        for effects in (e for e in sets if e not in self.fits):
+            larger = [e for e in self.fits if set(effects) < set(e)]
+            whole = min(larger, key=lambda e: self.fits[e].loss)
+            self.fit(effects, self.inquiry.carried(effects, whole, self.fits[whole].vector))
+        return sets
 
     def expected_error(self, effects: tuple[str, ...], fit: Fit | None = None) -> float:
         """Return the typical error that a fit will have on other beginnings like these."""

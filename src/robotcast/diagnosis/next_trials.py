@@ -307,8 +307,7 @@ def _fitted(inquiry: Inquiry, effects: tuple[str, ...], start: np.ndarray) -> Re
 def _whether_there(inquiry: Inquiry, top: Revision, effect: str) -> Contest:
     """Set the model as it is against the same model with a little of one effect."""
     effects, first = (*top.effects, effect), len(top.fit.vector)
-    vector = inquiry.nominal(effects)
-    vector[:first] = top.fit.vector
+    vector = inquiry.carried(effects, top.effects, top.fit.vector)
     for k, parameter in enumerate(inquiry.model.effects[effect].parameters, first):
         if parameter.null is not None:
             null = float(parameter.to_unit(np.asarray(parameter.null)))

@@ -2,11 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 
-from robotcast.diagnosis.errors import Floor, Scales, usual
+from robotcast.diagnosis.errors import Floor, Gain, Scales, usual
 from robotcast.diagnosis.found import Effects, Found, Rung, Step
 from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base, held_out
 from robotcast.diagnosis.library import Beginnings, Library, fit_library, level, library_at
@@ -193,31 +192,24 @@ class Selection:
 
         Effects of one kind, as two drives that lag, are one cause.
         """
-        named, early = self.found.named, self.found.early
+        named, least = self.found.named, self._rule.material
         base = self.early.expected_error(self._fixed)
         own = [self._inquiry.model.effects[name] for name in named]
-        helps = len({(type(e), *((p.name, p.unit) for p in e.parameters)) for e in own}) < 2
-        for part in combinations(named, len(named) - 1) if not helps else ():
-            effects = (*self._fixed, *part)
-            if effects not in early:
-                self.early.fit(effects, self.early.of_larger(effects))
-            saved = base - self.early.expected_error(effects)
-            helps |= saved > self._rule.material * base
-        self.found = replace(self.found, inseparable=not helps)
+        kinds = {(type(e), *((p.name, p.unit) for p in e.parameters)) for e in own}
+        parts = self.early.parts(self._fixed, named, len(named) - 1) if len(kinds) > 1 else []
+        saved = [base - self.early.expected_error(effects) for effects in parts]
+        together = bool(parts) and not any(some > least * base for some in saved)
+        self.found = replace(self.found, inseparable=together)
 
     def _refit_in_place(self, effects: Effects, name: str, other: str) -> None:
         """Refit with one effect in another's place, from what they have in common."""
-        model, chosen = self._inquiry.model, self.found.chosen
-        fitted, own = self.found.judged[chosen].revision.fit.vector, len(model.parameters)
-        held, new = (model.effects[e].parameters for e in (name, other))
-        at = dict(
-            zip((p.name for p in held), fitted[self._inquiry.entries(chosen, name)], strict=True)
-        )
-        swapped = np.array([at.get(p.name, float(p.to_unit(np.asarray(p.nominal)))) for p in new])
-        parts = [
-            swapped if e == other else fitted[self._inquiry.entries(chosen, e)] for e in effects
-        ]
-        self.early.fit(effects, np.concatenate([fitted[:own], *parts]))
+        inquiry, chosen = self._inquiry, self.found.chosen
+        fitted = self.found.judged[chosen].revision.fit.vector
+        start = inquiry.carried(effects, chosen, fitted)
+        held, new = (inquiry.model.effects[e].parameters for e in (name, other))
+        at = [[p.name for p in held].index(p.name) for p in new]
+        start[inquiry.entries(effects, other)] = fitted[inquiry.entries(chosen, name)][at]
+        self.early.fit(effects, start)
         self._refit(effects)
 
     def refit_singles(self, own: np.ndarray) -> Found:
@@ -255,10 +247,7 @@ class Selection:
     def _needless(self, size: int) -> bool:
         """Tell whether fewer effects than are chosen would do: all but one of them, or others."""
         chosen = self.found.chosen
-        for part in combinations(self.found.named, size - 1):
-            effects = (*self._fixed, *part)
-            if effects not in self.found.early:
-                self.early.fit(effects, self.early.of_larger(effects))
+        self.early.parts(self._fixed, self.found.named, size - 1)
         best = self.early.best(len(self._fixed) + size - 1)
         if self._nearly(chosen, best):
             self._refit(best)
@@ -283,11 +272,10 @@ class Selection:
     def _polish(self, size: int) -> None:
         """Go on with the models of one size where that decides: between rivals, above the floor."""
         found, fixed = self.found, len(self._fixed)
-        assert found.scales is not None
-        rivals = [e for e in found.judged if len(e) == fixed + size]
-        best = min(rivals, key=lambda e: found.judged[e].revision.fit.loss)
-        level = [e for e in rivals if self._undecided(found.judged[best], found.judged[e])]
-        if len(level) < 2 and not self._above(found.judged[best]):
+        rivals = [r for e, r in found.judged.items() if len(e) == fixed + size]
+        best = min(rivals, key=lambda r: r.revision.fit.loss)
+        level = [r.effects for r in rivals if self._undecided(best, r)]
+        if len(level) < 2 and not self._above(best):
             return
         for effects in level:
             self._next(Step.REFIT, " + ".join(effects[fixed:]))
@@ -301,20 +289,13 @@ class Selection:
 
     def _promises(self, size: int) -> bool:
         """Tell whether any judged set of one size may turn out to be worth naming."""
-        found, fixed, rule = self.found, len(self._fixed), self._rule
-        assert found.scales is not None
-        gains = [
-            found.scales.gain(found.base.errors.waypoint, rung.errors.waypoint)
-            for effects, rung in found.judged.items()
-            if len(effects) == fixed + size
-        ]
+        found, rule, n = self.found, self._rule, len(self._fixed) + size
+        gains = [found.gain(found.base, r) for e, r in found.judged.items() if len(e) == n]
         return any(g.p_value < rule.equal and g.matters(rule, rule.mostly) for g in gains)
 
     def _above(self, rung: Rung) -> bool:
         """Tell whether a model stands above the floor by what would matter."""
-        assert self.found.scales is not None
-        errors = rung.errors.waypoint[self.found.scales.usual]
-        return self._floor.above(errors, 1 + self._rule.material)
+        return self.found.above(rung, 1 + self._rule.material)
 
     def _rematch(self, other: Fit) -> None:
         """Give the model as it is the old parameters of a fit with more effects to start from.
@@ -337,27 +318,32 @@ class Selection:
         known = usual([r.errors.low for r in found.judged.values()], self._floor, self._rule)
         scales = Scales(self._floor, 1.0, self._inquiry.groups, known, self._rule)
         scales = replace(scales, base=scales.typical(found.base.errors.waypoint))
-        judged = {
-            e: replace(r, gain=scales.gain(found.base.errors.waypoint, r.errors.waypoint))
-            for e, r in found.judged.items()
-        }
+        self.found = found = replace(found, scales=scales)
+        gains = {e: found.gain(found.base, r) for e, r in found.judged.items()}
+        judged = {e: replace(r, gain=gains[e]) for e, r in found.judged.items()}
         chosen = self._fixed
         for size in sorted({len(effects) for effects in judged}):
             simplest = self._simplest([judged[e] for e in judged if len(e) == size])
-            if size > len(self._fixed) and not self._pays(scales, found.base, judged[simplest]):
+            if size > len(self._fixed) and not self._pays(gains[simplest]):
                 continue
             chosen = simplest
             larger = [rung for effects, rung in judged.items() if len(effects) > size]
-            if not any(self._pays(scales, judged[chosen], rung) for rung in larger):
+            if not any(self._pays(found.gain(judged[chosen], rung)) for rung in larger):
                 break
-        self.found = replace(found, judged=judged, chosen=chosen, scales=scales)
+        self.found = replace(found, judged=judged, chosen=chosen)
 
     def _simplest(self, rungs: Sequence[Rung]) -> Effects:
-        """Return the set with the least expected loss, or one as good with fewer strengths."""
-        cost = {rung.effects: self._cost(rung) for rung in rungs}
+        """Return the set with the least expected loss, or one as good with fewer strengths.
+
+        The fits see the same trials, so that it tells more than what they miss of those held out.
+        """
+        cost = {r.effects: self._inquiry.expected_loss(r.effects, r.revision.fit) for r in rungs}
         best = min(rungs, key=lambda rung: cost[rung.effects])
+        error, step = self.found.typical, self._floor.numerical
         level = [
-            r for r in rungs if r is best or self._undecided(best, r) or self._by_step(best, r)
+            r
+            for r in rungs
+            if r is best or self._undecided(best, r) or abs(error(r) - error(best)) < step
         ]
         return min(level, key=lambda r: (self._strengths(r.effects), cost[r.effects])).effects
 
@@ -384,7 +370,7 @@ class Selection:
     def _cannot_tell(self, chosen: Effects, other: Effects) -> bool:
         judged, sets = self.found.judged, (self._fixed, chosen, other)
         if other in judged:
-            before, best, worse = (self._typical(judged[e]) for e in sets)
+            before, best, worse = (self.found.typical(judged[e]) for e in sets)
             alike = self._undecided(judged[chosen], judged[other])
         else:
             before, best, worse = (self.early.expected_error(e) for e in sets)
@@ -392,28 +378,11 @@ class Selection:
         matters = self._rule.material * min(worse, before - best)
         return alike or worse - best < max(matters, self._floor.numerical)
 
-    def _typical(self, rung: Rung) -> float:
-        assert self.found.scales is not None
-        return self.found.scales.typical(rung.errors.waypoint)
-
-    def _by_step(self, best: Rung, other: Rung) -> bool:
-        """Tell whether two models differ by no more than the model's own step errs by."""
-        return abs(self._typical(other) - self._typical(best)) < self._floor.numerical
-
     def _undecided(self, best: Rung, other: Rung) -> bool:
         fits = (best.revision.fit, other.revision.fit)
         return level(*fits, self._inquiry.groups, self._rule)
 
-    def _cost(self, rung: Rung) -> float:
-        """Return the loss expected on further trials.
-
-        The fits see the same trials, so that it tells more than what they miss of those held out.
-        """
-        revision = rung.revision
-        return self._inquiry.expected_loss(revision.effects, revision.fit)
-
-    def _pays(self, scales: Scales, before: Rung, after: Rung) -> bool:
-        gain = scales.gain(before.errors.waypoint, after.errors.waypoint)
+    def _pays(self, gain: Gain) -> bool:
         return gain.pays(self._rule, len(self._candidates))
 
     def _keep(self, revision: Revision) -> None:
