@@ -54,7 +54,7 @@ def _relevant(library: Library, effects: Sequence[str]) -> Effects:
     residual, slopes = library.weighted
     columns = [*library.free, *(k for name in effects for k in library.columns[name])]
     whose = [None] * len(library.free) + [n for n in effects for _ in library.columns[n]]
-    sd = library.early.prior(library.effects).sd[columns]
+    sd = library.early.expected(library.effects)[columns]
     flat = slopes.reshape(-1, slopes.shape[-1])[:, columns] * sd
     hold, pull = flat.T @ flat, flat.T @ residual.ravel()
     variance = np.ones(len(columns))

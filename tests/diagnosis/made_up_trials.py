@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotcast.cast_model import CAST_WORDING
+from robotcast.diagnosis.compare import Comparison, compare
 from robotcast.diagnosis.model import Record
 
 SCALE = 0.5
@@ -52,3 +53,9 @@ def made_up(
             records.append(record)
             predicted.append(true + (wrong(record) if wrong else 0))
     return MadeUp(records, np.stack(predicted))
+
+
+def compared(made: MadeUp) -> Comparison:
+    return compare(
+        made.records, made.predicted, scale=SCALE, error_unit="% of cable length", wording=WORDS
+    )

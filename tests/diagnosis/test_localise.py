@@ -6,16 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotcast.diagnosis.compare import Comparison, compare
+from robotcast.diagnosis.misfit import misfit
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.slices import slice_errors
-from tests.diagnosis.made_up_trials import PHASES, SCALE, TIMES_S, WORDS, MadeUp, made_up
+from tests.diagnosis.made_up_trials import PHASES, SCALE, TIMES_S, MadeUp, compared, made_up
 
 ERROR_M = 0.02
-
-
-def compared(made: MadeUp) -> Comparison:
-    return compare(made.records, made.predicted, scale=SCALE, error_unit="%", wording=WORDS)
 
 
 def where(inside: Callable[[Record], np.ndarray | float]) -> Callable[[Record], np.ndarray]:
@@ -104,21 +99,10 @@ def test_three_trials_are_too_few_to_name_anything() -> None:
 
 def test_slices_tell_what_another_prediction_mends() -> None:
     made = made_up(wrong=where(lambda r: r.factors["alpha"] > 1.5))
-    slices = [f.slice for f in compared(made).findings]
-    better = made_up().predicted
-    (before,) = slice_errors(slices, made.records, made.predicted, SCALE)
-    (after,) = slice_errors(slices, made.records, better, SCALE)
-    assert before == pytest.approx(100 * np.sqrt(2) * ERROR_M / SCALE, rel=0.2)
-    assert after is not None and after < 1.5
-
-
-def test_slices_look_at_some_of_the_trials_in_any_order() -> None:
-    made = made_up(wrong=where(lambda r: r.factors["alpha"] > 1.5))
     (finding,) = compared(made).findings
-    inside = [row for row in range(len(made.records)) if finding.slice.mask[row].any()]
-    some = [made.records[row] for row in reversed(inside)]
-    (error,) = slice_errors([finding.slice], some, made.predicted[inside[::-1]], SCALE)
-    assert error == pytest.approx(finding.error_percent)
-    outside = [r for r in made.records if r.trial not in {s.trial for s in some}]
-    rows = [r.trial for r in outside]
-    assert slice_errors([finding.slice], outside, made.predicted[rows], SCALE) == [None]
+    before, after = (
+        finding.slice.percent(misfit(made.records, predicted, SCALE))
+        for predicted in (made.predicted, made_up().predicted)
+    )
+    assert before == pytest.approx(100 * np.sqrt(2) * ERROR_M / SCALE, rel=0.2)
+    assert before == pytest.approx(finding.error_percent) and after < 1.5

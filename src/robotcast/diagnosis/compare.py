@@ -196,8 +196,8 @@ def compare(
     grid = TimeGrid.of(records)
     repeats = repeat_scatter(records, grid, scale, rule)
     exceptions = outstanding_trials(records, found, wording, rule.slicing)
-    usual = ~any_of(found, exceptions).any(axis=1)
-    variance, lack_of_fit = pure_error(records, found, usual, grid, rng)
+    single = np.asarray(any_of(found, exceptions).any(axis=1))
+    variance, lack_of_fit = pure_error(records, found, ~single, grid, rng)
     noise = None if variance is None else grid.at_samples(variance, found.distance.shape[1])
     return Comparison(
         records=tuple(records),

@@ -89,8 +89,9 @@ def strengths(inquiry: Inquiry, found: Unexplained) -> np.ndarray:
 
 
 class Code(Enum):
-    """What a verdict says."""
+    """What a verdict says; `OPEN` until there is one."""
 
+    OPEN = ""
     NONE = "none"
     NAMED = "named"
     UNKNOWN = "unknown"
@@ -108,7 +109,7 @@ class Verdict:
     left : what stays above the floor and what it is like; None where nothing does.
     """
 
-    code: Code
+    code: Code = Code.OPEN
     named: tuple[str, ...] = ()
     near: tuple[Rung, ...] = ()
     left: Unexplained | None = None
@@ -116,7 +117,7 @@ class Verdict:
     @property
     def words(self) -> list[str]:
         """The verdict as `diagnosis.json` has it: effect ids, or "none", or "unknown"."""
-        if self.named:
+        if self.named or self.code is Code.OPEN:
             return list(self.named)
         return ["unknown" if self.code is Code.UNKNOWN else "none"]
 

@@ -59,6 +59,10 @@ class Inquiry:
         """How many trials were simulated so far."""
         return self._runs.done
 
+    def count(self, runs: int) -> None:
+        """Count trials that were simulated."""
+        self._runs.add(runs)
+
     def beginnings(self, share: float, n: int) -> "Inquiry":
         """Return the same inquiry into the beginnings of n of the trials, evenly spaced.
 
@@ -112,10 +116,6 @@ class Inquiry:
     def free(self, active: Sequence[str]) -> np.ndarray:
         """Return which parameters a fit may change, bool (n,)."""
         return np.array([not p.frozen for p in self.parameters(active)], bool)
-
-    def prior(self, active: Sequence[str]) -> Prior:
-        """Return what a fit expects: strengths near null, all else near nominal."""
-        return Prior(self.nominal(active), self.expected(active))
 
     def expected(self, active: Sequence[str]) -> np.ndarray:
         """Return the standard deviations (n,) that are expected before any trial, of the ranges."""
@@ -186,7 +186,7 @@ class Inquiry:
             known=known,
             like=like,
             free=self.free(active),
-            prior=self.prior(active),
+            prior=Prior(self.nominal(active), self.expected(active)),
             stepping=stepping,
         )
 
@@ -205,7 +205,7 @@ class Inquiry:
         """Return predicted − measured, (n_vectors, m, k_max, d); NaN as in `Model.predict`."""
         chosen = [self.records[i] for i in trials]
         predicted = self.model.predict(chosen, active, self.values(active, vectors))
-        self._runs.add(len(vectors) * len(trials))
+        self.count(len(vectors) * len(trials))
         measured = self._measured[trials]
         k = max(len(record.times_s) for record in chosen)
         wanted = (len(vectors), len(trials), k, measured.shape[2])

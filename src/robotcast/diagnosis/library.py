@@ -87,13 +87,19 @@ def _best_place(early: Inquiry, acting: tuple[str, ...], base: Fit) -> np.ndarra
     target, moved = (base.residual * root).ravel(), (moved * root).reshape(len(rows), -1)
     losses = []
     for at in range(len(places)):
-        columns = np.column_stack(
-            [slopes, moved[at * len(strengths) : (at + 1) * len(strengths)].T]
-        )
-        ridge = np.vstack([columns, np.eye(columns.shape[1])])
-        held = np.concatenate([target, np.zeros(columns.shape[1])])
-        losses.append(((target - columns @ np.linalg.lstsq(ridge, held, rcond=None)[0]) ** 2).sum())
+        own = moved[at * len(strengths) : (at + 1) * len(strengths)].T
+        losses.append((without(np.hstack([slopes, own]), target) ** 2).sum())
     return places[int(np.argmin(losses))]
+
+
+def without(slopes: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Return what of a target (m, ...) no change of the parameters behind slopes (m, n) gives.
+
+    Each of them is held near where it is, by one unit of its range.
+    """
+    ridge = np.vstack([slopes, np.eye(slopes.shape[1])])
+    held = np.concatenate([target, np.zeros((slopes.shape[1], *target.shape[1:]))])
+    return target - slopes @ np.linalg.lstsq(ridge, held, rcond=None)[0]
 
 
 @dataclass(frozen=True)
@@ -207,7 +213,7 @@ class Library:
     def _solved(self, effects: Sequence[str]) -> tuple[list[int], np.ndarray, float]:
         """Return columns, the step from all at null, and the loss after it."""
         hold, pull, whole = self._normal
-        sd = self.early.prior(self.effects).sd
+        sd = self.early.expected(self.effects)
         columns = [*self.free, *(k for name in effects for k in self.columns[name])]
         if not columns:
             return columns, np.empty(0), whole

@@ -143,9 +143,7 @@ def outstanding_trials(
         return []
     mask = np.zeros_like(found.present)
     mask[rows] = found.present[rows]
-    *first, last = (str(records[row].trial) for row in rows)
-    numbers = f"{', '.join(first)} and {last}" if first else last
-    name = f"{wording.trials if first else wording.trial} {numbers}"
+    name = wording.numbered([records[row].trial for row in rows])
     made = Slice(name, "trial", name[0].upper() + name[1:], mask, whole_trials=True)
     return [find(made, shares, found, found.present, None, wording, slicing)]
 

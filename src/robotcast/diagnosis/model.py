@@ -151,6 +151,11 @@ class Wording:
         """Return component `index`, under a made-up name when the domain gave none."""
         return self.axes[index] if index < len(self.axes) else Axis(f"signal {index + 1}", "")
 
+    def numbered(self, trials: Sequence[int]) -> str:
+        """Return trials as they are read, "casts 3, 4 and 7"."""
+        *first, last = map(str, trials)
+        return f"{self.trials} {', '.join(first)} and {last}" if first else f"{self.trial} {last}"
+
     def in_plane(self, d: int) -> bool:
         """Tell whether a signal of `d` components is a place in a plane."""
         first, second = self.axis(0), self.axis(1)

@@ -245,19 +245,18 @@ class Selection:
         return [sets[0], *level[: self._effort.finalists - 1]]
 
     def _needless(self, size: int) -> bool:
-        """Tell whether fewer effects than are chosen would do: all but one of them, or others."""
+        """Tell whether fewer effects than are chosen would do: all but one of them, or others.
+
+        Those are looked at whose fit to beginnings is worse by less than twice what matters.
+        """
         chosen = self.found.chosen
         self.early.parts(self._fixed, self.found.named, size - 1)
         best = self.early.best(len(self._fixed) + size - 1)
-        if self._nearly(chosen, best):
+        base, least, more = (self.early.expected_error(e) for e in (self._fixed, chosen, best))
+        if more - least < 2 * self._rule.material * base:
             self._refit(best)
             self._choose()
         return len(self.found.named) < size
-
-    def _nearly(self, best: Effects, other: Effects) -> bool:
-        """Tell whether a fit to beginnings is worse by less than twice what matters."""
-        base, least, more = (self.early.expected_error(e) for e in (self._fixed, best, other))
-        return more - least < 2 * self._rule.material * base
 
     def _refit(self, effects: Effects) -> None:
         """Fit a model to whole trials and judge it on trials held out."""
