@@ -67,13 +67,10 @@ def test_what_takes_away_most_of_the_rest_is_named_far_above_the_floor_only() ->
     assert not at.gain(errors(0.9, 0), errors(0.7, 1)).promises(RULE)  # it is at the floor
 
 
-def test_every_further_comparison_asks_for_more() -> None:
+def test_every_further_comparison_asks_for_more_but_twelve_groups_can_reach_it() -> None:
+    """Friction that cut the error of twelve groups threefold was once lost to a fixed level."""
     gain = Gain(share=0.5, rest=0.0, p_value=0.01)
     assert gain.pays(RULE, 4) and not gain.pays(RULE, 20) and gain.promises(RULE)
-
-
-def test_twelve_groups_can_reach_the_level() -> None:
-    """Friction that cut the error of twelve groups threefold was once lost to a fixed level."""
     saved = 1.0 + 0.9 * np.random.default_rng(0).normal(size=12)
     assert worse(saved, np.arange(12), RULE.far) < RULE.level / 10
 
@@ -106,15 +103,9 @@ def test_one_whip_like_action_hardly_moves_the_floor() -> None:
 
 
 def test_a_model_that_misses_like_repeats_is_at_the_floor() -> None:
-    floor, deviations = Floor.of(scatter(*WHIP), 0.3), np.concatenate(WHIP)
-    assert not floor.above(deviations, 1.2) and floor.above(1.5 * deviations, 1.2)
-
-
-def test_without_repeats_nobody_knows_what_lies_above_the_floor() -> None:
-    floor = Floor.of(RepeatScatter(None, None, np.empty(0), (), 0, 0), 0.3)
-    assert floor.percent is None and not floor.above(np.full(3, 100.0), 1.5)
-
-
-def test_a_floor_known_from_elsewhere() -> None:
-    floor = Floor.known(2.0, 0.3)
-    assert not floor.above(np.full(5, 2.9), 1.5) and floor.above(np.full(5, 3.1), 1.5)
+    deviations = np.concatenate(WHIP)
+    measured, told = Floor.of(scatter(*WHIP), 0.3), Floor.known(2.0, 0.3)
+    assert not measured.above(deviations, 1.2) and measured.above(1.5 * deviations, 1.2)
+    assert not told.above(np.full(5, 2.9), 1.5) and told.above(np.full(5, 3.1), 1.5)
+    unknown = Floor.of(RepeatScatter(None, None, np.empty(0), (), 0, 0), 0.3)
+    assert unknown.percent is None and not unknown.above(np.full(3, 100.0), 1.5)
