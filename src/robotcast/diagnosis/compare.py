@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from robotcast.diagnosis.found import Found
 from robotcast.diagnosis.inquiry import Inquiry, Revision
@@ -65,31 +66,23 @@ def trends(records: Sequence[Record], found: Misfit) -> dict[str, dict[str, np.n
     With it comes its running median: the middle of the errors of neighbouring trials along the
     factor, empty for fewer than eight trials.
     """
-    made = {}
-    for name, values in shared_factors(records).items():
-        if np.ptp(values) > 0:
-            at, median = _running(values, found.sample_percent)
-            made[name] = {
-                "values": values,
-                "errors": found.sample_percent,
-                "running_values": at,
-                "running_median": median,
-            }
-    return made
+    errors = found.sample_percent
+    factors = shared_factors(records).items()
+    return {name: _trend(values, errors) for name, values in factors if np.ptp(values) > 0}
 
 
-def _running(values: np.ndarray, errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return medians over a window of trials that moves along `values`, (n,) each."""
-    n = len(values)
-    if n < FEWEST_FOR_A_TREND:
-        return np.empty(0), np.empty(0)
-    window = max(5, round(WINDOW_PART * n))
-    order = np.argsort(values, kind="stable")
-    windows = np.lib.stride_tricks.sliding_window_view
-    return (
-        np.median(windows(values[order], window), axis=-1),
-        np.median(windows(errors[order], window), axis=-1),
-    )
+def _trend(values: np.ndarray, errors: np.ndarray) -> dict[str, np.ndarray]:
+    order, window = np.argsort(values, kind="stable"), max(5, round(WINDOW_PART * len(values)))
+    running = [np.empty(0), np.empty(0)]
+    if len(values) >= FEWEST_FOR_A_TREND:
+        along = (sliding_window_view(some[order], window) for some in (values, errors))
+        running = [np.median(windows, axis=-1) for windows in along]
+    return {
+        "values": values,
+        "errors": errors,
+        "running_values": running[0],
+        "running_median": running[1],
+    }
 
 
 SEED = 0

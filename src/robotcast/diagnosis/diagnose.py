@@ -175,8 +175,7 @@ class _Run:
     def _screen(self, acting: Sequence[str]) -> None:
         library, rule = self._found.library, self._case.rule
         if library is not None:
-            looked = ((name, screen(library, acting, name, rule)) for name in self._candidates)
-            self._screens = dict(looked)
+            self._screens = {n: screen(library, acting, n, rule) for n in self._candidates}
 
     def _look(self) -> Unexplained:
         tell, effort = partial(self._step, self._found, Step.FIELDS), self._case.effort

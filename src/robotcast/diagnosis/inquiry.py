@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -51,28 +50,22 @@ class Inquiry:
         self.model = model
         self.records = tuple(records)
         self.noise = noise
-        self._runs = _Runs(progress)
+        self.runs = _Runs(progress)
         self._step_errors: dict[tuple[tuple[str, ...], bytes], np.ndarray] = {}
 
     @property
     def simulated(self) -> int:
         """How many trials were simulated so far."""
-        return self._runs.done
-
-    def count(self, runs: int) -> None:
-        """Count trials that were simulated."""
-        self._runs.add(runs)
+        return self.runs.done
 
     def beginnings(self, share: float, n: int) -> "Inquiry":
         """Return the same inquiry into the beginnings of n of the trials, evenly spaced.
 
         Of every trial it sees this share of the samples, the first ones.
         """
-        other = copy(self)
-        for name in ("everything", "groups", "_measured"):
-            other.__dict__.pop(name, None)
-        some = spread(self.everything, n)
-        other.records = tuple(_beginning(self.records[i], share) for i in some)
+        some = [_beginning(self.records[i], share) for i in spread(self.everything, n)]
+        other = Inquiry(self.model, some, self.noise)
+        other.runs = self.runs
         return other
 
     @cached_property
@@ -205,7 +198,7 @@ class Inquiry:
         """Return predicted − measured, (n_vectors, m, k_max, d); NaN as in `Model.predict`."""
         chosen = [self.records[i] for i in trials]
         predicted = self.model.predict(chosen, active, self.values(active, vectors))
-        self.count(len(vectors) * len(trials))
+        self.runs.add(len(vectors) * len(trials))
         measured = self._measured[trials]
         k = max(len(record.times_s) for record in chosen)
         wanted = (len(vectors), len(trials), k, measured.shape[2])

@@ -122,7 +122,7 @@ class _Bench:
         inquiry = self._inquiry
         records = [self._further.records[row] for row in rows]
         found = self._further.model.predict(records, effects, inquiry.values(effects, vectors))
-        inquiry.count(len(vectors) * len(rows))
+        inquiry.runs.add(len(vectors) * len(rows))
         counts = self.counts[rows]
         weighed = found / (np.sqrt(counts) * inquiry.noise)[:, None, None]
         weighed[:, np.arange(found.shape[2]) >= counts[:, None]] = 0

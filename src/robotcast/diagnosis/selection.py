@@ -54,7 +54,7 @@ class Selection:
     def choose(self, effects: Effects) -> Found:
         """Take a judged model for the chosen one, and look for what could stand in its place."""
         self.found = replace(self.found, chosen=effects)
-        self.found = replace(self.found, rivals=self._rivals() if self._candidates else {})
+        self.found = replace(self.found, rivals=self._rivals())
         return self.found
 
     def fit_base(self) -> None:
@@ -148,9 +148,7 @@ class Selection:
             self._choose()
         rematched = False
         for smaller in range(size, 0, -1):
-            for effects in self._finalists(smaller):
-                self._refit(effects)
-            self._choose()
+            self._judge_finalists(smaller)
             if self._promises(smaller):
                 if not rematched:
                     n = len(self._fixed) + smaller
@@ -232,17 +230,17 @@ class Selection:
             self.early.fit(effects, beside.start(effects)[0])
         kept = {e: r for e, r in self.found.judged.items() if before[e] is self.found.early[e]}
         self.found = replace(self.found, judged=kept)
-        for effects in self._finalists(1):
-            self._refit(effects)
-        self._choose()
+        self._judge_finalists(1)
         return self.choose(self._fixed)
 
-    def _finalists(self, size: int) -> list[Effects]:
-        """Return the best set of effects of one size on the beginnings, and those level with it."""
+    def _judge_finalists(self, size: int) -> None:
+        """Judge the best set of effects of one size on the beginnings, and those level with it."""
         fits, fixed = self.found.early, len(self._fixed)
         sets = sorted((e for e in fits if len(e) == fixed + size), key=lambda e: fits[e].loss)
         level = [e for e in sets[1:] if self.early.level(sets[0], e)]
-        return [sets[0], *level[: self._effort.finalists - 1]]
+        for effects in [sets[0], *level[: self._effort.finalists - 1]]:
+            self._refit(effects)
+        self._choose()
 
     def _needless(self, size: int) -> bool:
         """Tell whether fewer effects than are chosen would do: all but one of them, or others.
@@ -317,7 +315,7 @@ class Selection:
         known = usual([r.errors.low for r in found.judged.values()], self._floor, self._rule)
         scales = Scales(self._floor, 1.0, self._inquiry.groups, known, self._rule)
         scales = replace(scales, base=scales.typical(found.base.errors.waypoint))
-        self.found = found = replace(found, scales=scales)
+        found = replace(found, scales=scales)
         gains = {e: found.gain(found.base, r) for e, r in found.judged.items()}
         judged = {e: replace(r, gain=gains[e]) for e, r in found.judged.items()}
         chosen = self._fixed
