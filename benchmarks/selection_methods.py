@@ -100,8 +100,7 @@ def forward(search: Selection, library: Library) -> Effects:
 
 
 def _refit(search: Selection, slopes: Library, effects: Effects) -> None:
-    vector, _ = slopes.start(effects)
-    search.early.fit(effects, vector)
+    search.early.fit(effects, slopes.start(effects))
 
 
 def _selected(search: Selection, method: Callable[..., Effects], library: Library) -> int:

@@ -10,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from robotcast.diagnosis.found import Found
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.localise import Finding, any_of, localise, outstanding_trials
-from robotcast.diagnosis.misfit import Misfit, known_median, misfit, padded
+from robotcast.diagnosis.misfit import Misfit, known_median, misfit
 from robotcast.diagnosis.model import PLAIN, Record, Wording
 from robotcast.diagnosis.repeats import (
     LackOfFit,
@@ -271,8 +271,7 @@ class Explained:
         if key not in self._predicted:
             inquiry, vector = self._inquiry, revision.fit.vector[None]
             difference = inquiry.differences(revision.effects, vector, inquiry.everything)[0]
-            measured = padded(inquiry.records, [r.measured for r in inquiry.records])
-            self._predicted[key] = measured + difference
+            self._predicted[key] = inquiry.measured + difference
         return self._predicted[key]
 
 

@@ -51,9 +51,8 @@ def look_for_the_unknown(
     judged = []
     for effects in together.best(1, min(effort.finalists + 1, len(fields)), base):
         tell(inquiry.model.effects[effects[-1]].text)
-        vector, kept = together.start(effects)
-        known = together.look(effects, vector, kept)
-        fit = early.fit(effects, vector, effort.refit, known=known)
+        known = together.look(effects, together.start(effects))
+        fit = early.fit(effects, known.vector, effort.refit, known=known)
         judged.append((early.expected_loss(effects, fit), effects, fit))
     cost, effects, fit = min(judged, key=lambda one: one[0])
     if cost > early.expected_loss(found.chosen, found.early[found.chosen]):

@@ -131,7 +131,7 @@ class Inquiry:
 
         def evaluate(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
             difference = self.differences(active, vectors, trials)
-            present = np.isfinite(self._measured[trials])
+            present = np.isfinite(self.measured[trials])
             counts = present.all(axis=-1).sum(axis=1)
             lost = (np.isnan(difference) & present).any(axis=(2, 3))
             weighed = np.nan_to_num(difference) / np.sqrt(counts)[:, None, None]
@@ -199,7 +199,7 @@ class Inquiry:
         chosen = [self.records[i] for i in trials]
         predicted = self.model.predict(chosen, active, self.values(active, vectors))
         self.runs.add(len(vectors) * len(trials))
-        measured = self._measured[trials]
+        measured = self.measured[trials]
         k = max(len(record.times_s) for record in chosen)
         wanted = (len(vectors), len(trials), k, measured.shape[2])
         if predicted.shape != wanted:
@@ -237,11 +237,11 @@ class Inquiry:
         counts = np.array([len(self.records[i].times_s) for i in trials])
         shape = (len(trials), -1, self.records[0].measured.shape[1])
         found = residual.reshape(shape) * (np.sqrt(counts) * self.noise)[:, None, None]
-        found[np.isnan(self._measured[trials])] = np.nan
+        found[np.isnan(self.measured[trials])] = np.nan
         return found
 
     @cached_property
-    def _measured(self) -> np.ndarray:
+    def measured(self) -> np.ndarray:
         """The measured signals (n_trials, k_max, d), NaN past a trial's own."""
         return padded(self.records, [r.measured for r in self.records])
 

@@ -129,22 +129,21 @@ class Library:
         """Return the weighted square that the model with these effects alone would miss by."""
         return self._solved(effects)[2]
 
-    def start(self, effects: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the unit vector (n,) of the model with these effects, and its slopes' columns."""
+    def start(self, effects: Sequence[str]) -> np.ndarray:
+        """Return the unit vector (n,) that the slopes promise for the model with these effects."""
         columns, step, _ = self._solved(effects)
         vector = self._null.copy()
         vector[columns] += step
-        kept = self._kept(effects)
-        return np.clip(vector, EDGE, 1 - EDGE)[kept], np.array(kept)
+        return np.clip(vector, EDGE, 1 - EDGE)[self._kept(effects)]
 
-    def look(self, effects: Sequence[str], start: np.ndarray, kept: np.ndarray) -> Fit:
+    def look(self, effects: Sequence[str], start: np.ndarray) -> Fit:
         """Return the beginnings as the model with these effects predicts them from a start.
 
-        Its slopes are those columns of the library's that it has `kept`.
+        Its slopes are the library's.
         """
         residual = self.early.residuals(effects)(start[None], self.early.everything)[0]
         loss = float(trial_losses(residual).mean())
-        return Fit(start, loss, residual, self.fit.jacobian[:, :, kept])
+        return Fit(start, loss, residual, self.fit.jacobian[:, :, self._kept(effects)])
 
     def again(self, effects: tuple[str, ...], part: Fit, effort: Effort) -> "Library":
         """Return the whole fitted from where the model with a few of its effects was, if better."""

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.stats import ttest_1samp
 
 from robotcast.diagnosis.misfit import Misfit
 from robotcast.diagnosis.model import Record
@@ -113,11 +113,14 @@ def repeat_scatter(
     measured = grid.paths(records)
     strays = _strays(records, measured, rule)
     groups = repeated(records, [row for row in range(len(records)) if row not in strays])
-    runs = [run for rows in groups for run in _runs(rows, rule.close * len(records))]
-    soon, late = _soon_and_late(groups, measured, rule.close * len(records))
-    drift = None
-    if len(soon) > 2 and _differ(np.log(late / soon)) < rule.drift:
-        groups, drift = [run for run in runs if len(run) > 1], float(np.median(late / soon))
+    apart, drift = rule.close * len(records), None
+    soon, late = _soon_and_late(groups, measured, apart)
+    logs = np.log(late / soon)
+    if len(soon) > 2 and ttest_1samp(logs, 0, alternative="greater").pvalue < rule.drift:
+        drift = float(np.median(late / soon))
+        cuts = [np.flatnonzero(np.diff(rows) > apart) + 1 for rows in groups]
+        runs = [run for rows, cut in zip(groups, cuts, strict=True) for run in np.split(rows, cut)]
+        groups = [run.tolist() for run in runs if len(run) > 1]
     averages, finals, deviations, trials = [], [], [], []
     for rows in groups:
         deviation = _deviations(measured[rows])
@@ -146,16 +149,6 @@ def repeat_scatter(
     )
 
 
-def _runs(rows: Sequence[int], apart: float) -> list[list[int]]:
-    """Cut repeats where more than so many trials lie between two of them."""
-    runs = [[rows[0]]]
-    for before, row in pairwise(rows):
-        if row - before > apart:
-            runs.append([])
-        runs[-1].append(row)
-    return runs
-
-
 def _soon_and_late(
     groups: Sequence[Sequence[int]], measured: np.ndarray, apart: float
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -173,12 +166,6 @@ def _soon_and_late(
             soon.append(np.mean(both[0]))
             late.append(np.mean(both[1]))
     return np.array(soon), np.array(late)
-
-
-def _differ(logs: np.ndarray) -> float:
-    """Return the one-sided p-value that logarithms of ratios (n,) are not above zero."""
-    spread = logs.std(ddof=1) / np.sqrt(len(logs))
-    return float(student.sf(logs.mean() / max(float(spread), 1e-12), len(logs) - 1))
 
 
 def _strays(records: Sequence[Record], measured: np.ndarray, rule: Rule) -> list[int]:

@@ -32,25 +32,26 @@ def sentence(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording,
     before, after = (float(np.median(r.errors.waypoint[usual])) for r in (found.base, found.top))
     unit, trials = inquiry.model.error_unit, wording.trials
     times = _times(found, after, wording)
-    blunders = _blunders(int((~usual).sum()), len(usual), wording)
     near = _nearest(inquiry, found, verdict, wording)
-    if verdict.code in (Code.NONE, Code.CANNOT_TELL):
-        stays = f"the typical error on held-out {trials} stays at {before:.2f} {unit}"
-        beside = f", where {wording.floor} {floor.percent:.2f}" if floor.percent else ""
-        better = "is confirmed" if near else f"makes the model predict held-out {trials} better"
-        said = f"No effect of the library {better}"
-        return f"{said}: {stays}{beside}.{_left(verdict, times, where)}{near}{blunders}"
     if verdict.code is Code.UNKNOWN:
-        return f"{_unknown(inquiry, verdict, before, times, where, wording)}{near}{blunders}"
-    names = " and ".join(inquiry.model.effects[name].text for name in verdict.named)
-    said = (
-        f"The model lacks this: {names}. With it the typical error on held-out {trials} falls "
-        f"from {before:.2f} to {after:.2f} {unit}."
-    )
-    more = ""
-    if verdict.left is not None:
-        more = f" That is still {times}, so more is missing that has no name here{_most(where)}."
-    return f"{said}{more}{near}{blunders}"
+        said = _unknown(inquiry, verdict, before, times, where, wording)
+    elif verdict.named:
+        names = " and ".join(inquiry.model.effects[name].text for name in verdict.named)
+        said = (
+            f"The model lacks this: {names}. With it the typical error on held-out {trials} falls "
+            f"from {before:.2f} to {after:.2f} {unit}."
+        )
+        if verdict.left is not None:
+            more = f"so more is missing that has no name here{_most(where)}"
+            said += f" That is still {times}, {more}."
+    else:
+        better = "is confirmed" if near else f"makes the model predict held-out {trials} better"
+        beside = f", where {wording.floor} {floor.percent:.2f}" if floor.percent else ""
+        said = (
+            f"No effect of the library {better}: the typical error on held-out {trials} stays at "
+            f"{before:.2f} {unit}{beside}.{_left(verdict, times, where)}"
+        )
+    return f"{said}{near}{_blunders(usual, wording)}"
 
 
 def _times(found: Found, middle: float, wording: Wording) -> str:
@@ -96,11 +97,12 @@ def _most(where: str) -> str:
     return f", most of it {where}" if placed else f", most of it at {where}"
 
 
-def _blunders(n: int, of: int, wording: Wording) -> str:
+def _blunders(usual: np.ndarray, wording: Wording) -> str:
+    n = int((~usual).sum())
     if not n:
         return ""
     wrong = "was measured wrongly and is" if n == 1 else "were measured wrongly and are"
-    return f" {counted(n, wording.trial, wording.trials)} of {of} {wrong} left out."
+    return f" {counted(n, wording.trial, wording.trials)} of {len(usual)} {wrong} left out."
 
 
 def _nearest(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording) -> str:

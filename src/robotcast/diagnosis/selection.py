@@ -129,14 +129,12 @@ class Selection:
         for some in (library, *(library.starts if size == 1 else ())):
             n = most if some is library else most - 2
             for effects in some.best(size, n, self._fixed):
-                vector, kept = some.start(effects)
-                for start in self.early.starts(effects, vector):
-                    fit = some.look(effects, start, kept)
+                for start in self.early.starts(effects, some.start(effects)):
+                    fit = some.look(effects, start)
                     if effects not in looked or fit.loss < looked[effects].loss:
                         looked[effects] = fit
-        begun = {
-            e: self.early.inquiry.fit(e, fit.vector, 1, known=fit) for e, fit in looked.items()
-        }
+        early = self.early.inquiry
+        begun = {e: early.fit(e, fit.vector, 1, known=fit) for e, fit in looked.items()}
         for effects in sorted(begun, key=lambda e: begun[e].loss)[: most - 1]:
             fit = begun[effects]
             self.early.fit(effects, fit.vector, fit)
@@ -227,7 +225,7 @@ class Selection:
         before = dict(self.found.early)
         self._next(Step.BEGINNINGS, "1 effect more")
         for effects in beside.best(1, self._effort.tried, self._fixed):
-            self.early.fit(effects, beside.start(effects)[0])
+            self.early.fit(effects, beside.start(effects))
         kept = {e: r for e, r in self.found.judged.items() if before[e] is self.found.early[e]}
         self.found = replace(self.found, judged=kept)
         self._judge_finalists(1)
