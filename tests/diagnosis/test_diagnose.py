@@ -272,7 +272,8 @@ def test_what_is_above_the_floor_or_without_one_is_never_green() -> None:
 def test_the_suggested_trials_tell_a_confused_pair_apart(hidden, size, groups, seed) -> None:
     """Straight ahead a turned picture and a sheared one look alike; to the side they do not."""
     effects = (TILT, SHIFT, TURN, SHEAR)
-    alike = pushes(seed, groups=groups, heading=(-0.08, 0.08), **{hidden: (size,)})
+    drawn: dict[str, Any] = {hidden: (size,)}
+    alike = pushes(seed, groups=groups, heading=(-0.08, 0.08), **drawn)
     wide = Further(Puck(*effects), pushes(5, groups=60, repeats=1))
     said = diagnosed(alike, *effects, further=lambda: wide)
     assert {"turn", "shear"} in [set(some) for some in said["confusion_set"]]
@@ -282,5 +283,5 @@ def test_the_suggested_trials_tell_a_confused_pair_apart(hidden, size, groups, s
     assert telling and all(abs(trial["heading"]) > 0.5 for trial in telling)
     chosen = [{n: t[n] for n in ("speed", "heading")} for t in said["next_actions"]]
     told = [dict(record.factors) for record in alike]
-    again = diagnosed(pushed([*told, *chosen], seed + 1, **{hidden: (size,)}), *effects)
+    again = diagnosed(pushed([*told, *chosen], seed + 1, **drawn), *effects)
     assert again["verdict"] == [hidden] and not again["confusion_set"]
