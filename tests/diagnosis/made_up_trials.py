@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.cast_model import CAST_WORDING
+from robotcast.cast_model import CAST_WORDING as WORDS
 from robotcast.diagnosis.compare import Comparison, compare
 from robotcast.diagnosis.model import Record
 
@@ -13,7 +13,6 @@ SCALE = 0.5
 NOISE = 0.005
 TIMES_S = np.arange(25) * 0.1
 PHASES = {"swing": 0.0, "coast": 1.0, "rest": 1.8}
-WORDS = CAST_WORDING
 
 
 @dataclass(frozen=True)

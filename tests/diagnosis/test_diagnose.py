@@ -142,11 +142,8 @@ def test_one_trial_half_a_metre_off_is_named_and_decides_nothing() -> None:
         assert re.search(r"\(0\.(49|5|51) m\)", note)
         floor = diagnosed(clean)["noise_floor_percent"]
         assert said["noise_floor_percent"] == pytest.approx(floor, rel=0.2)
-
-
-def test_one_trial_that_a_chaotic_model_may_miss_is_no_limit_of_the_data() -> None:
-    notes = diagnosed(with_trial_7(pushes(), (0.015, 0.02)))["notes"]
-    assert not any("Push 7" in note for note in notes)
+    missed = diagnosed(with_trial_7(pushes(), (0.015, 0.02)))["notes"]  # as a chaotic model may
+    assert not any("Push 7" in note for note in missed)
 
 
 def test_a_known_noise_floor_is_taken_where_nothing_was_repeated() -> None:
@@ -234,14 +231,9 @@ def test_it_is_told_step_by_step_and_ends_with_everything() -> None:
     assert len({json.dumps(t) for t in told}) == len(told)
 
 
-def narrow(seed: int = 0, **hidden: Sequence[float]) -> tuple[Record, ...]:
-    """Pushes nearly straight ahead: a turned camera and one shifted sideways look alike."""
-    return pushes(seed, groups=20, repeats=2, heading=(-0.05, 0.05), **hidden)
-
-
 def test_the_next_trials_would_move_what_is_hardly_seen() -> None:
     wide = Further(Puck(*LIVE), pushes(5, groups=60, repeats=1))
-    said = diagnosed(narrow(), further=lambda: wide)
+    said = diagnosed(pushes(heading=(-0.05, 0.05)), further=lambda: wide)
     weak = {r["effect"] for r in said["ranking"] if r["power"] is not None and r["power"] < 0.8}
     assert len(said["next_actions"]) in range(0, 9)
     for trial in said["next_actions"]:

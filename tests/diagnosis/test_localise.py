@@ -66,7 +66,7 @@ def test_a_planted_error_is_found_first(kind, named, wrong, seed) -> None:
     assert len({f.slice.kind for f in [first, *more]}) == 1 + len(more)
 
 
-def test_the_sentence_says_how_much_and_of_what() -> None:
+def test_the_sentence_says_how_much_and_the_slice_what_another_prediction_mends() -> None:
     made = made_up(wrong=where(lambda r: r.factors["alpha"] > 1.5))
     (found,) = compared(made).findings
     part = np.mean([r.factors["alpha"] > 1.45 for r in made.records])
@@ -74,6 +74,12 @@ def test_the_sentence_says_how_much_and_of_what() -> None:
         f"Casts with alpha above 1.45 rad hold {100 * found.share_of_error:.0f} % of the squared "
         f"error; they are {100 * part:.0f} % of the casts."
     )
+    before, after = (
+        found.slice.percent(misfit(made.records, predicted, SCALE))
+        for predicted in (made.predicted, made_up().predicted)
+    )
+    assert before == pytest.approx(100 * np.sqrt(2) * ERROR_M / SCALE, rel=0.2)
+    assert before == pytest.approx(found.error_percent) and after < 1.5
 
 
 def test_a_model_that_is_late_is_said_to_lag() -> None:
@@ -81,8 +87,10 @@ def test_a_model_that_is_late_is_said_to_lag() -> None:
     assert "not across it: the prediction lags behind." in sentences[0]
 
 
-def test_an_even_error_has_no_place() -> None:
+def test_an_even_error_and_one_in_three_trials_have_no_place() -> None:
     assert compared(made_up(wrong=where(lambda r: True))).findings == ()
+    few = made_up(groups=3, repeats=1, wrong=where(lambda r: r.trial == 0))
+    assert compared(few).findings == ()
 
 
 def test_one_bad_cast_is_named_and_hides_nothing() -> None:
@@ -90,19 +98,3 @@ def test_one_bad_cast_is_named_and_hides_nothing() -> None:
     first, second = compared(made_up(wrong=wrong)).findings
     assert first.sentence.startswith("Cast 17 alone holds 9")
     assert second.slice.kind == "vmax"
-
-
-def test_three_trials_are_too_few_to_name_anything() -> None:
-    made = made_up(groups=3, repeats=1, wrong=where(lambda r: r.trial == 0))
-    assert compared(made).findings == ()
-
-
-def test_slices_tell_what_another_prediction_mends() -> None:
-    made = made_up(wrong=where(lambda r: r.factors["alpha"] > 1.5))
-    (finding,) = compared(made).findings
-    before, after = (
-        finding.slice.percent(misfit(made.records, predicted, SCALE))
-        for predicted in (made.predicted, made_up().predicted)
-    )
-    assert before == pytest.approx(100 * np.sqrt(2) * ERROR_M / SCALE, rel=0.2)
-    assert before == pytest.approx(finding.error_percent) and after < 1.5

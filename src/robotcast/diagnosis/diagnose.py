@@ -239,6 +239,7 @@ class _Run:
         ranked = report.ranking(
             inquiry, found, self._screens, verdict, case.rule, slices, stability
         )
+        held = [report.unjudged(inquiry, name, "held at its null") for name in self._held]
         top = found.top if decided and found.judged else None
         return {
             "verdict": verdict.words,
@@ -249,10 +250,7 @@ class _Run:
             "unexplained": report.unexplained(inquiry, verdict.left, case.draw),
             "notes": self._notes(base),
             "ladder": report.ladder(found),
-            "ranking": [
-                *ranked,
-                *(report.unjudged(inquiry, name, "held at its null") for name in self._held),
-            ],
+            "ranking": [*ranked, *held],
             "next_actions": report.next_rows(inquiry, self._next, case.wording),
             "base": self._base_parameters(base),
             "model": report.fitted(inquiry, top.revision, top.errors.vectors, case.rule)

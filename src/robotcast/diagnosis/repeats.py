@@ -116,7 +116,7 @@ def repeat_scatter(
     apart, drift = rule.close * len(records), None
     soon, late = _soon_and_late(groups, measured, apart)
     logs = np.log(late / soon)
-    if len(soon) > 2 and ttest_1samp(logs, 0, alternative="greater")[1] < rule.drift:
+    if len(soon) > 2 and np.array(ttest_1samp(logs, 0, alternative="greater"))[1] < rule.drift:
         drift = float(np.median(late / soon))
         cuts = [np.flatnonzero(np.diff(rows) > apart) + 1 for rows in groups]
         runs = [run for rows, cut in zip(groups, cuts, strict=True) for run in np.split(rows, cut)]

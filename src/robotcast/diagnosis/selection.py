@@ -141,7 +141,7 @@ class Selection:
 
     def judge(self, size: int) -> None:
         """Fit the finalists to whole trials, judge them on trials held out, and choose."""
-        if self._above(self.found.base):
+        if self.found.above(self.found.base, 1 + self._rule.material):
             self._rematch(self._library.fit)
             self._choose()
         rematched = False
@@ -270,7 +270,7 @@ class Selection:
         rivals = [r for e, r in found.judged.items() if len(e) == fixed + size]
         best = min(rivals, key=lambda r: r.revision.fit.loss)
         level = [r.effects for r in rivals if self._undecided(best, r)]
-        if len(level) < 2 and not self._above(best):
+        if len(level) < 2 and not found.above(best, 1 + self._rule.material):
             return
         for effects in level:
             self._next(Step.REFIT, " + ".join(effects[fixed:]))
@@ -287,10 +287,6 @@ class Selection:
         found, rule, n = self.found, self._rule, len(self._fixed) + size
         gains = [found.gain(found.base, r) for e, r in found.judged.items() if len(e) == n]
         return any(g.p_value < rule.equal and g.matters(rule, rule.mostly) for g in gains)
-
-    def _above(self, rung: Rung) -> bool:
-        """Tell whether a model stands above the floor by what would matter."""
-        return self.found.above(rung, 1 + self._rule.material)
 
     def _rematch(self, other: Fit) -> None:
         """Give the model as it is the old parameters of a fit with more effects to start from.
