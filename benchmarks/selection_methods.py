@@ -18,7 +18,6 @@ import time
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +55,7 @@ def _relevant(library: Library, effects: Sequence[str]) -> Effects:
     residual, slopes = library.weighted
     columns = [*library.free, *(k for name in effects for k in library.columns[name])]
     whose = [None] * len(library.free) + [n for n in effects for _ in library.columns[n]]
-    sd = library.early.prior(library.effects).sd[columns]
+    sd = library.early.expected(library.effects)[columns]
     flat = slopes.reshape(-1, slopes.shape[-1])[:, columns] * sd
     hold, pull = flat.T @ flat, flat.T @ residual.ravel()
     variance = np.ones(len(columns))
@@ -102,17 +101,14 @@ def forward(search: Selection, library: Library) -> Effects:
 
 
 def _refit(search: Selection, slopes: Library, effects: Effects) -> None:
-    vector, _ = slopes.start(effects)
-    search.early.fit(effects, vector)
+    search.early.fit(effects, slopes.start(effects))
 
 
 def _selected(search: Selection, method: Callable[..., Effects], library: Library) -> int:
     """Select effects, and refit each part of them to see whether it would do; return how many."""
     taken = method(search, library)
     for size in range(len(taken) - 1, 0, -1):
-        for part in combinations(taken, size):
-            if part not in search.early.fits:
-                search.early.fit(part, search.early.of_larger(part))
+        search.early.parts((), taken, size)
     return len(taken)
 
 
@@ -148,7 +144,7 @@ def verdicts(
         own.judge(size)
         own.simplify()
         own.take_apart()
-        said = decide(own.found, floor, case.rule, Unexplained, own.refit_singles).words
+        said = decide(own.found, Unexplained, own.refit_singles).words
         more = inquiry.simulated - before, time.monotonic() - begun
         found[name] = set(said), casts + more[0], seconds + more[1]
     return found

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.cast_model import CAST_WORDING
+from robotcast.cast_model import CAST_WORDING as WORDS
+from robotcast.diagnosis.compare import Comparison, compare
 from robotcast.diagnosis.model import Record
 
 SCALE = 0.5
 NOISE = 0.005
 TIMES_S = np.arange(25) * 0.1
 PHASES = {"swing": 0.0, "coast": 1.0, "rest": 1.8}
-WORDS = CAST_WORDING
 
 
 @dataclass(frozen=True)
@@ -52,3 +52,9 @@ def made_up(
             records.append(record)
             predicted.append(true + (wrong(record) if wrong else 0))
     return MadeUp(records, np.stack(predicted))
+
+
+def compared(made: MadeUp) -> Comparison:
+    return compare(
+        made.records, made.predicted, scale=SCALE, error_unit="% of cable length", wording=WORDS
+    )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robotcast.diagnosis.misfit import padded
 from robotcast.diagnosis.model import Axis, Record, Wording
 from robotcast.fitting.parameter import Parameter
 
@@ -94,11 +95,7 @@ def _paths(
     speed, heading = (np.array([r.factors[f] for r in records]) for f in ("speed", "heading"))
     way = np.stack([np.cos(heading), np.sin(heading)], axis=1)
     late = values("late_clock", 1)[..., 0]
-    k_max = max(len(r.times_s) for r in records)
-    stamps = np.full((len(records), k_max), np.nan)
-    for row, record in zip(stamps, records, strict=True):
-        row[: len(record.times_s)] = record.times_s
-    t = np.maximum(stamps - late, 0.0)
+    t = np.maximum(padded(records, [r.times_s for r in records]) - late, 0.0)
     c = drag[:, None, None]
     grown = (1 - np.exp(-c * t)) / c
     path = (gain[:, None, None] * speed[:, None] * grown)[..., None] * way[:, None, :]

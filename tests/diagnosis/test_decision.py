@@ -64,7 +64,7 @@ def test_the_verdict_follows_from_the_errors(
 ) -> None:
     chosen = rung(named, "tilt") if named else None
     known = found(base, chosen, FLOOR)
-    verdict = decide(known, FLOOR, RULE, lambda: left, lambda own: known)
+    verdict = decide(known, lambda: left, lambda own: known)
     assert verdict.code is code and (verdict.left is not None) is open_page
     assert verdict.named == (("tilt",) if code is Code.NAMED else ())
 
@@ -72,20 +72,20 @@ def test_the_verdict_follows_from_the_errors(
 def test_effects_that_only_help_together_are_not_named() -> None:
     together = rung(1.05, "shift", "counter_shift")
     known = replace(found(2.0, together, FLOOR), inseparable=True)
-    verdict = decide(known, FLOOR, RULE, lambda: NOTHING, lambda own: known)
+    verdict = decide(known, lambda: NOTHING, lambda own: known)
     assert verdict.code is Code.UNKNOWN and verdict.near == (together,)
 
 
 def test_without_repeats_nothing_is_called_fit() -> None:
     known = found(1.0, None, UNKNOWN_FLOOR)
-    verdict = decide(known, UNKNOWN_FLOOR, RULE, lambda: NOTHING, lambda own: known)
+    verdict = decide(known, lambda: NOTHING, lambda own: known)
     assert verdict.code is Code.CANNOT_TELL
 
 
 def test_a_set_that_only_imitates_hides_no_name() -> None:
     before = found(2.9, rung(2.4, "tilt"), FLOOR)
     known = found(2.9, None, FLOOR, rung(1.05, "drag"))
-    verdict = decide(before, FLOOR, RULE, lambda: field(1.2, True), lambda own: known)
+    verdict = decide(before, lambda: field(1.2, True), lambda own: known)
     assert verdict.named == ("drag",)
 
 
@@ -93,6 +93,6 @@ def test_a_set_that_only_imitates_hides_no_name() -> None:
 def test_a_name_is_said_where_it_does_as_well_as_a_field_that_pays(level, named) -> None:
     """Not where it leaves most of what the field explains, or stays above the floor."""
     before, known = (found(1.7, None, FLOOR, *more) for more in ((), (rung(level, "drag"),)))
-    verdict = decide(before, FLOOR, RULE, lambda: field(1.1, True), lambda own: known)
+    verdict = decide(before, lambda: field(1.1, True), lambda own: known)
     assert verdict.named == named
     assert verdict.code is (Code.NAMED if named else Code.UNKNOWN)

@@ -23,6 +23,7 @@ from tests.diagnosis.sliding_puck import (
     SHEAR,
     SHIFT,
     TILT,
+    TIMES_S,
     TURN,
     WORDS,
     Mechanism,
@@ -46,6 +47,12 @@ def diagnosed(
 
 def row_of(said: dict[str, Any], effect: str) -> dict[str, Any]:
     return next(row for row in said["ranking"] if row["effect"] == effect)
+
+
+def with_trial_7(records: Sequence[Record], off_m: Any) -> list[Record]:
+    """Return the records with one measured beside where it was."""
+    moved = replace(records[7], measured=records[7].measured + np.array(off_m))
+    return [*records[:7], moved, *records[8:]]
 
 
 @pytest.fixture(scope="module")
@@ -73,16 +80,13 @@ def test_every_refitted_effect_shows_what_it_mends(tilted: dict[str, Any]) -> No
     assert all(s["after_percent"] < 0.3 * s["before_percent"] for s in confirmed["slices"])
 
 
-def test_the_base_model_s_parameters_have_intervals() -> None:
-    said = diagnosed(pushes())["base"]["parameters"]
-    assert said["drag"]["low"] < DRAG_PER_S < said["drag"]["high"]
-    assert said["gain"]["low"] < GAIN < said["gain"]["high"]
-
-
 def test_nothing_is_named_where_nothing_is_missing() -> None:
     said = diagnosed(pushes())
     assert said["verdict"] == ["none"] and said["code"] == "none" and said["conclusive"]
     assert [note for note in said["notes"] if "drift" not in note] == []
+    for name, true in (("drag", DRAG_PER_S), ("gain", GAIN)):
+        size = said["base"]["parameters"][name]
+        assert size["low"] < true < size["high"]
 
 
 def test_errors_far_above_noise_are_never_given_a_clean_bill() -> None:
@@ -92,6 +96,8 @@ def test_errors_far_above_noise_are_never_given_a_clean_bill() -> None:
     assert said["verdict"] == ["unknown"]
     assert said["unexplained"]["depends_on"] == "place"
     assert "times what repeats differ by" in said["sentence"]
+    assert [rung["effects"] for rung in said["ladder"]] == [[]]
+    assert said["model"]["effects"] == []
     bare = diagnosed(records, TURN)
     assert bare["verdict"] == ["unknown"] and "Something is missing" in bare["sentence"]
 
@@ -130,20 +136,14 @@ def test_without_repeats_the_page_says_how_to_know_the_noise() -> None:
 
 def test_one_trial_half_a_metre_off_is_named_and_decides_nothing() -> None:
     for clean, verdict in ((pushes(tilt=TILTED), ["tilt"]), (pushes(), ["none"])):
-        astray = replace(clean[7], measured=clean[7].measured + np.array([0.3, 0.4]))
-        said = diagnosed([*clean[:7], astray, *clean[8:]])
+        said = diagnosed(with_trial_7(clean, (0.3, 0.4)))
         assert said["verdict"] == verdict
         note = next(n for n in said["notes"] if n.startswith("Push 7 is off by"))
         assert re.search(r"\(0\.(49|5|51) m\)", note)
         floor = diagnosed(clean)["noise_floor_percent"]
         assert said["noise_floor_percent"] == pytest.approx(floor, rel=0.2)
-
-
-def test_one_trial_that_a_chaotic_model_may_miss_is_no_limit_of_the_data() -> None:
-    clean = pushes()
-    missed = replace(clean[7], measured=clean[7].measured + np.array([0.015, 0.02]))
-    notes = diagnosed([*clean[:7], missed, *clean[8:]])["notes"]
-    assert not any("Push 7" in note for note in notes)
+    missed = diagnosed(with_trial_7(pushes(), (0.015, 0.02)))["notes"]  # as a chaotic model may
+    assert not any("Push 7" in note for note in missed)
 
 
 def test_a_known_noise_floor_is_taken_where_nothing_was_repeated() -> None:
@@ -151,13 +151,11 @@ def test_a_known_noise_floor_is_taken_where_nothing_was_repeated() -> None:
     assert said["noise_floor_percent"] == 0.5 and said["notes"] == []
 
 
-def test_samples_that_were_not_measured_are_left_out_and_decide_nothing() -> None:
-    clean, whole = pushes(tilt=TILTED), diagnosed(pushes(tilt=TILTED))
-    holed = clean[3].measured.copy()
-    holed[5] = np.nan
-    said = diagnosed([*clean[:3], replace(clean[3], measured=holed), *clean[4:]])
-    assert said["verdict"] == whole["verdict"] == ["tilt"]
-    error, before = (s["ladder"][-1]["heldout_typical_error_percent"] for s in (said, whole))
+def test_samples_that_were_not_measured_are_left_out_and_decide_nothing(tilted) -> None:
+    hole = np.where(np.arange(len(TIMES_S)) == 5, np.nan, 0.0)[:, None]
+    said = diagnosed(with_trial_7(pushes(tilt=TILTED), hole))
+    assert said["verdict"] == ["tilt"]
+    error, before = (s["ladder"][-1]["heldout_typical_error_percent"] for s in (said, tilted))
     assert error == pytest.approx(before, rel=0.1)
 
 
@@ -233,78 +231,49 @@ def test_it_is_told_step_by_step_and_ends_with_everything() -> None:
     assert len({json.dumps(t) for t in told}) == len(told)
 
 
-def narrow(seed: int = 0, **hidden: Sequence[float]) -> tuple[Record, ...]:
-    """Pushes nearly straight ahead: a turned camera and one shifted sideways look alike."""
-    return pushes(seed, groups=20, repeats=2, heading=(-0.05, 0.05), **hidden)
-
-
 def test_the_next_trials_would_move_what_is_hardly_seen() -> None:
     wide = Further(Puck(*LIVE), pushes(5, groups=60, repeats=1))
-    said = diagnosed(narrow(), further=lambda: wide)
+    said = diagnosed(pushes(heading=(-0.05, 0.05)), further=lambda: wide)
     weak = {r["effect"] for r in said["ranking"] if r["power"] is not None and r["power"] < 0.8}
     assert len(said["next_actions"]) in range(0, 9)
     for trial in said["next_actions"]:
         assert set(trial["separates"]) <= weak and trial["difference_percent"] > 0.1
 
 
-def test_error_above_the_floor_that_no_effect_explains_is_never_green() -> None:
-    said = diagnosed(pushes(groups=9, tilt=(0.0, 0.02)), SHIFT)
-    error = said["ladder"][-1]["heldout_typical_error_percent"]
-    assert 1.5 < error / said["noise_floor_percent"] < 3
-    assert said["verdict"] == ["none"] and "times what repeats differ by" in said["sentence"]
-    page = diagnosis_page(said)
-    assert 'class="is-open"' in page and "Nothing is missing" not in page
-    assert "Use the model as it is" not in page
+def test_what_is_above_the_floor_or_without_one_is_never_green() -> None:
+    above = diagnosed(pushes(groups=9, tilt=(0.0, 0.02)), SHIFT)
+    error = above["ladder"][-1]["heldout_typical_error_percent"]
+    assert 1.5 < error / above["noise_floor_percent"] < 3
+    assert "times what repeats differ by" in above["sentence"]
+    bare = diagnosed(pushes(groups=30, repeats=1))
+    assert bare["code"] == "cannot tell"
+    for said, text in ((above, ""), (bare, "the noise is unknown")):
+        page = diagnosis_page(said)
+        assert said["verdict"] == ["none"] and 'class="is-open"' in page and text in page
+        assert "Nothing is missing" not in page and "Use the model as it is" not in page
 
 
-def test_without_repeats_nobody_is_told_that_nothing_is_missing() -> None:
-    said = diagnosed(pushes(groups=30, repeats=1))
-    assert said["verdict"] == ["none"] and said["code"] == "cannot tell"
-    page = diagnosis_page(said)
-    assert 'class="is-open"' in page and "the noise is unknown" in page
-
-
-def test_a_named_effect_that_the_verdict_drops_stands_on_no_ladder() -> None:
-    field = replace(SHEAR, text="a shear of the board", depends_on="place")
-    model, records = Puck(TURN, field), pushes(shift=(0.15, 0.1))
-    said = diagnose(Case(model, records, ["turn"], wording=WORDS), lambda known: None)
-    assert said["code"] == "unknown"
-    assert [rung["effects"] for rung in said["ladder"]] == [[]]
-    assert said["model"]["effects"] == []
-
-
-@pytest.mark.parametrize(("groups", "seed", "size"), [(9, 0, 0.02), (12, 3, 0.02)])
-def test_what_few_trials_do_not_tell_apart_is_said_and_can_be_told(
-    groups: int, seed: int, size: float
-) -> None:
-    effects = (TILT, SHIFT, TURN, SHEAR)
-    few = pushes(seed, groups=groups, heading=(-0.08, 0.08), turn=(size,))
-    wide = Further(Puck(*effects), pushes(5, groups=60, repeats=1))
-    said = diagnosed(few, *effects, further=lambda: wide)
-    assert set(said["confusion_set"][0]) == {"turn", "shear"}
-    assert set(said["verdict"]) < {"turn", "shear"}
-    alike = {row["effect"]: row["confusable_with"] for row in said["ranking"]}
-    assert alike["turn"] == ["shear"] and alike["shear"] == ["turn"]
-    assert {"turn", "shear"} in [set(trial["separates"]) for trial in said["next_actions"]]
-    chosen = [{n: t[n] for n in ("speed", "heading")} for t in said["next_actions"]]
-    told = [dict(record.factors) for record in few]
-    again = diagnosed(pushed([*told, *chosen], seed + 1, turn=(size,)), *effects)
-    assert again["verdict"] == ["turn"] and not again["confusion_set"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("hidden", "seed"), [("turn", 0), ("shear", 2)])
-def test_the_suggested_trials_tell_a_confused_pair_apart(hidden: str, seed: int) -> None:
+@pytest.mark.parametrize(
+    ("hidden", "size", "groups", "seed"),
+    [
+        ("turn", 0.02, 9, 0),
+        ("turn", 0.02, 12, 3),
+        pytest.param("shear", 0.03, 20, 2, marks=pytest.mark.slow),
+    ],
+)
+def test_the_suggested_trials_tell_a_confused_pair_apart(hidden, size, groups, seed) -> None:
     """Straight ahead a turned picture and a sheared one look alike; to the side they do not."""
     effects = (TILT, SHIFT, TURN, SHEAR)
-    size: dict[str, Any] = {hidden: (0.03,)}
-    alike = pushes(seed, heading=(-0.08, 0.08), **size)
+    drawn: dict[str, Any] = {hidden: (size,)}
+    alike = pushes(seed, groups=groups, heading=(-0.08, 0.08), **drawn)
     wide = Further(Puck(*effects), pushes(5, groups=60, repeats=1))
     said = diagnosed(alike, *effects, further=lambda: wide)
-    assert any({"turn", "shear"} <= set(some) for some in said["confusion_set"])
+    assert {"turn", "shear"} in [set(some) for some in said["confusion_set"]]
+    rows = {row["effect"]: row["confusable_with"] for row in said["ranking"]}
+    assert rows["turn"] == ["shear"] and rows["shear"] == ["turn"]
+    telling = [t for t in said["next_actions"] if {"turn", "shear"} == set(t["separates"])]
+    assert telling and all(abs(trial["heading"]) > 0.5 for trial in telling)
     chosen = [{n: t[n] for n in ("speed", "heading")} for t in said["next_actions"]]
-    assert chosen and all(abs(some["heading"]) > 0.5 for some in chosen)
-    assert all(len(t["separates"]) == 2 for t in said["next_actions"])
     told = [dict(record.factors) for record in alike]
-    again = diagnosed(pushed([*told, *chosen], seed + 1, **size), *effects)
-    assert again["verdict"] == [hidden]
+    again = diagnosed(pushed([*told, *chosen], seed + 1, **drawn), *effects)
+    assert again["verdict"] == [hidden] and not again["confusion_set"]

@@ -27,11 +27,27 @@ def scales(base: float, usual: np.ndarray | None = None, floor: Floor | None = N
     return Scales(floor or Floor(None, 0.5, 0.0), base, GROUPS, everyone, RULE)
 
 
-def test_a_clear_saving_pays_and_none_does_not() -> None:
-    clear = scales(2.0).gain(errors(2.0, 0), errors(0.6, 1))
-    assert clear.pays(RULE, 20)
-    assert clear.share == pytest.approx(0.7, abs=0.05)
-    assert not scales(2.0).gain(errors(2.0, 0), errors(2.0, 1)).pays(RULE, 1)
+STEP, SENSORS = Floor.known(1.0, 0.1, numerical=0.9), Floor.known(1.0, 0.1, is_least=True)
+
+
+@pytest.mark.parametrize(
+    ("base", "floor", "before", "after", "pays"),
+    [
+        (2.0, None, 2.0, 0.6, True),
+        (2.0, None, 2.0, 2.0, False),
+        (0.9, None, 0.9, 0.6, True),
+        (4.0, None, 0.9, 0.6, False),  # saved late: little beside what was missed at first
+        (4.0, Floor.known(0.25, 0.1), 0.9, 0.5, True),  # but most of the rest, far above the floor
+        (1.2, STEP, 1.2, 0.1, False),  # makes up for the model's own step
+        (1.2, STEP, 2.5, 0.1, True),
+        (0.9, SENSORS, 0.9, 0.6, False),  # below what sensors leave, only half of it matters
+        (0.9, SENSORS, 0.9, 0.2, True),
+    ],
+)
+def test_a_saving_pays_where_it_matters(base, floor, before, after, pays) -> None:
+    gain = scales(base, floor=floor).gain(errors(before, 0), errors(after, 1))
+    assert gain.pays(RULE, 20 if pays else 1) is pays
+    assert floor or gain.share == pytest.approx((before - after) / base, abs=0.05)
 
 
 def test_a_sure_but_small_saving_does_not_matter() -> None:
@@ -40,40 +56,17 @@ def test_a_sure_but_small_saving_does_not_matter() -> None:
     assert not small.pays(RULE, 1) and not small.promises(RULE)
 
 
-def test_what_is_saved_late_counts_beside_what_was_missed_at_first() -> None:
-    late = scales(4.0).gain(errors(0.9, 0), errors(0.6, 1))
-    first = scales(0.9).gain(errors(0.9, 0), errors(0.6, 1))
-    assert first.pays(RULE, 20) and not late.pays(RULE, 20)
-
-
-def test_what_makes_up_for_the_models_own_step_does_not_count() -> None:
-    steps = scales(1.2, floor=Floor.known(1.0, 0.1, numerical=0.9))
-    assert not steps.gain(errors(1.2, 0), errors(0.1, 1)).pays(RULE, 1)
-    assert steps.gain(errors(2.5, 0), errors(0.1, 1)).pays(RULE, 20)
-
-
-def test_below_what_sensors_alone_leave_only_half_of_the_error_matters() -> None:
-    noise = scales(0.9, floor=Floor.known(1.0, 0.1, is_least=True))
-    assert not noise.gain(errors(0.9, 0), errors(0.6, 1)).pays(RULE, 1)
-    assert noise.gain(errors(0.9, 0), errors(0.2, 1)).pays(RULE, 1)
-
-
-def test_what_takes_away_most_of_the_rest_is_named_far_above_the_floor_only() -> None:
-    far = scales(4.0, floor=Floor.known(0.25, 0.1))
-    assert far.gain(errors(0.9, 0), errors(0.5, 1)).pays(RULE, 20)
+def test_near_the_floor_what_takes_away_most_of_the_rest_only_promises() -> None:
     above, at = (scales(4.0, floor=Floor.known(f, 0.1)) for f in (0.5, 0.7))
     most, little = (above.gain(errors(0.9, 0), errors(to, 1)) for to in (0.6, 0.8))
     assert most.promises(RULE) and not most.pays(RULE, 20) and not little.promises(RULE)
     assert not at.gain(errors(0.9, 0), errors(0.7, 1)).promises(RULE)  # it is at the floor
 
 
-def test_every_further_comparison_asks_for_more() -> None:
+def test_every_further_comparison_asks_for_more_but_twelve_groups_can_reach_it() -> None:
+    """Friction that cut the error of twelve groups threefold was once lost to a fixed level."""
     gain = Gain(share=0.5, rest=0.0, p_value=0.01)
     assert gain.pays(RULE, 4) and not gain.pays(RULE, 20) and gain.promises(RULE)
-
-
-def test_twelve_groups_can_reach_the_level() -> None:
-    """Friction that cut the error of twelve groups threefold was once lost to a fixed level."""
     saved = 1.0 + 0.9 * np.random.default_rng(0).normal(size=12)
     assert worse(saved, np.arange(12), RULE.far) < RULE.level / 10
 
@@ -92,29 +85,19 @@ def test_one_diverged_trial_does_not_hide_what_all_others_save() -> None:
     assert worse(saved, GROUPS, RULE.far) < 1e-3
 
 
-def test_a_few_whip_like_trials_hardly_move_the_typical_error() -> None:
+def test_a_few_whip_like_trials_hardly_move_the_typical_error_and_the_floor() -> None:
     calm = errors(1.0, 0)
     whip = np.where(GROUPS < 2, 30.0, calm)
     assert typical(misses(whip, 0.5), 0.5) < 1.3 * typical(misses(calm, 0.5), 0.5)
     assert whip.mean() > 2 * calm.mean()
-
-
-def test_one_whip_like_action_hardly_moves_the_floor() -> None:
-    calm = Floor.of(scatter(*WHIP[:2], [1.0, 1.0, 1.1]), 0.3)
-    whip = Floor.of(scatter(*WHIP), 0.3)
-    assert whip.unit == pytest.approx(calm.unit, rel=0.1)
+    without = Floor.of(scatter(*WHIP[:2], [1.0, 1.0, 1.1]), 0.3)
+    assert Floor.of(scatter(*WHIP), 0.3).unit == pytest.approx(without.unit, rel=0.1)
 
 
 def test_a_model_that_misses_like_repeats_is_at_the_floor() -> None:
-    floor, deviations = Floor.of(scatter(*WHIP), 0.3), np.concatenate(WHIP)
-    assert not floor.above(deviations, 1.2) and floor.above(1.5 * deviations, 1.2)
-
-
-def test_without_repeats_nobody_knows_what_lies_above_the_floor() -> None:
-    floor = Floor.of(RepeatScatter(None, None, np.empty(0), (), 0, 0), 0.3)
-    assert floor.percent is None and not floor.above(np.full(3, 100.0), 1.5)
-
-
-def test_a_floor_known_from_elsewhere() -> None:
-    floor = Floor.known(2.0, 0.3)
-    assert not floor.above(np.full(5, 2.9), 1.5) and floor.above(np.full(5, 3.1), 1.5)
+    deviations = np.concatenate(WHIP)
+    measured, told = Floor.of(scatter(*WHIP), 0.3), Floor.known(2.0, 0.3)
+    assert not measured.above(deviations, 1.2) and measured.above(1.5 * deviations, 1.2)
+    assert not told.above(np.full(5, 2.9), 1.5) and told.above(np.full(5, 3.1), 1.5)
+    unknown = Floor.of(RepeatScatter(None, None, np.empty(0), (), 0, 0), 0.3)
+    assert unknown.percent is None and not unknown.above(np.full(3, 100.0), 1.5)

@@ -6,16 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotcast.diagnosis.compare import Comparison, compare
+from robotcast.diagnosis.misfit import misfit
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.slices import slice_errors
-from tests.diagnosis.made_up_trials import PHASES, SCALE, TIMES_S, WORDS, MadeUp, made_up
+from tests.diagnosis.made_up_trials import PHASES, SCALE, TIMES_S, MadeUp, compared, made_up
 
 ERROR_M = 0.02
-
-
-def compared(made: MadeUp) -> Comparison:
-    return compare(made.records, made.predicted, scale=SCALE, error_unit="%", wording=WORDS)
 
 
 def where(inside: Callable[[Record], np.ndarray | float]) -> Callable[[Record], np.ndarray]:
@@ -71,7 +66,7 @@ def test_a_planted_error_is_found_first(kind, named, wrong, seed) -> None:
     assert len({f.slice.kind for f in [first, *more]}) == 1 + len(more)
 
 
-def test_the_sentence_says_how_much_and_of_what() -> None:
+def test_the_sentence_says_how_much_and_the_slice_what_another_prediction_mends() -> None:
     made = made_up(wrong=where(lambda r: r.factors["alpha"] > 1.5))
     (found,) = compared(made).findings
     part = np.mean([r.factors["alpha"] > 1.45 for r in made.records])
@@ -79,6 +74,12 @@ def test_the_sentence_says_how_much_and_of_what() -> None:
         f"Casts with alpha above 1.45 rad hold {100 * found.share_of_error:.0f} % of the squared "
         f"error; they are {100 * part:.0f} % of the casts."
     )
+    before, after = (
+        found.slice.percent(misfit(made.records, predicted, SCALE))
+        for predicted in (made.predicted, made_up().predicted)
+    )
+    assert before == pytest.approx(100 * np.sqrt(2) * ERROR_M / SCALE, rel=0.2)
+    assert before == pytest.approx(found.error_percent) and after < 1.5
 
 
 def test_a_model_that_is_late_is_said_to_lag() -> None:
@@ -86,8 +87,10 @@ def test_a_model_that_is_late_is_said_to_lag() -> None:
     assert "not across it: the prediction lags behind." in sentences[0]
 
 
-def test_an_even_error_has_no_place() -> None:
+def test_an_even_error_and_one_in_three_trials_have_no_place() -> None:
     assert compared(made_up(wrong=where(lambda r: True))).findings == ()
+    few = made_up(groups=3, repeats=1, wrong=where(lambda r: r.trial == 0))
+    assert compared(few).findings == ()
 
 
 def test_one_bad_cast_is_named_and_hides_nothing() -> None:
@@ -95,30 +98,3 @@ def test_one_bad_cast_is_named_and_hides_nothing() -> None:
     first, second = compared(made_up(wrong=wrong)).findings
     assert first.sentence.startswith("Cast 17 alone holds 9")
     assert second.slice.kind == "vmax"
-
-
-def test_three_trials_are_too_few_to_name_anything() -> None:
-    made = made_up(groups=3, repeats=1, wrong=where(lambda r: r.trial == 0))
-    assert compared(made).findings == ()
-
-
-def test_slices_tell_what_another_prediction_mends() -> None:
-    made = made_up(wrong=where(lambda r: r.factors["alpha"] > 1.5))
-    slices = [f.slice for f in compared(made).findings]
-    better = made_up().predicted
-    (before,) = slice_errors(slices, made.records, made.predicted, SCALE)
-    (after,) = slice_errors(slices, made.records, better, SCALE)
-    assert before == pytest.approx(100 * np.sqrt(2) * ERROR_M / SCALE, rel=0.2)
-    assert after is not None and after < 1.5
-
-
-def test_slices_look_at_some_of_the_trials_in_any_order() -> None:
-    made = made_up(wrong=where(lambda r: r.factors["alpha"] > 1.5))
-    (finding,) = compared(made).findings
-    inside = [row for row in range(len(made.records)) if finding.slice.mask[row].any()]
-    some = [made.records[row] for row in reversed(inside)]
-    (error,) = slice_errors([finding.slice], some, made.predicted[inside[::-1]], SCALE)
-    assert error == pytest.approx(finding.error_percent)
-    outside = [r for r in made.records if r.trial not in {s.trial for s in some}]
-    rows = [r.trial for r in outside]
-    assert slice_errors([finding.slice], outside, made.predicted[rows], SCALE) == [None]

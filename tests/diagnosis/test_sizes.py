@@ -3,19 +3,8 @@
 import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry, Revision
-from robotcast.diagnosis.sizes import sizes, sizes_of_effect
-from tests.diagnosis.sliding_puck import LATE, NOISE_M, TILT, Puck, pushes
-
-
-def test_sizes_of_one_effect_among_several() -> None:
-    inquiry = Inquiry(Puck(LATE, TILT), pushes(groups=8), 0.004)
-    effects = ("late_clock", "tilt")
-    vector = inquiry.nominal(effects)
-    revision = Revision(effects, inquiry.fit(effects, vector, 1))
-    own = [s.parameter.name for s in sizes_of_effect(inquiry, revision, None, "tilt", 0.5)]
-    assert own == ["ax", "ay"]
-    first = sizes_of_effect(inquiry, revision, None, "late_clock", 0.5)
-    assert np.isclose(first[0].value, sizes(inquiry, revision, None, 0.5)[2].value)
+from robotcast.diagnosis.sizes import Size, sizes
+from tests.diagnosis.sliding_puck import LATE, NOISE_M, Puck, pushes
 
 
 def test_intervals_are_wider_where_the_model_lacks_something() -> None:
@@ -23,14 +12,17 @@ def test_intervals_are_wider_where_the_model_lacks_something() -> None:
     widths = []
     for tilt in ((0.0, 0.0), (0.0, 0.1)):
         inquiry = Inquiry(Puck(LATE), pushes(groups=12, late_clock=(0.05,), tilt=tilt), NOISE_M)
-        effects = ("late_clock",)
-        revision = Revision(effects, inquiry.fit(effects, inquiry.nominal(effects), 4))
-        whole, own = (
-            sizes_of_effect(inquiry, revision, None, "late_clock", discrepancy=share)[0]
-            for share in (0.5, 0.0)
-        )
+        whole, own = (late_clock(inquiry, discrepancy) for discrepancy in (0.5, 0.0))
         widths.append(np.sqrt((whole.high - whole.low) ** 2 - (own.high - own.low) ** 2))
     assert widths[1] > 2 * widths[0]
+
+
+def late_clock(inquiry: Inquiry, discrepancy: float) -> Size:
+    """Return the size of the late clock in a model that is fitted with it."""
+    effects = ("late_clock",)
+    revision = Revision(effects, inquiry.fit(effects, inquiry.nominal(effects), 4))
+    (found,) = sizes(inquiry, revision, None, discrepancy)[inquiry.entries(effects, effects[0])]
+    return found
 
 
 def test_intervals_are_wider_by_what_the_step_shifts_a_size() -> None:
@@ -44,12 +36,10 @@ def test_intervals_are_wider_by_what_the_step_shifts_a_size() -> None:
         def predict(self, records, active, vectors):
             return super().predict(records, active, vectors - np.r_[0, 0, 0.004])
 
-    effects, records, found = ("late_clock",), pushes(groups=12, late_clock=(0.05,)), []
-    for puck in (Puck, Coarse):
-        inquiry = Inquiry(puck(LATE), records, NOISE_M)
-        revision = Revision(effects, inquiry.fit(effects, inquiry.nominal(effects), 4))
-        found += sizes_of_effect(inquiry, revision, None, "late_clock", 0.0)
-    exact, coarse = found
+    records = pushes(groups=12, late_clock=(0.05,))
+    exact, coarse = (
+        late_clock(Inquiry(puck(LATE), records, NOISE_M), 0.0) for puck in (Puck, Coarse)
+    )
     assert np.isclose(coarse.value, exact.value + 0.004, atol=0.0004)
     wider = (coarse.high - coarse.low) - (exact.high - exact.low)
     assert np.isclose(wider, 2 * 0.004, rtol=0.25)  # slopes are secants over a probe

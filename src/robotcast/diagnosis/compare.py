@@ -5,12 +5,13 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from robotcast.diagnosis.found import Found
 from robotcast.diagnosis.inquiry import Inquiry, Revision
-from robotcast.diagnosis.localise import Finding, localise, outstanding_trials
-from robotcast.diagnosis.misfit import Misfit, known_median, misfit, padded
-from robotcast.diagnosis.model import Record, Wording
+from robotcast.diagnosis.localise import Finding, any_of, localise, outstanding_trials
+from robotcast.diagnosis.misfit import Misfit, known_median, misfit
+from robotcast.diagnosis.model import PLAIN, Record, Wording
 from robotcast.diagnosis.repeats import (
     LackOfFit,
     RepeatScatter,
@@ -19,7 +20,7 @@ from robotcast.diagnosis.repeats import (
     repeat_scatter,
 )
 from robotcast.diagnosis.rule import RULE, Rule
-from robotcast.diagnosis.slices import Slice, slice_errors
+from robotcast.diagnosis.slices import Slice, shared_factors
 from robotcast.files import plain
 
 LEAST_PART = 0.5  # of the trials that must still be seen at a time
@@ -27,97 +28,61 @@ FEWEST_FOR_A_TREND = 8
 WINDOW_PART = 0.3  # of the trials that a running median looks at
 
 
-@dataclass(frozen=True)
-class Course:
-    """The error at every time, over the trials that were seen there.
+def error_over_time(found: Misfit, grid: TimeGrid, noise: RepeatScatter) -> dict[str, np.ndarray]:
+    """Return the error of all trials at the times of the grid, each (n_times,).
 
-    Attributes
-    ----------
-    times_s : ndarray of shape (n_times,); later ones, seen in less than half of the
-        trials, are left out: they would show which trials are long, not how the error grows.
-    mean, lower, median, upper : errors in % of scale and their quartiles, each (n_times,).
-    noise : the repeats' average deviation in %, (n_times,), NaN where unknown.
-    trials : how many were seen, (n_times,).
+    The mean and the quartiles are in % of scale, as is the `noise`, the repeats' average deviation,
+    NaN where unknown. Times at which less than half of the trials were seen are left out: they
+    would show which trials are long, not how the error grows.
     """
-
-    times_s: np.ndarray
-    mean: np.ndarray
-    lower: np.ndarray
-    median: np.ndarray
-    upper: np.ndarray
-    noise: np.ndarray
-    trials: np.ndarray
-
-
-@dataclass(frozen=True)
-class Trend:
-    """Every trial's error against one factor.
-
-    Attributes
-    ----------
-    values, errors : factor and average error in % of scale, each (n_trials,).
-    running_values, running_median : the middle of the errors of neighbouring trials along the
-        factor; empty for fewer than eight trials.
-    """
-
-    values: np.ndarray
-    errors: np.ndarray
-    running_values: np.ndarray
-    running_median: np.ndarray
-
-
-def error_over_time(found: Misfit, grid: TimeGrid, noise: RepeatScatter) -> Course:
-    """Gather the error of all trials at the times of the grid."""
     percent = 100 / found.scale * grid.place(found.distance)
     count = np.isfinite(percent).sum(axis=0)
     seen = count >= max(1, LEAST_PART * len(percent))
     percent = percent[:, seen]
     lower, median, upper = np.nanquantile(percent, (0.25, 0.5, 0.75), axis=0)
-    return Course(
-        times_s=grid.times_s[seen],
-        mean=np.nanmean(percent, axis=0),
-        lower=lower,
-        median=median,
-        upper=upper,
-        noise=noise.over_time_percent[seen],
-        trials=count[seen],
-    )
+    return {
+        "times_s": grid.times_s[seen],
+        "mean": np.nanmean(percent, axis=0),
+        "lower": lower,
+        "median": median,
+        "upper": upper,
+        "noise": noise.over_time_percent[seen],
+        "trials": count[seen],
+    }
 
 
-def median_phases(records: Sequence[Record]) -> dict[str, float]:
+def median_phases(records: Sequence[Record]) -> list[dict[str, Any]]:
     """Return the median start [s] of every phase, over the trials that have it."""
-    starts: dict[str, list[float]] = {}
-    for record in records:
-        for name, start in record.phases.items():
-            starts.setdefault(name, []).append(start)
-    return {name: float(np.median(some)) for name, some in starts.items()}
+    names = dict.fromkeys(name for record in records for name in record.phases)
+    return [
+        {"name": n, "start_s": float(np.median([r.phases[n] for r in records if n in r.phases]))}
+        for n in names
+    ]
 
 
-def trends(records: Sequence[Record], found: Misfit) -> dict[str, Trend]:
-    """Return the error against every factor that all trials have and that varies."""
-    shared = set.intersection(*(set(r.factors) for r in records))
-    made = {}
-    for name in (n for n in records[0].factors if n in shared):
-        values = np.array([r.factors[name] for r in records], dtype=float)
-        if np.ptp(values) > 0:
-            made[name] = Trend(
-                values, found.sample_percent, *_running(values, found.sample_percent)
-            )
-    return made
+def trends(records: Sequence[Record], found: Misfit) -> dict[str, dict[str, np.ndarray]]:
+    """Return the error [% of scale] against every factor that all trials have and that varies.
+
+    With it comes its running median: the middle of the errors of neighbouring trials along the
+    factor, empty for fewer than eight trials.
+    """
+    errors = found.sample_percent
+    factors = shared_factors(records).items()
+    return {name: _trend(values, errors) for name, values in factors if np.ptp(values) > 0}
 
 
-def _running(values: np.ndarray, errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return medians over a window of trials that moves along `values`, (n,) each."""
-    n = len(values)
-    if n < FEWEST_FOR_A_TREND:
-        return np.empty(0), np.empty(0)
-    window = max(5, round(WINDOW_PART * n))
-    order = np.argsort(values, kind="stable")
-    windows = np.lib.stride_tricks.sliding_window_view
-    return (
-        np.median(windows(values[order], window), axis=-1),
-        np.median(windows(errors[order], window), axis=-1),
-    )
+def _trend(values: np.ndarray, errors: np.ndarray) -> dict[str, np.ndarray]:
+    order, window = np.argsort(values, kind="stable"), max(5, round(WINDOW_PART * len(values)))
+    running = [np.empty(0), np.empty(0)]
+    if len(values) >= FEWEST_FOR_A_TREND:
+        along = (sliding_window_view(some[order], window) for some in (values, errors))
+        running = [np.median(windows, axis=-1) for windows in along]
+    return {
+        "values": values,
+        "errors": errors,
+        "running_values": running[0],
+        "running_median": running[1],
+    }
 
 
 SEED = 0
@@ -152,9 +117,7 @@ class Comparison:
     share_beyond_noise: float | None
     lack_of_fit: LackOfFit | None
     findings: tuple[Finding, ...]
-    course: Course
-    phases: Mapping[str, float]
-    trends: Mapping[str, Trend]
+    course: Mapping[str, np.ndarray]
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain data for JSON: no arrays, and null where nothing is known."""
@@ -169,16 +132,16 @@ class Comparison:
                 "noise_floor_percent": repeats.sample_percent,
                 "noise_floor_final_percent": repeats.final_percent,
                 "repeats": {"groups": repeats.groups, "trials": repeats.trials},
-                "groups": len({_together(r) for r in self.records}),
+                "groups": len({r.together for r in self.records}),
                 "diverged": [
                     r.trial for r, lost in zip(self.records, found.diverged, strict=True) if lost
                 ],
                 "share_beyond_noise": self.share_beyond_noise,
                 "lack_of_fit": asdict(self.lack_of_fit) if self.lack_of_fit else None,
                 "slices": [_finding(f) for f in self.findings],
-                "over_time": asdict(self.course),
-                "phases": [{"name": n, "start_s": s} for n, s in self.phases.items()],
-                "factors": {name: asdict(trend) for name, trend in self.trends.items()},
+                "over_time": self.course,
+                "phases": median_phases(self.records),
+                "factors": trends(self.records, found),
                 "trials": [self._trial(row) for row in range(len(self.records))],
             }
         )
@@ -207,7 +170,7 @@ def compare(
     *,
     scale: float,
     error_unit: str,
-    wording: Wording | None = None,
+    wording: Wording = PLAIN,
     rule: Rule = RULE,
 ) -> Comparison:
     """Compare a prediction with the measured trials.
@@ -221,16 +184,14 @@ def compare(
     wording : what trials, samples, axes and factors are called.
     rule : what counts as a repeat, and which slices are named.
     """
-    wording = wording or Wording()
     rng = np.random.default_rng(SEED)
     found = misfit(records, predicted, scale)
     grid = TimeGrid.of(records)
     repeats = repeat_scatter(records, grid, scale, rule)
     exceptions = outstanding_trials(records, found, wording, rule.slicing)
-    pure = pure_error(records, found, _usual(exceptions, len(records)), grid, rng)
-    noise = None
-    if pure is not None:
-        noise = grid.at_samples(pure.variance, found.distance.shape[1])
+    single = np.asarray(any_of(found, exceptions).any(axis=1))
+    variance, lack_of_fit = pure_error(records, found, ~single, grid, rng)
+    noise = None if variance is None else grid.at_samples(variance, found.distance.shape[1])
     return Comparison(
         records=tuple(records),
         predicted=predicted,
@@ -241,23 +202,10 @@ def compare(
         final_error_percent=known_median(found.final_percent),
         repeats=repeats,
         share_beyond_noise=_share_beyond(found, noise),
-        lack_of_fit=pure.lack_of_fit if pure else None,
+        lack_of_fit=lack_of_fit,
         findings=tuple(localise(records, found, noise, exceptions, wording, rng, rule.slicing)),
         course=error_over_time(found, grid, repeats),
-        phases=median_phases(records),
-        trends=trends(records, found),
     )
-
-
-def _together(record: Record) -> int:
-    return record.group if record.held_out_with is None else record.held_out_with
-
-
-def _usual(exceptions: Sequence[Finding], n_trials: int) -> np.ndarray:
-    usual = np.ones(n_trials, dtype=bool)
-    for exception in exceptions:
-        usual &= ~exception.slice.mask.any(axis=1)
-    return usual
 
 
 def _share_beyond(found: Misfit, noise: np.ndarray | None) -> float | None:
@@ -268,16 +216,8 @@ def _share_beyond(found: Misfit, noise: np.ndarray | None) -> float | None:
 
 
 def _finding(finding: Finding) -> dict[str, Any]:
-    return {
-        "name": finding.slice.name,
-        "kind": finding.slice.kind,
-        "sentence": finding.sentence,
-        "share_of_error": finding.share_of_error,
-        "share_of_samples": finding.share_of_samples,
-        "error_percent": finding.error_percent,
-        "elsewhere_percent": finding.elsewhere_percent,
-        "p_value": finding.p_value,
-    }
+    said = {key: value for key, value in vars(finding).items() if key != "slice"}
+    return {"name": finding.slice.name, "kind": finding.slice.kind, **said}
 
 
 class Explained:
@@ -305,24 +245,25 @@ class Explained:
 
     def slices(self, found: Found) -> dict[str, list[dict[str, Any]]]:
         """Return for every refitted effect the base model's slices before and after it."""
-        pairs = _before_and_after(found)
+        pairs = {n: map(self._misfit, pair) for n, pair in _before_and_after(found).items()}
         if not pairs:
             return {}
         slices = _usual_slices(self.comparison(found.base.revision))
         return {
             name: [
-                {"slice": some.name, "before_percent": b, "after_percent": a}
-                for some, b, a in zip(
-                    slices, self._errors(slices, before), self._errors(slices, after), strict=True
-                )
+                {
+                    "slice": some.name,
+                    "before_percent": some.percent(before),
+                    "after_percent": some.percent(after),
+                }
+                for some in slices
             ]
             for name, (before, after) in pairs.items()
         }
 
-    def _errors(self, slices: Sequence[Slice], revision: Revision) -> list[float | None]:
+    def _misfit(self, revision: Revision) -> Misfit:
         inquiry = self._inquiry
-        predicted = self._prediction(revision)
-        return slice_errors(slices, inquiry.records, predicted, inquiry.model.scale)
+        return misfit(inquiry.records, self._prediction(revision), inquiry.model.scale)
 
     def _prediction(self, revision: Revision) -> np.ndarray:
         """Return what a revision predicts, (n_trials, k_max, d)."""
@@ -330,15 +271,14 @@ class Explained:
         if key not in self._predicted:
             inquiry, vector = self._inquiry, revision.fit.vector[None]
             difference = inquiry.differences(revision.effects, vector, inquiry.everything)[0]
-            measured = padded(inquiry.records, [r.measured for r in inquiry.records])
-            self._predicted[key] = measured + difference
+            self._predicted[key] = inquiry.measured + difference
         return self._predicted[key]
 
 
 def _usual_slices(base: Comparison) -> list[Slice]:
     """Return the slices that hold most of the error, without trials named for their size."""
-    single = [f.slice.mask for f in base.findings if f.slice.kind == "trial"]
-    usual = ~np.any([*single, np.zeros_like(base.found.present)], axis=0)
+    single = [f for f in base.findings if f.slice.kind == "trial"]
+    usual = ~any_of(base.found, single)
     return [
         replace(f.slice, mask=f.slice.mask & usual)
         for f in base.findings

@@ -100,25 +100,21 @@ def diagnose(case: Case, tell: Tell, progress: Progress = silent) -> dict[str, A
     return run.finish()
 
 
-def floor_and_noise(case: Case) -> tuple[Floor, float]:
+def floor_and_noise(case: Case, repeats: RepeatScatter | None = None) -> tuple[Floor, float]:
     """Return the noise floor of a case, and what residuals are weighed against."""
-    return _floor(case, _repeats(case))
-
-
-def _repeats(case: Case) -> RepeatScatter:
-    return repeat_scatter(case.records, TimeGrid.of(case.records), case.model.scale, case.rule)
-
-
-def _floor(case: Case, repeats: RepeatScatter) -> tuple[Floor, float]:
     moved = [np.linalg.norm(r.measured - r.measured.mean(axis=0), axis=1) for r in case.records]
     travel = float(np.median([np.sqrt((one**2).mean()) for one in moved]))
     least = 100 * case.rule.least_noise * travel / case.model.scale
     floor = (
-        Floor.of(repeats, least)
+        Floor.of(repeats or _repeats(case), least)
         if case.floor is None
         else Floor.known(case.floor, least, case.floor_is_least, case.numerical_error)
     )
     return floor, floor.unit / 100 * case.model.scale
+
+
+def _repeats(case: Case) -> RepeatScatter:
+    return repeat_scatter(case.records, TimeGrid.of(case.records), case.model.scale, case.rule)
 
 
 class _Run:
@@ -127,7 +123,7 @@ class _Run:
     def __init__(self, case: Case, tell: Tell, progress: Progress) -> None:
         self._case, self._tell, self._bar = case, tell, progress
         self._repeats = _repeats(case)
-        self._floor, noise = _floor(case, self._repeats)
+        self._floor, noise = floor_and_noise(case, self._repeats)
         self.inquiry = Inquiry(case.model, case.records, noise, self._simulated)
         self._explained = Explained(self.inquiry, case.wording, case.rule)
         effects = case.model.effects
@@ -141,8 +137,7 @@ class _Run:
         self._found = Found()
         self._base: Revision | None = None
         self._screens: dict[str, Screened] = {}
-        self._verdict: Verdict | None = None
-        self._further_runs = 0
+        self._verdict = Verdict()
         self._next: Sequence[NextTrial] = ()
 
     def search(self) -> None:
@@ -159,9 +154,7 @@ class _Run:
         )
         self._found = selection.run()
         self._base = self._found.base.revision
-        self._verdict = decide(
-            self._found, self._floor, case.rule, self._look, selection.refit_singles
-        )
+        self._verdict = decide(self._found, self._look, selection.refit_singles)
         self._found = selection.choose((*case.fixed, *self._verdict.named))
         self._screen(self._found.chosen)
 
@@ -182,57 +175,39 @@ class _Run:
     def _screen(self, acting: Sequence[str]) -> None:
         library, rule = self._found.library, self._case.rule
         if library is not None:
-            looked = ((name, screen(library, acting, name, rule)) for name in self._candidates)
-            self._screens = dict(looked)
+            self._screens = {n: screen(library, acting, n, rule) for n in self._candidates}
 
     def _look(self) -> Unexplained:
-        case, tell = self._case, partial(self._step, self._found, Step.FIELDS)
-        return look_for_the_unknown(
-            self.inquiry, self._found, self._fields, case.effort, case.rule, tell
-        )
+        tell, effort = partial(self._step, self._found, Step.FIELDS), self._case.effort
+        return look_for_the_unknown(self.inquiry, self._found, self._fields, effort, tell)
 
     def choose_next(self, further: Callable[[], Further]) -> None:
         """Look for the trials that would decide what is still open."""
         self._step(self._found, Step.NEXT, self._case.wording.trials)
-        assert self._base is not None and self._verdict is not None
+        assert self._base is not None
         contests = open_contests(
             self.inquiry, self._found, self._base, self._verdict, self._screens, self._case.rule
         )
         for some in contests:
             if some and not self._next:
-                looked = partial(self._looked_further, self._further_runs)
-                self._next = next_trials(
-                    self.inquiry, some, further(), self._case.rule.decides, looked
-                )
+                self._next = next_trials(self.inquiry, some, further(), self._case.rule.decides)
 
     def finish(self) -> dict[str, Any]:
         """Return everything, once nothing is left to do."""
         self._findings()  # simulates what is still to be compared
         self._doing = ""
-        self._bar(self._runs, self._runs)
+        self._bar(self.inquiry.simulated, self.inquiry.simulated)
         return self._say()
 
-    @property
-    def _runs(self) -> int:
-        """How many trials were simulated so far."""
-        return self.inquiry.simulated + self._further_runs
-
     def _simulated(self, done: int, total: int, note: str = "") -> None:
-        self._show_bar()
-
-    def _looked_further(self, before: int, done: int, total: int, note: str = "") -> None:
-        self._further_runs = before + done
-        self._show_bar()
-
-    def _show_bar(self) -> None:
-        self._bar(self._runs, self._outlook.total(self._runs), self._doing)
+        self._bar(done, self._outlook.total(done), self._doing)
 
     def _step(self, found: Found, step: Step, what: str = "") -> None:
         self._found, self._doing = found, step.says(what)
         if found.judged:
             self._base = found.base.revision
-        self._outlook.step(step, self._runs)
-        self._show_bar()
+        self._outlook.step(step, self.inquiry.simulated)
+        self._simulated(self.inquiry.simulated, 0)
         self._say()
 
     def _say(self) -> dict[str, Any]:
@@ -249,7 +224,7 @@ class _Run:
             "actions": int(inquiry.groups.max()) + 1,
             "noise_floor_percent": self._floor.percent,
             "conclusive": not limits.too_few(inquiry, case.rule),
-            "simulated_casts": self._runs,
+            "simulated_casts": inquiry.simulated,
             "finished": not self._doing,
             "doing": self._doing,
         }
@@ -257,60 +232,54 @@ class _Run:
     def _findings(self) -> dict[str, Any]:
         case, inquiry, found = self._case, self.inquiry, self._found
         verdict, base = self._verdict, self._base
-        near = verdict.near if verdict else ()
-        left = verdict.left if verdict else None
-        known = (*case.fixed, *(verdict.named if verdict else ()))
+        decided = verdict.code is not Code.OPEN
+        known = (*case.fixed, *verdict.named)
         stability = first_in_resamples(found, inquiry.groups, case.effort.seed)
-        slices = self._explained.slices(found) if verdict else {}
+        slices = self._explained.slices(found) if decided else {}
+        ranked = report.ranking(
+            inquiry, found, self._screens, verdict, case.rule, slices, stability
+        )
+        held = [report.unjudged(inquiry, name, "held at its null") for name in self._held]
+        top = found.top if decided and found.judged else None
         return {
-            "verdict": verdict.words if verdict else [],
-            "code": verdict.code.value if verdict else "",
-            "sentence": self._sentence(verdict) if verdict else "",
-            "confusion_set": report.confusion_set(found, near, verdict),
-            "nearest": [[n for n in rung.effects if n not in known] for rung in near],
-            "unexplained": report.unexplained(inquiry, left, case.draw),
+            "verdict": verdict.words,
+            "code": verdict.code.value,
+            "sentence": self._sentence() if decided else "",
+            "confusion_set": report.confusion_set(found, verdict),
+            "nearest": [[n for n in rung.effects if n not in known] for rung in verdict.near],
+            "unexplained": report.unexplained(inquiry, verdict.left, case.draw),
             "notes": self._notes(base),
             "ladder": report.ladder(found),
-            "ranking": [
-                *report.ranking(
-                    inquiry, found, self._screens, verdict, case.rule, slices, stability
-                ),
-                *(report.held(inquiry, name) for name in self._held),
-            ],
+            "ranking": [*ranked, *held],
             "next_actions": report.next_rows(inquiry, self._next, case.wording),
             "base": self._base_parameters(base),
-            "model": report.model_parameters(inquiry, found, verdict, case.rule),
+            "model": report.fitted(inquiry, top.revision, top.errors.vectors, case.rule)
+            if top
+            else {},
             "comparison": self._explained.comparison(base).as_dict() if base else None,
         }
 
-    def _sentence(self, verdict: Verdict) -> str:
-        if limits.too_few(self.inquiry, self._case.rule):
-            return report.sentence_on_too_few(self.inquiry, self._case.wording, self._case.rule)
-        found, words = self._found, self._case.wording
+    def _sentence(self) -> str:
+        found, words, rule = self._found, self._case.wording, self._case.rule
+        if limits.too_few(self.inquiry, rule):
+            return report.sentence_on_too_few(self.inquiry, words, rule)
         top = self._explained.comparison(found.top.revision)
         where = top.findings[0].slice.name if top.findings else ""
-        return report.sentence(self.inquiry, found, verdict, self._floor, words, where)
+        return report.sentence(self.inquiry, found, self._verdict, words, where)
 
     def _base_parameters(self, base: Revision | None) -> dict[str, Any]:
         if base is None:
             return {}
-        judged = self._found.judged
-        return report.base_parameters(
-            self.inquiry,
-            base,
-            self._found.base.errors.vectors if judged else None,
-            self._case.rule,
-        )
+        vectors = self._found.base.errors.vectors if self._found.judged else None
+        return report.base_parameters(self.inquiry, base, vectors, self._case.rule)
 
     def _notes(self, base: Revision | None) -> list[str]:
-        inquiry, case = self.inquiry, self._case
-        wording, found = case.wording, self._found
-        notes = limits.notes_on_trials(
-            inquiry, self._repeats, self._floor.percent, wording, case.rule
-        )
+        inquiry, found, words = self.inquiry, self._found, self._case.wording
+        rule, percent = self._case.rule, self._floor.percent
+        notes = limits.notes_on_trials(inquiry, self._repeats, percent, words, rule)
         if base is None:
             return notes
-        if found.judged and self._verdict:
-            notes += limits.notes_on_outliers(inquiry, found, wording)
-        notes += limits.notes_on_parameters(inquiry, base, wording, case.rule)
+        if found.judged and self._verdict.code is not Code.OPEN:
+            notes += limits.notes_on_outliers(inquiry, found, words)
+        notes += limits.notes_on_parameters(inquiry, base, words, rule)
         return notes + limits.notes_on_effects(self._held, self._idle)

@@ -179,10 +179,15 @@ def worse(extra: np.ndarray, groups: np.ndarray, far: float) -> float:
     n = int(groups.max(initial=-1)) + 1
     if n < 3:
         return 1.0
-    mean = np.bincount(groups, extra, n) / np.bincount(groups, minlength=n)
+    mean = group_means(extra, groups)
     centre = np.median(mean)
     edge = far * 1.4826 * np.median(np.abs(mean - centre))
     mean = np.clip(mean, centre - edge, centre + edge)
     if mean.std() == 0:
         return 1.0
     return float(student.sf(mean.mean() / (mean.std(ddof=1) / np.sqrt(n)), n - 1))
+
+
+def group_means(values: np.ndarray, groups: np.ndarray) -> np.ndarray:
+    """Return the mean of trials' values (n_trials,) in every group, (n_groups,)."""
+    return np.bincount(groups, values) / np.bincount(groups)

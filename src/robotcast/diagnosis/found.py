@@ -56,6 +56,25 @@ class Found:
     inseparable: bool = False
     rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
+    def typical(self, rung: Rung) -> float:
+        """Return a model's typical error, % of the scale."""
+        return self.known_scales.typical(rung.errors.waypoint)
+
+    def gain(self, before: Rung, after: Rung) -> Gain:
+        """Return what one model saves over another."""
+        return self.known_scales.gain(before.errors.waypoint, after.errors.waypoint)
+
+    def above(self, rung: Rung, times: float) -> bool:
+        """Tell whether a model lies so many times above the floor."""
+        scales = self.known_scales
+        return scales.floor.above(rung.errors.waypoint[scales.usual], times)
+
+    @property
+    def known_scales(self) -> Scales:
+        """How errors are compared, once the base model is known."""
+        assert self.scales is not None
+        return self.scales
+
     @property
     def base(self) -> Rung:
         """The model as it is."""

@@ -2,13 +2,12 @@
 
 import warnings
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from threading import Lock
 
 import numpy as np
 
+from robotcast.diagnosis.misfit import padded
 from robotcast.diagnosis.model import Model, Record
 from robotcast.diagnosis.rule import Effort
 from robotcast.fitting.least_squares import (
@@ -51,24 +50,22 @@ class Inquiry:
         self.model = model
         self.records = tuple(records)
         self.noise = noise
-        self._runs = _Runs(progress)
+        self.runs = _Runs(progress)
         self._step_errors: dict[tuple[tuple[str, ...], bytes], np.ndarray] = {}
 
     @property
     def simulated(self) -> int:
         """How many trials were simulated so far."""
-        return self._runs.done
+        return self.runs.done
 
     def beginnings(self, share: float, n: int) -> "Inquiry":
         """Return the same inquiry into the beginnings of n of the trials, evenly spaced.
 
         Of every trial it sees this share of the samples, the first ones.
         """
-        other = copy(self)
-        for name in ("everything", "groups", "_padded"):
-            other.__dict__.pop(name, None)
-        some = spread(self.everything, n)
-        other.records = tuple(_beginning(self.records[i], share) for i in some)
+        some = [_beginning(self.records[i], share) for i in spread(self.everything, n)]
+        other = Inquiry(self.model, some, self.noise)
+        other.runs = self.runs
         return other
 
     @cached_property
@@ -79,8 +76,7 @@ class Inquiry:
     @cached_property
     def groups(self) -> np.ndarray:
         """Which trials are held out together, numbered from 0, (n_trials,)."""
-        whole = [r.group if r.held_out_with is None else r.held_out_with for r in self.records]
-        return np.unique(whole, return_inverse=True)[1]
+        return np.unique([r.together for r in self.records], return_inverse=True)[1]
 
     def parameters(self, active: Sequence[str]) -> tuple[Parameter, ...]:
         """Return the parameters of the model with these effects, in a vector's order."""
@@ -92,6 +88,20 @@ class Inquiry:
         first = len(self.parameters(active[: active.index(name)]))
         return slice(first, first + len(self.model.effects[name].parameters))
 
+    def carried(
+        self,
+        active: Sequence[str],
+        of: Sequence[str],
+        vector: np.ndarray,
+        onto: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Return a vector, nominal by default, with what it shares with one of other effects."""
+        found, own = self.nominal(active) if onto is None else onto.copy(), self.parameters(())
+        found[: len(own)] = vector[: len(own)]
+        for name in set(active) & set(of):
+            found[self.entries(active, name)] = vector[self.entries(of, name)]
+        return found
+
     def steps(self, active: Sequence[str]) -> np.ndarray:
         """Return the finite-difference steps of all parameters."""
         return difference_steps(self.parameters(active))
@@ -99,10 +109,6 @@ class Inquiry:
     def free(self, active: Sequence[str]) -> np.ndarray:
         """Return which parameters a fit may change, bool (n,)."""
         return np.array([not p.frozen for p in self.parameters(active)], bool)
-
-    def prior(self, active: Sequence[str]) -> Prior:
-        """Return what a fit expects: strengths near null, all else near nominal."""
-        return Prior(self.nominal(active), self.expected(active))
 
     def expected(self, active: Sequence[str]) -> np.ndarray:
         """Return the standard deviations (n,) that are expected before any trial, of the ranges."""
@@ -125,8 +131,9 @@ class Inquiry:
 
         def evaluate(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
             difference = self.differences(active, vectors, trials)
-            counts = np.isfinite(self._measured(trials)).all(axis=-1).sum(axis=1)
-            lost = (np.isnan(difference) & np.isfinite(self._measured(trials))).any(axis=(2, 3))
+            present = np.isfinite(self.measured[trials])
+            counts = present.all(axis=-1).sum(axis=1)
+            lost = (np.isnan(difference) & present).any(axis=(2, 3))
             weighed = np.nan_to_num(difference) / np.sqrt(counts)[:, None, None]
             weighed[lost] = 0
             weighed[lost, 0, 0] = LOST * self.model.scale
@@ -172,7 +179,7 @@ class Inquiry:
             known=known,
             like=like,
             free=self.free(active),
-            prior=self.prior(active),
+            prior=Prior(self.nominal(active), self.expected(active)),
             stepping=stepping,
         )
 
@@ -191,8 +198,8 @@ class Inquiry:
         """Return predicted − measured, (n_vectors, m, k_max, d); NaN as in `Model.predict`."""
         chosen = [self.records[i] for i in trials]
         predicted = self.model.predict(chosen, active, self.values(active, vectors))
-        self._runs.add(len(vectors) * len(trials))
-        measured = self._measured(trials)
+        self.runs.add(len(vectors) * len(trials))
+        measured = self.measured[trials]
         k = max(len(record.times_s) for record in chosen)
         wanted = (len(vectors), len(trials), k, measured.shape[2])
         if predicted.shape != wanted:
@@ -201,19 +208,11 @@ class Inquiry:
         difference[:, :, :k] = predicted - measured[:, :k]
         return difference
 
-    def errors(
-        self, active: Sequence[str], vector: np.ndarray, trials: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return average and final error of every trial, each (m,), in % of the scale.
-
-        A trial whose run diverged counts with one scale.
-        """
-        return self.percent(self.differences(active, vector[None], trials)[0], trials)
-
     def percent(self, difference: np.ndarray, trials: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Turn differences (m, k_max, d) into average and final errors, in % of the scale.
 
-        The final error of a trial that was not seen to end is NaN.
+        A trial whose run diverged counts with one scale; the final error of one that was not seen
+        to end is NaN.
         """
         distance = np.linalg.norm(difference, axis=-1)
         counts = np.array([len(self.records[i].times_s) for i in trials])
@@ -238,20 +237,13 @@ class Inquiry:
         counts = np.array([len(self.records[i].times_s) for i in trials])
         shape = (len(trials), -1, self.records[0].measured.shape[1])
         found = residual.reshape(shape) * (np.sqrt(counts) * self.noise)[:, None, None]
-        found[np.isnan(self._measured(trials))] = np.nan
+        found[np.isnan(self.measured[trials])] = np.nan
         return found
 
-    def _measured(self, trials: np.ndarray) -> np.ndarray:
-        """Return the measured signals (m, k_max, d), NaN past a trial's own; k_max of all."""
-        return self._padded[trials]
-
     @cached_property
-    def _padded(self) -> np.ndarray:
-        k_max = max(len(r.times_s) for r in self.records)
-        padded = np.full((len(self.records), k_max, self.records[0].measured.shape[1]), np.nan)
-        for row, record in zip(padded, self.records, strict=True):
-            row[: len(record.times_s)] = record.measured
-        return padded
+    def measured(self) -> np.ndarray:
+        """The measured signals (n_trials, k_max, d), NaN past a trial's own."""
+        return padded(self.records, [r.measured for r in self.records])
 
 
 class _Runs:
@@ -260,12 +252,10 @@ class _Runs:
     def __init__(self, progress: Progress) -> None:
         self.done = 0
         self._progress = progress
-        self._lock = Lock()
 
     def add(self, runs: int) -> None:
-        with self._lock:
-            self.done += runs
-            self._progress(self.done, 0)
+        self.done += runs
+        self._progress(self.done, 0)
 
 
 def _beginning(record: Record, share: float) -> Record:

@@ -87,13 +87,19 @@ def _best_place(early: Inquiry, acting: tuple[str, ...], base: Fit) -> np.ndarra
     target, moved = (base.residual * root).ravel(), (moved * root).reshape(len(rows), -1)
     losses = []
     for at in range(len(places)):
-        columns = np.column_stack(
-            [slopes, moved[at * len(strengths) : (at + 1) * len(strengths)].T]
-        )
-        ridge = np.vstack([columns, np.eye(columns.shape[1])])
-        held = np.concatenate([target, np.zeros(columns.shape[1])])
-        losses.append(((target - columns @ np.linalg.lstsq(ridge, held, rcond=None)[0]) ** 2).sum())
+        own = moved[at * len(strengths) : (at + 1) * len(strengths)].T
+        losses.append((without(np.hstack([slopes, own]), target) ** 2).sum())
     return places[int(np.argmin(losses))]
+
+
+def without(slopes: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Return what of a target (m, ...) no change of the parameters behind slopes (m, n) gives.
+
+    Each of them is held near where it is, by one unit of its range.
+    """
+    ridge = np.vstack([slopes, np.eye(slopes.shape[1])])
+    held = np.concatenate([target, np.zeros((slopes.shape[1], *target.shape[1:]))])
+    return target - slopes @ np.linalg.lstsq(ridge, held, rcond=None)[0]
 
 
 @dataclass(frozen=True)
@@ -123,26 +129,24 @@ class Library:
         """Return the weighted square that the model with these effects alone would miss by."""
         return self._solved(effects)[2]
 
-    def start(self, effects: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the unit vector (n,) of the model with these effects, and its slopes' columns."""
+    def start(self, effects: Sequence[str]) -> np.ndarray:
+        """Return the unit vector (n,) that the slopes promise for the model with these effects."""
         columns, step, _ = self._solved(effects)
         vector = self._null.copy()
         vector[columns] += step
-        kept = self._kept(effects)
-        return np.clip(vector, EDGE, 1 - EDGE)[kept], np.array(kept)
+        return np.clip(vector, EDGE, 1 - EDGE)[self._kept(effects)]
 
-    def look(self, effects: Sequence[str], start: np.ndarray, kept: np.ndarray) -> Fit:
+    def look(self, effects: Sequence[str], start: np.ndarray) -> Fit:
         """Return the beginnings as the model with these effects predicts them from a start.
 
-        Its slopes are those columns of the library's that it has `kept`.
+        Its slopes are the library's.
         """
         residual = self.early.residuals(effects)(start[None], self.early.everything)[0]
-        return Fit(start, residual, self.fit.jacobian[:, :, kept])
+        return Fit(start, residual, self.fit.jacobian[:, :, self._kept(effects)])
 
     def again(self, effects: tuple[str, ...], part: Fit, effort: Effort) -> "Library":
         """Return the whole fitted from where the model with a few of its effects was, if better."""
-        vector = self._null.copy()
-        vector[self._kept(effects)] = part.vector
+        vector = self.early.carried(self.effects, effects, part.vector, self._null)
         fit = self.early.fit(self.effects, vector, effort.refit)
         if fit.loss > (1 - effort.pays) * self.fit.loss:
             return self
@@ -166,11 +170,8 @@ class Library:
     @cached_property
     def columns(self) -> dict[str, list[int]]:
         """Which of the vector's entries are whose."""
-        found, at = {}, self._own
-        for name in self.effects:
-            n = len(self.early.model.effects[name].parameters)
-            found[name], at = list(range(at, at + n)), at + n
-        return found
+        every = list(range(len(self.fit.vector)))
+        return {name: every[self.early.entries(self.effects, name)] for name in self.effects}
 
     @property
     def free(self) -> list[int]:
@@ -210,7 +211,7 @@ class Library:
     def _solved(self, effects: Sequence[str]) -> tuple[list[int], np.ndarray, float]:
         """Return columns, the step from all at null, and the loss after it."""
         hold, pull, whole = self._normal
-        sd = self.early.prior(self.effects).sd
+        sd = self.early.expected(self.effects)
         columns = [*self.free, *(k for name in effects for k in self.columns[name])]
         if not columns:
             return columns, np.empty(0), whole
@@ -248,25 +249,25 @@ class Beginnings:
 
         A set that was left in a worse valley than one of its parts would lose to it.
         """
-        own, starts = len(self.inquiry.model.parameters), [vector]
         parts = [e for e in self.fits if set(e) < set(effects)]
         if not parts:
-            return starts
+            return [vector]
         part = min(parts, key=lambda e: self.fits[e].loss)
-        start, fitted = vector.copy(), self.fits[part].vector
-        start[:own] = fitted[:own]
-        for name in part:
-            start[self.inquiry.entries(effects, name)] = fitted[self.inquiry.entries(part, name)]
-        return [*starts, start]
+        return [vector, self.inquiry.carried(effects, part, self.fits[part].vector, vector)]
 
-    def of_larger(self, effects: tuple[str, ...]) -> np.ndarray:
-        """Return where a set starts that was only fitted as part of a larger one."""
-        whole = min(
-            (e for e in self.fits if set(effects) < set(e)), key=lambda e: self.fits[e].loss
-        )
-        fitted, own = self.fits[whole].vector, len(self.inquiry.model.parameters)
-        parts = [fitted[self.inquiry.entries(whole, name)] for name in effects]
-        return np.concatenate([fitted[:own], *parts])
+    def parts(
+        self, fixed: tuple[str, ...], others: Sequence[str], size: int
+    ) -> list[tuple[str, ...]]:
+        """Return the sets of so many effects beside the fixed ones, all fitted.
+
+        One that was only fitted as part of a larger set starts from the best of those.
+        """
+        sets = [(*fixed, *some) for some in combinations(others, size)]
+        for effects in (e for e in sets if e not in self.fits):
+            larger = [e for e in self.fits if set(effects) < set(e)]
+            whole = min(larger, key=lambda e: self.fits[e].loss)
+            self.fit(effects, self.inquiry.carried(effects, whole, self.fits[whole].vector))
+        return sets
 
     def expected_error(self, effects: tuple[str, ...], fit: Fit | None = None) -> float:
         """Return the typical error that a fit will have on other beginnings like these."""

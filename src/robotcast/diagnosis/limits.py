@@ -42,9 +42,10 @@ def notes_on_trials(
             f"different {wording.groups} are needed to hold some back and test an effect on them."
         )
     if repeats.strays:
+        strays = wording.numbered(repeats.strays).capitalize()
         notes.append(
-            f"{_numbered(repeats.strays, wording)} far from the repeats of the same "
-            f"{wording.group} and were left out of the noise floor."
+            f"{strays} {'lies' if len(repeats.strays) == 1 else 'lie'} far from the repeats of the "
+            f"same {wording.group} and were left out of the noise floor."
         )
     if repeats.drift is not None:
         notes.append(
@@ -66,13 +67,6 @@ def notes_on_trials(
     return notes
 
 
-def _numbered(trials: Sequence[int], wording: Wording) -> str:
-    if len(trials) == 1:
-        return f"{wording.trial.capitalize()} {trials[0]} lies"
-    *first, last = map(str, trials)
-    return f"{wording.trials.capitalize()} {', '.join(first)} and {last} lie"
-
-
 def counted(n: int, one: str, many: str) -> str:
     """Return "1 cast" or "3 casts"."""
     return f"{n} {one if n == 1 else many}"
@@ -80,12 +74,10 @@ def counted(n: int, one: str, many: str) -> str:
 
 def notes_on_outliers(inquiry: Inquiry, found: Found, wording: Wording) -> list[str]:
     """Name the trials that were measured wrongly, of which no model explains even a quarter."""
-    assert found.scales is not None
-    rows = np.flatnonzero(~found.scales.usual)
+    kept, notes = found.known_scales.usual, []
     percent, unit = found.top.errors.waypoint, wording.axis(0).unit
-    usual = float(np.median(percent[found.scales.usual])) if len(rows) else 0.0
-    notes = []
-    for row in rows:
+    usual = float(np.median(percent[kept]))
+    for row in np.flatnonzero(~kept):
         distance = percent[row] / 100 * inquiry.model.scale
         length = f" ({distance:.2g} {unit})" if unit else ""
         notes.append(

@@ -1,7 +1,7 @@
 """Where the error sits: the few slices that hold most of it, none of them by chance."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,67 +11,50 @@ from robotcast.diagnosis.rule import RULE, Slicing
 from robotcast.diagnosis.slices import Slice, candidate_slices
 
 
-def share_sentence(
-    some: Slice, share_of_error: float, share_of_samples: float, wording: Wording
-) -> str:
-    """Say which part of the error lies in a slice, and which part of the data that is."""
-    unit = wording.trials if some.whole_trials else wording.samples
-    return (
-        f"{some.subject} hold {_percent(share_of_error)} of the squared error; "
-        f"they are {_percent(share_of_samples)} of the {unit}."
-    )
-
-
-def heading_sentence(
+def sentence(
     some: Slice,
-    share_of_error: float,
+    shares: tuple[float, float],
     found: Misfit,
-    used: np.ndarray,
+    inside: np.ndarray,
     wording: Wording,
-    part: float,
+    slicing: Slicing,
+    alone: bool,
 ) -> str:
-    """Say whether the error lies along or across the path, and on which side if on one.
+    """Say which part of the error lies in a slice, and which part of the data that is.
 
-    A mean error beyond `part` of its root mean square has a side.
+    Of errors along or across the path also on which side they lie, if on one.
+
+    Parameters
+    ----------
+    shares : of the squared error and of the samples.
+    inside : bool ndarray of shape (n_trials, k_max), the samples of the slice that take part.
+    alone : whether it holds single trials, named for their size.
     """
-    signed = some.signed(found)[used & ~found.diverged[:, None]]
-    steady = abs(signed.mean()) > part * np.sqrt((signed**2).mean())
-    along = some.name.startswith("along")
-    sides = (
-        ("runs ahead", "lags behind") if along else ("passes on the left", "passes on the right")
-    )
-    remark = f": the prediction {sides[0 if signed.mean() > 0 else 1]}" if steady else ""
-    way, other = ("along", "across") if along else ("across", "along")
-    return (
-        f"While {wording.mover} moves, {_percent(share_of_error)} of the squared error lies "
-        f"{way} its path, not {other} it{remark}."
-    )
-
-
-def signal_sentence(some: Slice, share_of_error: float, share_of_signals: float) -> str:
-    """Say which part of the error lies in one of several signals."""
-    name = some.subject[0].upper() + some.subject[1:]
-    return (
-        f"{name} holds {_percent(share_of_error)} of the squared error, each signal in units of "
-        f"its own; it is one of {round(1 / share_of_signals)}."
-    )
-
-
-def outstanding_sentence(
-    name: str, count: int, share_of_error: float, n_trials: int, wording: Wording
-) -> str:
-    """Say that `count` single trials, called `name`, hold much of the error."""
-    name = name[0].upper() + name[1:]
-    holds = "holds" if count == 1 else "hold"
-    return (
-        f"{name} alone {holds} {_percent(share_of_error)} of the squared error; "
-        f"there are {n_trials} {wording.trials}. What else is found leaves "
-        f"{'it' if count == 1 else 'them'} out."
-    )
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
+    error, data = (f"{100 * share:.0f} %" for share in shares)
+    if some.directions is not None and some.kind == "heading":
+        signed = some.signed(found)[inside & ~found.diverged[:, None]]
+        steady = abs(signed.mean()) > slicing.steady * np.sqrt((signed**2).mean())
+        way, other, *sides = ("along", "across", "runs ahead", "lags behind")
+        if some.name.startswith("across"):
+            way, other, *sides = ("across", "along", "passes on the left", "passes on the right")
+        remark = f": the prediction {sides[0 if signed.mean() > 0 else 1]}" if steady else ""
+        return (
+            f"While {wording.mover} moves, {error} of the squared error lies "
+            f"{way} its path, not {other} it{remark}."
+        )
+    if some.directions is not None:
+        return (
+            f"{some.subject} holds {error} of the squared error, each signal in units of "
+            f"its own; it is one of {round(1 / shares[1])}."
+        )
+    if alone:
+        holds, them = ("holds", "it") if some.mask.any(axis=1).sum() == 1 else ("hold", "them")
+        return (
+            f"{some.subject} alone {holds} {error} of the squared error; there are "
+            f"{len(some.mask)} {wording.trials}. What else is found leaves {them} out."
+        )
+    unit = wording.trials if some.whole_trials else wording.samples
+    return f"{some.subject} hold {error} of the squared error; they are {data} of the {unit}."
 
 
 @dataclass(frozen=True)
@@ -116,20 +99,14 @@ def find(
     """
     inside = some.mask & used
     if some.directions is None:
-        text = share_sentence(some, *shares, wording)
         elsewhere = found.distance[used & ~inside]
     else:
-        text = (
-            heading_sentence(some, shares[0], found, inside, wording, slicing.steady)
-            if some.kind == "heading"
-            else signal_sentence(some, *shares)
-        )
         other = found.distance**2 - some.sizes(found) ** 2
         elsewhere = np.sqrt(np.maximum(other[inside], 0))
     to_percent = 100 / found.scale
     return Finding(
         slice=some,
-        sentence=text,
+        sentence=sentence(some, shares, found, inside, wording, slicing, p_value is None),
         share_of_error=shares[0],
         share_of_samples=shares[1],
         error_percent=float(to_percent * some.sizes(found)[inside].mean()),
@@ -164,28 +141,11 @@ def outstanding_trials(
     )
     if not well_beyond(*shares, slicing):
         return []
-    made = _slice_of(rows, records, found.present, wording)
-    sentence = outstanding_sentence(made.name, len(rows), shares[0], len(records), wording)
-    finding = find(made, shares, found, found.present, None, wording, slicing)
-    return [replace(finding, sentence=sentence)]
-
-
-def _slice_of(
-    rows: np.ndarray, records: Sequence[Record], present: np.ndarray, wording: Wording
-) -> Slice:
-    mask = np.zeros_like(present)
-    mask[rows] = present[rows]
-    *first, last = (str(records[row].trial) for row in rows)
-    numbers = f"{', '.join(first)} and {last}" if first else last
-    name = f"{wording.trial if len(rows) == 1 else wording.trials} {numbers}"
-    return Slice(
-        name=name,
-        kind="trial",
-        subject=name.capitalize(),
-        trials=tuple(r.trial for r in records),
-        mask=mask,
-        whole_trials=True,
-    )
+    mask = np.zeros_like(found.present)
+    mask[rows] = found.present[rows]
+    name = wording.numbered([records[row].trial for row in rows])
+    made = Slice(name, "trial", name[0].upper() + name[1:], mask, whole_trials=True)
+    return [find(made, shares, found, found.present, None, wording, slicing)]
 
 
 PERMUTATIONS = 2000
@@ -284,9 +244,13 @@ class Contrast:
         """Return how many more samples than its share every slice has of each trial."""
         share = (self._part * self._size).sum(axis=1) / self._size.sum()
         lean = (self._part - share[:, None]) * self._size
-        directed = [s.directions is not None for s in self._slices]
-        lean[directed] = 0
+        lean[[some.directions is not None for some in self._slices]] = 0
         return lean
+
+
+def any_of(found: Misfit, findings: Sequence[Finding]) -> np.ndarray:
+    """Return which samples any of the findings holds, bool (n_trials, k_max)."""
+    return np.any([np.zeros_like(found.present), *(f.slice.mask for f in findings)], axis=0)
 
 
 def localise(
@@ -312,9 +276,7 @@ def localise(
     exceptions : findings on single trials, which come first; their trials are left out here.
     """
     findings = list(exceptions)
-    used = found.present.copy()
-    for finding in findings:
-        used &= ~finding.slice.mask
+    used = found.present & ~any_of(found, findings)
     square = found.distance**2
     excess = square if noise is None else square - noise
     if excess[used].sum() < slicing.excess * square[used].sum():

@@ -35,6 +35,11 @@ class Record:
     held_out_with: int | None = None
     ended: bool = True
 
+    @property
+    def together(self) -> int:
+        """Trials that no split may cut apart share this number."""
+        return self.group if self.held_out_with is None else self.held_out_with
+
 
 class Candidate(Protocol):
     """A mechanism that the model may lack.
@@ -145,6 +150,11 @@ class Wording:
     def axis(self, index: int) -> Axis:
         """Return component `index`, under a made-up name when the domain gave none."""
         return self.axes[index] if index < len(self.axes) else Axis(f"signal {index + 1}", "")
+
+    def numbered(self, trials: Sequence[int]) -> str:
+        """Return trials as they are read, "casts 3, 4 and 7"."""
+        *first, last = map(str, trials)
+        return f"{self.trials} {', '.join(first)} and {last}" if first else f"{self.trial} {last}"
 
     def in_plane(self, d: int) -> bool:
         """Tell whether a signal of `d` components is a place in a plane."""

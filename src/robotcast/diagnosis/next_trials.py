@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from robotcast.diagnosis.decision import Verdict
 from robotcast.diagnosis.found import Found
@@ -11,7 +12,6 @@ from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.model import Model, Record
 from robotcast.diagnosis.rule import Rule
 from robotcast.diagnosis.screen import Screened
-from robotcast.running import Progress, silent
 
 CHOSEN = 8
 LOOKED_INTO = 60  # candidates whose predictions differ most; of these the slopes are simulated
@@ -70,7 +70,6 @@ def next_trials(
     contests: Sequence[Contest],
     further: Further,
     decides: float,
-    progress: Progress = silent,
 ) -> list[NextTrial]:
     """Choose the trials that separate the models of all contests, the most telling first.
 
@@ -80,11 +79,10 @@ def next_trials(
     Parameters
     ----------
     decides : squared noise by which two models must differ on the chosen trials together.
-    progress : told how many trials were simulated here so far.
     """
     if not contests or not further.records:
         return []
-    bench = _Bench(inquiry, further, progress)
+    bench = _Bench(inquiry, further)
     apart = np.array([bench.apart(contest) for contest in contests])
     usable = np.isfinite(apart).all(axis=0)
     if not usable.any():
@@ -111,11 +109,10 @@ def next_trials(
 class _Bench:
     """Predicts the candidates, as residuals are weighed: in noise, every trial a mean square."""
 
-    def __init__(self, inquiry: Inquiry, further: Further, progress: Progress) -> None:
-        self._inquiry, self._further, self._progress = inquiry, further, progress
+    def __init__(self, inquiry: Inquiry, further: Further) -> None:
+        self._inquiry, self._further = inquiry, further
         self.counts = np.array([len(r.times_s) for r in further.records])
         self.rows = np.arange(len(self.counts))
-        self._simulated = 0
         self._slopes: dict[tuple[tuple[str, ...], bytes], tuple[np.ndarray, np.ndarray]] = {}
 
     def predictions(
@@ -125,8 +122,7 @@ class _Bench:
         inquiry = self._inquiry
         records = [self._further.records[row] for row in rows]
         found = self._further.model.predict(records, effects, inquiry.values(effects, vectors))
-        self._simulated += len(vectors) * len(rows)
-        self._progress(self._simulated, 0)
+        inquiry.runs.add(len(vectors) * len(rows))
         counts = self.counts[rows]
         weighed = found / (np.sqrt(counts) * inquiry.noise)[:, None, None]
         weighed[:, np.arange(found.shape[2]) >= counts[:, None]] = 0
@@ -187,11 +183,7 @@ class _Evidence:
         self._square = (difference**2).sum(axis=-1)
         self._pull = np.einsum("idn,id->in", gain, difference)
         self._hold = np.einsum("idn,idm->inm", gain, gain)
-        n = sum(len(p) for p in prior)
-        self._prior, at = np.zeros((n, n)), 0
-        for block in prior:
-            self._prior[at : at + len(block), at : at + len(block)] = block
-            at += len(block)
+        self._prior = block_diag(*prior)
 
     def best(self, known: np.ndarray) -> list[int]:
         """Return the candidates that decide this contest alone, chosen one after another."""
@@ -253,7 +245,8 @@ def open_contests(
         return [[_between(inquiry, found, *pair) for pair in rivals[:MOST_RIVALS]]]
     top = found.top.revision if found.judged else base
     near = [rung.revision for rung in verdict.near]
-    first = [*_which_of(near), *(_added(one, top) for one in near)]
+    which = [_against((near[0].effects[-1], r.effects[-1]), near[0], r) for r in near[1:]]
+    first = [*which, *(_added(one, top) for one in near)]
     left = verdict.left
     if left is not None and left.rung is not None:
         field = left.rung.revision
@@ -269,23 +262,13 @@ def open_contests(
     return [first, [*(_added(one, top) for one in tried if left is not None), *hardly_seen]]
 
 
-def _which_of(near: Sequence[Revision]) -> list[Contest]:
-    """Set the refit that came nearest against the others that explain as much."""
-    if not near:
-        return []
-    first, *others = near
-    return [
-        Contest(
-            (first.effects[-1], other.effects[-1]), first, (other.effects, other.fit.vector), other
-        )
-        for other in others
-    ]
+def _against(names: tuple[str, ...], first: Revision, rival: Revision) -> Contest:
+    return Contest(names, first, (rival.effects, rival.fit.vector), rival)
 
 
 def _added(refitted: Revision, top: Revision) -> Contest:
     """Set the model as it is against a refit with more effects, which did not pay."""
-    names = refitted.effects[len(top.effects) :][-1:]
-    return Contest(names, top, (refitted.effects, refitted.fit.vector), refitted)
+    return _against(refitted.effects[len(top.effects) :][-1:], top, refitted)
 
 
 def _between(inquiry: Inquiry, found: Found, name: str, rival: str) -> Contest:
@@ -294,21 +277,15 @@ def _between(inquiry: Inquiry, found: Found, name: str, rival: str) -> Contest:
     wanted = (set(first.effects) - {name}) | {rival}
     effects = next(e for e in found.early if set(e) == wanted)
     if effects in found.judged:
-        second = found.judged[effects].revision
-    else:
-        second = _fitted(inquiry, effects, found.early[effects].vector)
-    return Contest((name, rival), first, (second.effects, second.fit.vector), second)
-
-
-def _fitted(inquiry: Inquiry, effects: tuple[str, ...], start: np.ndarray) -> Revision:
-    return Revision(effects, inquiry.fit(effects, start, ITERATIONS))
+        return _against((name, rival), first, found.judged[effects].revision)
+    fit = inquiry.fit(effects, found.early[effects].vector, ITERATIONS)
+    return _against((name, rival), first, Revision(effects, fit))
 
 
 def _whether_there(inquiry: Inquiry, top: Revision, effect: str) -> Contest:
     """Set the model as it is against the same model with a little of one effect."""
     effects, first = (*top.effects, effect), len(top.fit.vector)
-    vector = inquiry.nominal(effects)
-    vector[:first] = top.fit.vector
+    vector = inquiry.carried(effects, top.effects, top.fit.vector)
     for k, parameter in enumerate(inquiry.model.effects[effect].parameters, first):
         if parameter.null is not None:
             null = float(parameter.to_unit(np.asarray(parameter.null)))

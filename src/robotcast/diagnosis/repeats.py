@@ -1,11 +1,11 @@
 """Whether a model misses its actions by more than their repeats scatter."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import combinations
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.stats import ttest_1samp
 
 from robotcast.diagnosis.misfit import Misfit
 from robotcast.diagnosis.model import Record
@@ -113,11 +113,14 @@ def repeat_scatter(
     measured = grid.paths(records)
     strays = _strays(records, measured, rule)
     groups = repeated(records, [row for row in range(len(records)) if row not in strays])
-    runs = [run for rows in groups for run in _runs(rows, rule.close * len(records))]
-    soon, late = _soon_and_late(groups, measured, rule.close * len(records))
-    drift = None
-    if len(soon) > 2 and _differ(np.log(late / soon)) < rule.drift:
-        groups, drift = [run for run in runs if len(run) > 1], float(np.median(late / soon))
+    apart, drift = rule.close * len(records), None
+    soon, late = _soon_and_late(groups, measured, apart)
+    logs = np.log(late / soon)
+    if len(soon) > 2 and np.array(ttest_1samp(logs, 0, alternative="greater"))[1] < rule.drift:
+        drift = float(np.median(late / soon))
+        cuts = [np.flatnonzero(np.diff(rows) > apart) + 1 for rows in groups]
+        runs = [run for rows, cut in zip(groups, cuts, strict=True) for run in np.split(rows, cut)]
+        groups = [run.tolist() for run in runs if len(run) > 1]
     averages, finals, deviations, trials = [], [], [], []
     for rows in groups:
         deviation = _deviations(measured[rows])
@@ -136,7 +139,7 @@ def repeat_scatter(
     return RepeatScatter(
         sample_percent=float(100 / scale * np.concatenate(averages).mean()),
         final_percent=float(100 / scale * np.median(np.concatenate(finals))) if finals else None,
-        over_time_percent=100 / scale * mean_of_present(np.concatenate(deviations)),
+        over_time_percent=100 / scale * _of_present(np.ma.mean, np.concatenate(deviations)),
         deviations_percent=tuple(100 / scale * average for average in averages),
         groups=len(trials),
         trials=sum(trials),
@@ -144,16 +147,6 @@ def repeat_scatter(
         drift=drift,
         far_apart=bool(len(soon)),
     )
-
-
-def _runs(rows: Sequence[int], apart: float) -> list[list[int]]:
-    """Cut repeats where more than so many trials lie between two of them."""
-    runs = [[rows[0]]]
-    for before, row in pairwise(rows):
-        if row - before > apart:
-            runs.append([])
-        runs[-1].append(row)
-    return runs
 
 
 def _soon_and_late(
@@ -175,12 +168,6 @@ def _soon_and_late(
     return np.array(soon), np.array(late)
 
 
-def _differ(logs: np.ndarray) -> float:
-    """Return the one-sided p-value that logarithms of ratios (n,) are not above zero."""
-    spread = logs.std(ddof=1) / np.sqrt(len(logs))
-    return float(student.sf(logs.mean() / max(float(spread), 1e-12), len(logs) - 1))
-
-
 def _strays(records: Sequence[Record], measured: np.ndarray, rule: Rule) -> list[int]:
     """Return the rows of trials that lie far from the middle of their repeats.
 
@@ -192,9 +179,11 @@ def _strays(records: Sequence[Record], measured: np.ndarray, rule: Rule) -> list
     """
     rows, far = [], []
     for group in repeated(records, range(len(records))):
-        distance = np.linalg.norm(measured[group] - _median(measured[group]), axis=-1)
+        distance = np.linalg.norm(
+            measured[group] - _of_present(np.ma.median, measured[group]), axis=-1
+        )
         rows += group
-        far += mean_of_present(distance.T).tolist()
+        far += _of_present(np.ma.mean, distance.T).tolist()
     deviation = np.nan_to_num(np.array(far))
     if not len(rows):
         return []
@@ -202,12 +191,6 @@ def _strays(records: Sequence[Record], measured: np.ndarray, rule: Rule) -> list
     travel = float(np.sqrt((middle**2).sum(axis=1).mean()))
     limit = rule.stray * max(float(np.median(deviation)), rule.least_noise * travel)
     return sorted(row for row, d in zip(rows, deviation.tolist(), strict=True) if d > limit)
-
-
-def _median(repeats: np.ndarray) -> np.ndarray:
-    """Return the median over axis 0 of what is not NaN; NaN where nothing is."""
-    seen = np.isfinite(repeats).any(axis=0)
-    return np.where(seen, np.nanmedian(np.where(seen, repeats, 0.0), axis=0), np.nan)
 
 
 def _deviations(repeats: np.ndarray) -> np.ndarray:
@@ -226,16 +209,13 @@ def _deviations(repeats: np.ndarray) -> np.ndarray:
     ndarray of shape (n, n_times).
     """
     n = np.isfinite(repeats[..., 0]).sum(axis=0)
-    distance = np.linalg.norm(repeats - mean_of_present(repeats), axis=-1)
+    distance = np.linalg.norm(repeats - _of_present(np.ma.mean, repeats), axis=-1)
     return np.where(n > 1, distance * np.sqrt(n / np.maximum(n - 1, 1)), np.nan)
 
 
-def mean_of_present(values: np.ndarray) -> np.ndarray:
-    """Return the mean over axis 0 of what is not NaN; NaN where nothing is."""
-    present = np.isfinite(values)
-    count = present.sum(axis=0)
-    total = np.where(present, values, 0.0).sum(axis=0)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+def _of_present(mean: Callable[..., np.ma.MaskedArray], values: np.ndarray) -> np.ndarray:
+    """Return the mean or median over axis 0 of what is not NaN; NaN where nothing is."""
+    return mean(np.ma.masked_invalid(values), axis=0).filled(np.nan)
 
 
 PATTERNS = 4096  # of signs: if there are no more, all are tried, else this many are drawn
@@ -263,53 +243,38 @@ class LackOfFit:
     groups: int
 
 
-@dataclass(frozen=True)
-class PureError:
-    """Scatter of the errors inside groups of repeats.
-
-    Attributes
-    ----------
-    variance : ndarray of shape (n_times,), expected squared length of one trial's scatter at
-        every time of the grid, pulled a little towards the average over time.
-    lack_of_fit : the test that stands on it.
-    """
-
-    variance: np.ndarray
-    lack_of_fit: LackOfFit
-
-
 def pure_error(
     records: Sequence[Record],
     found: Misfit,
     usual: np.ndarray,
     grid: TimeGrid,
     rng: np.random.Generator,
-) -> PureError | None:
+) -> tuple[np.ndarray | None, LackOfFit | None]:
     """Estimate the pure-error variance of a prediction and test for lack of fit.
 
     The errors are compared, not the measurements: repeats are never driven quite alike, and
-    what the model knows of that is no noise. None when no two repeats share a time.
+    what the model knows of that is no noise.
 
     Parameters
     ----------
     usual : bool ndarray of shape (n_trials,), the trials that are no exceptions; diverged ones
         are left out besides.
+
+    Returns
+    -------
+    variance : ndarray of shape (n_times,), expected squared length of one trial's scatter at
+        every time of the grid, pulled a little towards the average over time.
+    lack_of_fit : the test that stands on it. Both are None when no two repeats share a time.
     """
     groups = repeated(records, np.flatnonzero(usual & ~found.diverged).tolist())
     errors = [grid.place(found.error)[rows] for rows in groups]
     errors = [e for e in errors if (np.isfinite(e[..., 0]).sum(axis=0) > 1).any()]
     if not errors:
-        return None
+        return None, None
     signs, every = _sign_patterns([len(e) for e in errors], rng)
     ratios, variances = _ratios(errors, signs)
     as_large = int((ratios >= ratios[0] * (1 - 1e-9)).sum())
-    fit = LackOfFit(
-        ratio=float(ratios[0]),
-        p_value=as_large / len(ratios),
-        smallest_p_value=1 / every,
-        groups=len(errors),
-    )
-    return PureError(variances[0], fit)
+    return variances[0], LackOfFit(float(ratios[0]), as_large / len(ratios), 1 / every, len(errors))
 
 
 def _sign_patterns(sizes: Sequence[int], rng: np.random.Generator) -> tuple[np.ndarray, int]:

@@ -6,28 +6,20 @@ from typing import Any
 import numpy as np
 
 from robotcast.diagnosis.decision import Code, Unexplained, Verdict
-from robotcast.diagnosis.errors import Floor, Scales
 from robotcast.diagnosis.found import Found, Rung
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.limits import counted, is_ignored
 from robotcast.diagnosis.misfit import known_median
-from robotcast.diagnosis.model import PLAIN, Wording
+from robotcast.diagnosis.model import Wording
 from robotcast.diagnosis.next_trials import NextTrial
 from robotcast.diagnosis.rule import Rule
 from robotcast.diagnosis.screen import Screened
-from robotcast.diagnosis.sizes import sizes, sizes_of_effect
+from robotcast.diagnosis.sizes import sizes
 
 UNTOUCHED = ("ignored by the model", "touches nothing")  # nothing that is computed says anything
 
 
-def sentence(
-    inquiry: Inquiry,
-    found: Found,
-    verdict: Verdict,
-    floor: Floor,
-    wording: Wording = PLAIN,
-    where: str = "",
-) -> str:
+def sentence(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording, where: str) -> str:
     """Say the verdict in a sentence, and in others how far the error stays above noise, and why.
 
     Errors are those of the trial in the middle, wrongly measured ones left out.
@@ -36,43 +28,40 @@ def sentence(
     ----------
     where : the slice of the last model's error that holds most of it; empty when none stands out.
     """
-    assert found.scales is not None
-    usual = found.scales.usual
-    middle = {e: float(np.median(rung.errors.waypoint[usual])) for e, rung in found.judged.items()}
-    before, after = middle[found.base.effects], middle[found.top.effects]
+    usual, floor = found.known_scales.usual, found.known_scales.floor
+    before, after = (float(np.median(r.errors.waypoint[usual])) for r in (found.base, found.top))
     unit, trials = inquiry.model.error_unit, wording.trials
-    times = _times(found.top, found.scales, floor, after, wording)
-    blunders = _blunders(int((~usual).sum()), len(usual), wording)
+    times = _times(found, after, wording)
     near = _nearest(inquiry, found, verdict, wording)
-    if verdict.code in (Code.NONE, Code.CANNOT_TELL):
-        stays = f"the typical error on held-out {trials} stays at {before:.2f} {unit}"
+    if verdict.code is Code.UNKNOWN:
+        said = _unknown(inquiry, verdict, before, times, where, wording)
+    elif verdict.named:
+        names = " and ".join(inquiry.model.effects[name].text for name in verdict.named)
+        said = (
+            f"The model lacks this: {names}. With it the typical error on held-out {trials} falls "
+            f"from {before:.2f} to {after:.2f} {unit}."
+        )
+        if verdict.left is not None:
+            more = f"so more is missing that has no name here{_most(where)}"
+            said += f" That is still {times}, {more}."
+    else:
+        better = "is confirmed" if near else f"makes the model predict held-out {trials} better"
         beside = f", where {wording.floor} {floor.percent:.2f}" if floor.percent else ""
         said = (
-            "No effect of the library is confirmed"
-            if near
-            else (f"No effect of the library makes the model predict held-out {trials} better")
+            f"No effect of the library {better}: the typical error on held-out {trials} stays at "
+            f"{before:.2f} {unit}{beside}.{_left(verdict, times, where)}"
         )
-        return f"{said}: {stays}{beside}.{_left(verdict, times, where)}{near}{blunders}"
-    if verdict.code is Code.UNKNOWN:
-        return f"{_unknown(inquiry, verdict, before, times, where, wording)}{near}{blunders}"
-    names = " and ".join(inquiry.model.effects[name].text for name in verdict.named)
-    said = (
-        f"The model lacks this: {names}. With it the typical error on held-out {trials} falls "
-        f"from {before:.2f} to {after:.2f} {unit}."
-    )
-    more = ""
-    if verdict.left is not None:
-        more = f" That is still {times}, so more is missing that has no name here{_most(where)}."
-    return f"{said}{more}{near}{blunders}"
+    return f"{said}{near}{_blunders(usual, wording)}"
 
 
-def _times(rung: Rung, scales: Scales, floor: Floor, middle: float, wording: Wording) -> str:
-    """Say how far above the floor a model is, in the trial in the middle and over all."""
+def _times(found: Found, middle: float, wording: Wording) -> str:
+    """Say how far above the floor the chosen model is, in the trial in the middle and over all."""
+    floor = found.known_scales.floor
     if not floor.percent:
         return ""
-    whole, own = scales.typical(rung.errors.waypoint) / floor.reach, middle / floor.percent
+    whole, own = found.typical(found.top) / floor.reach, middle / floor.percent
     times = f"{own:.1f} times what {wording.floor}"
-    if own > scales.rule.at_floor or whole < own:
+    if own > found.known_scales.rule.at_floor or whole < own:
         return times
     return f"{times} in the {wording.trial} in the middle, and {whole:.1f} times over all"
 
@@ -108,21 +97,22 @@ def _most(where: str) -> str:
     return f", most of it {where}" if placed else f", most of it at {where}"
 
 
-def _blunders(n: int, of: int, wording: Wording) -> str:
+def _blunders(usual: np.ndarray, wording: Wording) -> str:
+    n = int((~usual).sum())
     if not n:
         return ""
     wrong = "was measured wrongly and is" if n == 1 else "were measured wrongly and are"
-    return f" {counted(n, wording.trial, wording.trials)} of {of} {wrong} left out."
+    return f" {counted(n, wording.trial, wording.trials)} of {len(usual)} {wrong} left out."
 
 
 def _nearest(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording) -> str:
-    if not verdict.near or found.scales is None:
+    if not verdict.near:
         return ""
     texts = " or ".join(
         " and ".join(inquiry.model.effects[n].text for n in rung.effects if n not in found.chosen)
         for rung in verdict.near
     )
-    error = float(np.median(verdict.near[0].errors.waypoint[found.scales.usual]))
+    error = float(np.median(verdict.near[0].errors.waypoint[found.known_scales.usual]))
     percent = f"{error:.2f} {inquiry.model.error_unit}"
     if verdict.code is Code.UNKNOWN:
         return f" Of the effects with a name this comes nearest: {texts}, with {percent}."
@@ -173,11 +163,10 @@ def unexplained(
 
 def ladder(found: Found) -> list[dict[str, Any]]:
     """Return the rungs of the error ladder."""
-    usual = found.scales.usual if found.scales else slice(None)
-    return [_rung(rung, usual) for rung in found.ladder]
+    return [_rung(rung, found.known_scales.usual) for rung in found.ladder]
 
 
-def _rung(rung: Rung, usual: np.ndarray | slice) -> dict[str, Any]:
+def _rung(rung: Rung, usual: np.ndarray) -> dict[str, Any]:
     errors = rung.errors.waypoint
     return {
         "effects": list(rung.effects),
@@ -194,15 +183,6 @@ def _error_of_middle(errors: np.ndarray) -> float:
     """Return the standard error of the median, as for errors that scatter normally about it."""
     scatter = 1.4826 * np.median(np.abs(errors - np.median(errors)))
     return float(np.sqrt(np.pi / 2) * scatter / np.sqrt(len(errors)))
-
-
-def model_parameters(
-    inquiry: Inquiry, found: Found, verdict: Verdict | None, rule: Rule
-) -> dict[str, Any]:
-    """Return the fitted parameters of the model with the named effects, theirs too."""
-    if verdict is None or not found.judged:
-        return {}
-    return fitted(inquiry, found.top.revision, found.top.errors.vectors, rule)
 
 
 def fitted(inquiry: Inquiry, revision: Revision, vectors: np.ndarray, rule: Rule) -> dict[str, Any]:
@@ -224,10 +204,10 @@ def ranking(
     inquiry: Inquiry,
     found: Found,
     screens: Mapping[str, Screened],
-    verdict: Verdict | None,
+    verdict: Verdict,
     rule: Rule,
-    slices: Mapping[str, list[dict[str, Any]]] = {},
-    first: Mapping[str, float] = {},
+    slices: Mapping[str, list[dict[str, Any]]],
+    first: Mapping[str, float],
 ) -> list[dict[str, Any]]:
     """Return every effect that was tried, the most promising first.
 
@@ -238,19 +218,15 @@ def ranking(
     slices : judged effect → the slices of the error before and after it.
     first : judged effect → how often its set comes first in resamples.
     """
-    named = verdict.named if verdict else ()
-    near = verdict.near if verdict else ()
     rows = []
     for name, one in screens.items():
         rung = _judged(found, name)
-        row = _row(inquiry, found, named, near, name, one, rung, rule)
-        row |= {
-            "slices": slices.get(name, []),
-            "first_in_resamples": first.get(name, 0.0 if rung else None),
-        }
+        row = _row(inquiry, found, verdict, one, rung, rule)
+        row["slices"] = slices.get(name, [])
+        row["first_in_resamples"] = first.get(name, 0.0 if rung else None)
         order = (
             one.status is not None and rung is None,
-            name not in named,
+            name not in verdict.named,
             rung is None,
             one.predicted,
         )
@@ -266,12 +242,8 @@ def _judged(found: Found, name: str) -> Rung | None:
     return min(with_it, key=lambda r: float(r.errors.waypoint.mean()), default=None)
 
 
-def held(inquiry: Inquiry, name: str) -> dict[str, Any]:
-    """Return the row of an effect that is held where it does nothing."""
-    return _unjudged(inquiry, name, "held at its null")
-
-
-def _unjudged(inquiry: Inquiry, name: str, status: str) -> dict[str, Any]:
+def unjudged(inquiry: Inquiry, name: str, status: str) -> dict[str, Any]:
+    """Return the row of an effect of which nothing but its status is known."""
     nothing = ("predicted_typical_error_percent", "realised_typical_error_percent", "power")
     return {
         "effect": name,
@@ -289,18 +261,17 @@ def _unjudged(inquiry: Inquiry, name: str, status: str) -> dict[str, Any]:
 def _row(
     inquiry: Inquiry,
     found: Found,
-    named: Sequence[str],
-    near: Sequence[Rung],
-    name: str,
+    verdict: Verdict,
     one: Screened,
     rung: Rung | None,
     rule: Rule,
 ) -> dict[str, Any]:
+    name = one.effect
     tried = any(name in effects for effects in found.early)
     status = one.status or ("tried" if tried else "screened")
     if rung is not None:
-        status = "confirmed" if name in named else "refitted"
-    row, alike = _unjudged(inquiry, name, status), [r.effects[-1] for r in near]
+        status = "confirmed" if name in verdict.named else "refitted"
+    row, alike = unjudged(inquiry, name, status), [r.effects[-1] for r in verdict.near]
     row["confusable_with"] = [
         *found.rivals.get(name, ()),
         *(e for e, rivals in found.rivals.items() if name in rivals),
@@ -311,7 +282,8 @@ def _row(
         row |= {"p_value": p_value, "power": one.power}
         row["predicted_typical_error_percent"] = one.predicted
     if rung is not None:
-        own = sizes_of_effect(inquiry, rung.revision, rung.errors.vectors, name, rule.discrepancy)
+        own = sizes(inquiry, rung.revision, rung.errors.vectors, rule.discrepancy)
+        own = own[inquiry.entries(rung.effects, name)]
         row["parameters"] = {size.parameter.name: size.as_dict() for size in own}
         row["realised_typical_error_percent"] = float(np.median(rung.errors.waypoint))
     return row
@@ -366,15 +338,10 @@ def _why(inquiry: Inquiry, one: NextTrial, wording: Wording) -> str:
     return f"{text}: a little of it moves this {wording.trial} by {apart}"
 
 
-def confusion_set(found: Found, near: Sequence[Rung], verdict: Verdict | None) -> list[list[str]]:
-    """Return the sets of effects that the trials cannot tell apart, the best one first.
-
-    Parameters
-    ----------
-    near : refits that came near to being named.
-    """
-    if verdict is None or verdict.code is Code.UNKNOWN:
+def confusion_set(found: Found, verdict: Verdict) -> list[list[str]]:
+    """Return the sets of effects that the trials cannot tell apart, the best one first."""
+    if verdict.code is Code.UNKNOWN:
         return []
     named = [[name, *found.rivals[name]] for name in verdict.named if found.rivals.get(name)]
-    alike = [rung.effects[-1] for rung in near]
+    alike = [rung.effects[-1] for rung in verdict.near]
     return [*named, alike] if len(alike) > 1 else named

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import f as f_distribution
 from scipy.stats import ncf
 
-from robotcast.diagnosis.library import Library
+from robotcast.diagnosis.library import Library, without
 from robotcast.diagnosis.rule import Rule
 
 NOTHING = 1e-9  # of the noise: what rounding leaves
@@ -26,7 +26,6 @@ class Screened:
     ----------
     p_value : of the score test.
     predicted : average error that the slopes promise with the effect, % of the scale.
-    left : share of the sensitivity that the other parameters cannot imitate.
     power : chance that the test finds the effect at its smallest probe.
     moved : the largest root mean square by which its probes move a trial, in noise units.
     status : why it cannot be judged, None when it can.
@@ -35,7 +34,6 @@ class Screened:
     effect: str
     p_value: float
     predicted: float
-    left: float
     power: float
     moved: float
     status: str | None
@@ -53,25 +51,15 @@ def screen(library: Library, acting: Sequence[str], effect: str, rule: Rule) -> 
     least = np.array([_probe(parameters[k], min) for k in strengths])
     moved = library.fit.jacobian[..., strengths] * reach
     most = float(np.sqrt((moved**2).sum(axis=1)).max()) if moved.size else 0.0
-    sensitivity = slopes[..., strengths]
-    rest = _without(slopes[..., used], sensitivity)
-    size = np.linalg.norm(sensitivity.reshape(-1, len(strengths)), axis=0).max()
-    left = (
-        float(np.linalg.norm(rest.reshape(-1, len(strengths)), axis=0).max() / size)
-        if size
-        else 0.0
-    )
+    sensitivity = slopes[..., strengths].reshape(-1, len(strengths))
+    rest = without(slopes[..., used].reshape(len(sensitivity), -1), sensitivity)
+    size, kept = (np.linalg.norm(one, axis=0).max() for one in (sensitivity, rest))
+    left = kept / size if size else 0.0
+    rest = rest.reshape(*residual.shape, len(strengths))
     scores = np.einsum("idn,id->in", rest, beside)
     p_value, power = _score_test(scores, rest, early.groups, least, rule.level)
-    return Screened(
-        effect=effect,
-        p_value=p_value,
-        predicted=library.predicted([*others, effect]),
-        left=left,
-        power=power,
-        moved=most,
-        status=_status(most, left, rule),
-    )
+    predicted = library.predicted([*others, effect])
+    return Screened(effect, p_value, predicted, power, most, _status(most, left, rule))
 
 
 def _status(moved: float, left: float, rule: Rule) -> str | None:
@@ -86,15 +74,6 @@ def _probe(parameter, pick) -> float:
     null = float(parameter.to_unit(np.asarray(parameter.null)))
     probes = parameter.probes or (parameter.upper,)
     return pick(abs(float(parameter.to_unit(np.asarray(x))) - null) for x in probes)
-
-
-def _without(base: np.ndarray, sensitivity: np.ndarray) -> np.ndarray:
-    """Return what of sensitivities (m, D, q) no change of the parameters behind `base` gives."""
-    rows = base.shape[0] * base.shape[1]
-    flat, target = (part.reshape(rows, part.shape[-1]) for part in (base, sensitivity))
-    ridge = np.vstack([flat, np.eye(flat.shape[1])])
-    held = np.vstack([target, np.zeros((flat.shape[1], target.shape[1]))])
-    return (target - flat @ np.linalg.lstsq(ridge, held, rcond=None)[0]).reshape(sensitivity.shape)
 
 
 def _score_test(

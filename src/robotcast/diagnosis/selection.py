@@ -2,11 +2,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 
-from robotcast.diagnosis.errors import Floor, Scales, usual
+from robotcast.diagnosis.errors import Floor, Gain, Scales, usual
 from robotcast.diagnosis.found import Effects, Found, Rung, Step
 from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base, held_out
 from robotcast.diagnosis.library import Beginnings, Library, fit_library, level, library_at
@@ -55,7 +54,7 @@ class Selection:
     def choose(self, effects: Effects) -> Found:
         """Take a judged model for the chosen one, and look for what could stand in its place."""
         self.found = replace(self.found, chosen=effects)
-        self.found = replace(self.found, rivals=self._rivals() if self._candidates else {})
+        self.found = replace(self.found, rivals=self._rivals())
         return self.found
 
     def fit_base(self) -> None:
@@ -130,28 +129,24 @@ class Selection:
         for some in (library, *(library.starts if size == 1 else ())):
             n = most if some is library else most - 2
             for effects in some.best(size, n, self._fixed):
-                vector, kept = some.start(effects)
-                for start in self.early.starts(effects, vector):
-                    fit = some.look(effects, start, kept)
+                for start in self.early.starts(effects, some.start(effects)):
+                    fit = some.look(effects, start)
                     if effects not in looked or fit.loss < looked[effects].loss:
                         looked[effects] = fit
-        begun = {
-            e: self.early.inquiry.fit(e, fit.vector, 1, known=fit) for e, fit in looked.items()
-        }
+        early = self.early.inquiry
+        begun = {e: early.fit(e, fit.vector, 1, known=fit) for e, fit in looked.items()}
         for effects in sorted(begun, key=lambda e: begun[e].loss)[: most - 1]:
             fit = begun[effects]
             self.early.fit(effects, fit.vector, fit)
 
     def judge(self, size: int) -> None:
         """Fit the finalists to whole trials, judge them on trials held out, and choose."""
-        if self._above(self.found.base):
+        if self.found.above(self.found.base, 1 + self._rule.material):
             self._rematch(self._library.fit)
             self._choose()
         rematched = False
         for smaller in range(size, 0, -1):
-            for effects in self._finalists(smaller):
-                self._refit(effects)
-            self._choose()
+            self._judge_finalists(smaller)
             if self._promises(smaller):
                 if not rematched:
                     n = len(self._fixed) + smaller
@@ -193,31 +188,24 @@ class Selection:
 
         Effects of one kind, as two drives that lag, are one cause.
         """
-        named, early = self.found.named, self.found.early
+        named, least = self.found.named, self._rule.material
         base = self.early.expected_error(self._fixed)
         own = [self._inquiry.model.effects[name] for name in named]
-        helps = len({(type(e), *((p.name, p.unit) for p in e.parameters)) for e in own}) < 2
-        for part in combinations(named, len(named) - 1) if not helps else ():
-            effects = (*self._fixed, *part)
-            if effects not in early:
-                self.early.fit(effects, self.early.of_larger(effects))
-            saved = base - self.early.expected_error(effects)
-            helps |= saved > self._rule.material * base
-        self.found = replace(self.found, inseparable=not helps)
+        kinds = {(type(e), *((p.name, p.unit) for p in e.parameters)) for e in own}
+        parts = self.early.parts(self._fixed, named, len(named) - 1) if len(kinds) > 1 else []
+        saved = [base - self.early.expected_error(effects) for effects in parts]
+        together = bool(parts) and not any(some > least * base for some in saved)
+        self.found = replace(self.found, inseparable=together)
 
     def _refit_in_place(self, effects: Effects, name: str, other: str) -> None:
         """Refit with one effect in another's place, from what they have in common."""
-        model, chosen = self._inquiry.model, self.found.chosen
-        fitted, own = self.found.judged[chosen].revision.fit.vector, len(model.parameters)
-        held, new = (model.effects[e].parameters for e in (name, other))
-        at = dict(
-            zip((p.name for p in held), fitted[self._inquiry.entries(chosen, name)], strict=True)
-        )
-        swapped = np.array([at.get(p.name, float(p.to_unit(np.asarray(p.nominal)))) for p in new])
-        parts = [
-            swapped if e == other else fitted[self._inquiry.entries(chosen, e)] for e in effects
-        ]
-        self.early.fit(effects, np.concatenate([fitted[:own], *parts]))
+        inquiry, chosen = self._inquiry, self.found.chosen
+        fitted = self.found.judged[chosen].revision.fit.vector
+        start = inquiry.carried(effects, chosen, fitted)
+        held, new = (inquiry.model.effects[e].parameters for e in (name, other))
+        at = [[p.name for p in held].index(p.name) for p in new]
+        start[inquiry.entries(effects, other)] = fitted[inquiry.entries(chosen, name)][at]
+        self.early.fit(effects, start)
         self._refit(effects)
 
     def refit_singles(self, own: np.ndarray) -> Found:
@@ -237,38 +225,34 @@ class Selection:
         before = dict(self.found.early)
         self._next(Step.BEGINNINGS, "1 effect more")
         for effects in beside.best(1, self._effort.tried, self._fixed):
-            self.early.fit(effects, beside.start(effects)[0])
+            self.early.fit(effects, beside.start(effects))
         kept = {e: r for e, r in self.found.judged.items() if before[e] is self.found.early[e]}
         self.found = replace(self.found, judged=kept)
-        for effects in self._finalists(1):
-            self._refit(effects)
-        self._choose()
+        self._judge_finalists(1)
         return self.choose(self._fixed)
 
-    def _finalists(self, size: int) -> list[Effects]:
-        """Return the best set of effects of one size on the beginnings, and those level with it."""
+    def _judge_finalists(self, size: int) -> None:
+        """Judge the best set of effects of one size on the beginnings, and those level with it."""
         fits, fixed = self.found.early, len(self._fixed)
         sets = sorted((e for e in fits if len(e) == fixed + size), key=lambda e: fits[e].loss)
         level = [e for e in sets[1:] if self.early.level(sets[0], e)]
-        return [sets[0], *level[: self._effort.finalists - 1]]
+        for effects in [sets[0], *level[: self._effort.finalists - 1]]:
+            self._refit(effects)
+        self._choose()
 
     def _needless(self, size: int) -> bool:
-        """Tell whether fewer effects than are chosen would do: all but one of them, or others."""
+        """Tell whether fewer effects than are chosen would do: all but one of them, or others.
+
+        Those are looked at whose fit to beginnings is worse by less than twice what matters.
+        """
         chosen = self.found.chosen
-        for part in combinations(self.found.named, size - 1):
-            effects = (*self._fixed, *part)
-            if effects not in self.found.early:
-                self.early.fit(effects, self.early.of_larger(effects))
+        self.early.parts(self._fixed, self.found.named, size - 1)
         best = self.early.best(len(self._fixed) + size - 1)
-        if self._nearly(chosen, best):
+        base, least, more = (self.early.expected_error(e) for e in (self._fixed, chosen, best))
+        if more - least < 2 * self._rule.material * base:
             self._refit(best)
             self._choose()
         return len(self.found.named) < size
-
-    def _nearly(self, best: Effects, other: Effects) -> bool:
-        """Tell whether a fit to beginnings is worse by less than twice what matters."""
-        base, least, more = (self.early.expected_error(e) for e in (self._fixed, best, other))
-        return more - least < 2 * self._rule.material * base
 
     def _refit(self, effects: Effects) -> None:
         """Fit a model to whole trials and judge it on trials held out."""
@@ -283,11 +267,10 @@ class Selection:
     def _polish(self, size: int) -> None:
         """Go on with the models of one size where that decides: between rivals, above the floor."""
         found, fixed = self.found, len(self._fixed)
-        assert found.scales is not None
-        rivals = [e for e in found.judged if len(e) == fixed + size]
-        best = min(rivals, key=lambda e: found.judged[e].revision.fit.loss)
-        level = [e for e in rivals if self._undecided(found.judged[best], found.judged[e])]
-        if len(level) < 2 and not self._above(found.judged[best]):
+        rivals = [r for e, r in found.judged.items() if len(e) == fixed + size]
+        best = min(rivals, key=lambda r: r.revision.fit.loss)
+        level = [r.effects for r in rivals if self._undecided(best, r)]
+        if len(level) < 2 and not found.above(best, 1 + self._rule.material):
             return
         for effects in level:
             self._next(Step.REFIT, " + ".join(effects[fixed:]))
@@ -301,20 +284,9 @@ class Selection:
 
     def _promises(self, size: int) -> bool:
         """Tell whether any judged set of one size may turn out to be worth naming."""
-        found, fixed, rule = self.found, len(self._fixed), self._rule
-        assert found.scales is not None
-        gains = [
-            found.scales.gain(found.base.errors.waypoint, rung.errors.waypoint)
-            for effects, rung in found.judged.items()
-            if len(effects) == fixed + size
-        ]
+        found, rule, n = self.found, self._rule, len(self._fixed) + size
+        gains = [found.gain(found.base, r) for e, r in found.judged.items() if len(e) == n]
         return any(g.p_value < rule.equal and g.matters(rule, rule.mostly) for g in gains)
-
-    def _above(self, rung: Rung) -> bool:
-        """Tell whether a model stands above the floor by what would matter."""
-        assert self.found.scales is not None
-        errors = rung.errors.waypoint[self.found.scales.usual]
-        return self._floor.above(errors, 1 + self._rule.material)
 
     def _rematch(self, other: Fit) -> None:
         """Give the model as it is the old parameters of a fit with more effects to start from.
@@ -337,27 +309,32 @@ class Selection:
         known = usual([r.errors.low for r in found.judged.values()], self._floor, self._rule)
         scales = Scales(self._floor, 1.0, self._inquiry.groups, known, self._rule)
         scales = replace(scales, base=scales.typical(found.base.errors.waypoint))
-        judged = {
-            e: replace(r, gain=scales.gain(found.base.errors.waypoint, r.errors.waypoint))
-            for e, r in found.judged.items()
-        }
+        found = replace(found, scales=scales)
+        gains = {e: found.gain(found.base, r) for e, r in found.judged.items()}
+        judged = {e: replace(r, gain=gains[e]) for e, r in found.judged.items()}
         chosen = self._fixed
         for size in sorted({len(effects) for effects in judged}):
             simplest = self._simplest([judged[e] for e in judged if len(e) == size])
-            if size > len(self._fixed) and not self._pays(scales, found.base, judged[simplest]):
+            if size > len(self._fixed) and not self._pays(gains[simplest]):
                 continue
             chosen = simplest
             larger = [rung for effects, rung in judged.items() if len(effects) > size]
-            if not any(self._pays(scales, judged[chosen], rung) for rung in larger):
+            if not any(self._pays(found.gain(judged[chosen], rung)) for rung in larger):
                 break
-        self.found = replace(found, judged=judged, chosen=chosen, scales=scales)
+        self.found = replace(found, judged=judged, chosen=chosen)
 
     def _simplest(self, rungs: Sequence[Rung]) -> Effects:
-        """Return the set with the least expected loss, or one as good with fewer strengths."""
-        cost = {rung.effects: self._cost(rung) for rung in rungs}
+        """Return the set with the least expected loss, or one as good with fewer strengths.
+
+        The fits see the same trials, so that it tells more than what they miss of those held out.
+        """
+        cost = {r.effects: self._inquiry.expected_loss(r.effects, r.revision.fit) for r in rungs}
         best = min(rungs, key=lambda rung: cost[rung.effects])
+        error, step = self.found.typical, self._floor.numerical
         level = [
-            r for r in rungs if r is best or self._undecided(best, r) or self._by_step(best, r)
+            r
+            for r in rungs
+            if r is best or self._undecided(best, r) or abs(error(r) - error(best)) < step
         ]
         return min(level, key=lambda r: (self._strengths(r.effects), cost[r.effects])).effects
 
@@ -384,7 +361,7 @@ class Selection:
     def _cannot_tell(self, chosen: Effects, other: Effects) -> bool:
         judged, sets = self.found.judged, (self._fixed, chosen, other)
         if other in judged:
-            before, best, worse = (self._typical(judged[e]) for e in sets)
+            before, best, worse = (self.found.typical(judged[e]) for e in sets)
             alike = self._undecided(judged[chosen], judged[other])
         else:
             before, best, worse = (self.early.expected_error(e) for e in sets)
@@ -392,28 +369,11 @@ class Selection:
         matters = self._rule.material * min(worse, before - best)
         return alike or worse - best < max(matters, self._floor.numerical)
 
-    def _typical(self, rung: Rung) -> float:
-        assert self.found.scales is not None
-        return self.found.scales.typical(rung.errors.waypoint)
-
-    def _by_step(self, best: Rung, other: Rung) -> bool:
-        """Tell whether two models differ by no more than the model's own step errs by."""
-        return abs(self._typical(other) - self._typical(best)) < self._floor.numerical
-
     def _undecided(self, best: Rung, other: Rung) -> bool:
         fits = (best.revision.fit, other.revision.fit)
         return level(*fits, self._inquiry.groups, self._rule)
 
-    def _cost(self, rung: Rung) -> float:
-        """Return the loss expected on further trials.
-
-        The fits see the same trials, so that it tells more than what they miss of those held out.
-        """
-        revision = rung.revision
-        return self._inquiry.expected_loss(revision.effects, revision.fit)
-
-    def _pays(self, scales: Scales, before: Rung, after: Rung) -> bool:
-        gain = scales.gain(before.errors.waypoint, after.errors.waypoint)
+    def _pays(self, gain: Gain) -> bool:
         return gain.pays(self._rule, len(self._candidates))
 
     def _keep(self, revision: Revision) -> None:

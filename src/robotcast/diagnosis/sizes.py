@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.diagnosis.errors import misses
+from robotcast.diagnosis.errors import group_means, misses
 from robotcast.diagnosis.found import Found
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.fitting.least_squares import Fit, bread, median_miss, sandwich
@@ -24,7 +24,7 @@ def first_in_resamples(found: Found, groups: np.ndarray, seed: int) -> dict[str,
     ----------
     groups : ndarray of shape (n_trials,), the group of every trial, numbered from 0.
     """
-    if not found.judged or found.scales is None:
+    if not found.judged:
         return {}
     fixed = len(found.base.effects)
     size = max(len(found.chosen) - fixed, 1)
@@ -33,23 +33,12 @@ def first_in_resamples(found: Found, groups: np.ndarray, seed: int) -> dict[str,
         return {}
     n = int(groups.max()) + 1
     drawn = np.random.default_rng(seed).multinomial(n, np.full(n, 1 / n), size=RESAMPLES)
-    missed = np.array(
-        [
-            drawn
-            @ _mean_of_groups(
-                misses(found.judged[e].errors.waypoint, found.scales.floor.unit), groups
-            )
-            for e in (found.base.effects, *sets)
-        ]
-    )
+    errors = (found.judged[e].errors.waypoint for e in (found.base.effects, *sets))
+    unit = found.known_scales.floor.unit
+    missed = np.array([drawn @ group_means(misses(one, unit), groups) for one in errors])
     first = np.bincount(missed.argmin(axis=0), minlength=len(sets) + 1)[1:] / RESAMPLES
     order = np.argsort(first)
     return {name: float(first[k]) for k in order for name in sets[k][fixed:]}
-
-
-def _mean_of_groups(values: np.ndarray, groups: np.ndarray) -> np.ndarray:
-    """Return the mean of trials' values (n_trials,) in every group, (n_groups,)."""
-    return np.bincount(groups, values) / np.bincount(groups)
 
 
 SPREAD = 2.0  # standard errors on either side of a value
@@ -105,18 +94,6 @@ def sizes(
         value, low, high = parameter.from_unit(ends).tolist()
         found.append(Size(parameter, value, low, high))
     return tuple(found)
-
-
-def sizes_of_effect(
-    inquiry: Inquiry,
-    revision: Revision,
-    vectors: np.ndarray | None,
-    effect: str,
-    discrepancy: float,
-) -> tuple[Size, ...]:
-    """Return the size of every parameter of one of the revision's effects (see `sizes`)."""
-    own = inquiry.entries(revision.effects, effect)
-    return sizes(inquiry, revision, vectors, discrepancy)[own]
 
 
 def _shift(fit: Fit, inverse: np.ndarray, discrepancy: float) -> np.ndarray:

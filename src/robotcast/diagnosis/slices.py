@@ -3,10 +3,11 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement, product
 
 import numpy as np
 
-from robotcast.diagnosis.misfit import Misfit, misfit, padded, sample_mask
+from robotcast.diagnosis.misfit import Misfit, padded, sample_mask
 from robotcast.diagnosis.model import Record, Wording
 from robotcast.diagnosis.rule import RULE, Slicing
 
@@ -76,7 +77,7 @@ def _number(value: float, decimals: int) -> str:
 
 @dataclass(frozen=True)
 class Slice:
-    """Some samples of some trials, and a way to look at their errors.
+    """Some samples of the trials, and a way to look at their errors.
 
     Attributes
     ----------
@@ -84,7 +85,6 @@ class Slice:
     kind : "phase", "place", "speed", "heading", "signal", "trial" or the name of a factor; slices
         of one kind say the same thing in different ways.
     subject : how a sentence on it begins, "Casts with alpha above 1.6 rad".
-    trials : the number of the trial in every row.
     mask : bool ndarray of shape (n_trials, k_max).
     directions : unit vectors (n_trials, k_max, d) along which errors are taken; None for their
         whole length.
@@ -94,7 +94,6 @@ class Slice:
     name: str
     kind: str
     subject: str
-    trials: tuple[int, ...]
     mask: np.ndarray
     directions: np.ndarray | None = None
     whole_trials: bool = False
@@ -111,42 +110,9 @@ class Slice:
         """Return the size of every sample's error as the slice looks at it, (n_trials, k_max)."""
         return np.abs(self.signed(found))
 
-    def rows(self, records: Sequence[Record]) -> "Slice":
-        """Return the slice of these records only, in their order."""
-        row_of = {trial: row for row, trial in enumerate(self.trials)}
-        unknown = [r.trial for r in records if r.trial not in row_of]
-        if unknown:
-            raise ValueError(f"slice {self.name!r} was not made of trial {unknown[0]}")
-        rows = [row_of[r.trial] for r in records]
-        k_max = max(len(r.times_s) for r in records)
-        return replace(
-            self,
-            trials=tuple(r.trial for r in records),
-            mask=self.mask[rows, :k_max],
-            directions=None if self.directions is None else self.directions[rows, :k_max],
-        )
-
-
-def slice_errors(
-    slices: Sequence[Slice], records: Sequence[Record], predicted: np.ndarray, scale: float
-) -> list[float | None]:
-    """Return the average error inside every slice in % of scale, to see what a change mends.
-
-    Parameters
-    ----------
-    records : trials that the slices were made of, all or some, in any order.
-    predicted : ndarray of shape (n_trials, k_max, d), the prediction of these records.
-
-    Returns
-    -------
-    One number a slice; None for a slice that has no sample in these records.
-    """
-    found = misfit(records, predicted, scale)
-    errors: list[float | None] = []
-    for some in (s.rows(records) for s in slices):
-        sizes = some.sizes(found)[some.mask & found.present]
-        errors.append(float(100 / scale * sizes.mean()) if len(sizes) else None)
-    return errors
+    def percent(self, found: Misfit) -> float:
+        """Return the average error inside in % of the scale, to see what a change mends."""
+        return float(100 / found.scale * self.sizes(found)[self.mask & found.present].mean())
 
 
 def candidate_slices(
@@ -181,56 +147,34 @@ def _phases(records: Sequence[Record], wording: Wording, slicing: Slicing) -> It
         for at, name in enumerate(names):
             if name in record.phases:
                 row[: len(record.times_s)][record.times_s >= record.phases[name]] = at
-    for first in range(len(names)):
-        for last in range(first, len(names)):
-            text = _run(names[first : last + 1])
-            yield Slice(
-                name=f"in {text}",
-                kind="phase",
-                subject=f"{wording.samples.capitalize()} in {text}",
-                trials=_numbers(records),
-                mask=(number >= first) & (number <= last),
-            )
-
-
-def _run(names: Sequence[str]) -> str:
-    if len(names) > 2:
-        return f"the phases from {names[0]} to {names[-1]}"
-    return " and ".join(f"the {name}" for name in names)
+    for first, last in combinations_with_replacement(range(len(names)), 2):
+        text = " and ".join(f"the {name}" for name in names[first : last + 1])
+        if last - first > 1:
+            text = f"the phases from {names[first]} to {names[last]}"
+        subject = f"{wording.samples.capitalize()} in {text}"
+        yield Slice(f"in {text}", "phase", subject, (number >= first) & (number <= last))
 
 
 def _places(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
     """Ranges of every component of the measured signal; for a place in a plane also cells."""
     where = padded(records, [r.measured for r in records])
-    plane = wording.in_plane(where.shape[-1])
+    samples, plane = wording.samples.capitalize(), wording.in_plane(where.shape[-1])
     for i in range(where.shape[-1]):
         axis = wording.axis(i)
         values = where[..., i] * axis.scale
         for part in ranges(values):
-            side = axis.above if math.isinf(part.high) else axis.below
-            side = f" {side}" if side and not np.isfinite([part.low, part.high]).all() else ""
             text = f"{axis.name} {part.text(axis.unit)}"
-            yield Slice(
-                name=f"{side.strip()} ({text})" if side else text,
-                kind="place" if plane else f"place of {axis.name}",
-                subject=f"{wording.samples.capitalize()}{side} ({text})",
-                trials=_numbers(records),
-                mask=part.holds(values),
-            )
+            name, subject = text, f"{samples} ({text})"
+            side = axis.above if math.isinf(part.high) else axis.below
+            if side and math.inf in (part.high, -part.low):
+                name, subject = f"{side} ({text})", f"{samples} {side} ({text})"
+            kind = "place" if plane else f"place of {axis.name}"
+            yield Slice(name, kind, subject, part.holds(values))
     if plane:
-        first, second = wording.axis(0), wording.axis(1)
-        for row in thirds(where[..., 0]):
-            for column in thirds(where[..., 1]):
-                text = (
-                    f"{first.name} {row.text(first.unit)}, {second.name} {column.text(second.unit)}"
-                )
-                yield Slice(
-                    name=text,
-                    kind="place",
-                    subject=f"{wording.samples.capitalize()} at {text}",
-                    trials=_numbers(records),
-                    mask=row.holds(where[..., 0]) & column.holds(where[..., 1]),
-                )
+        first, second, x, y = wording.axis(0), wording.axis(1), where[..., 0], where[..., 1]
+        for across, up in product(thirds(x), thirds(y)):
+            text = f"{first.name} {across.text(first.unit)}, {second.name} {up.text(second.unit)}"
+            yield Slice(text, "place", f"{samples} at {text}", across.holds(x) & up.holds(y))
 
 
 def _speeds(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
@@ -253,13 +197,9 @@ def _speeds(records: Sequence[Record], wording: Wording, slicing: Slicing) -> It
         ]
         parts += [("upwards", rate > 0), ("downwards", rate < 0)] if apart else []
         for text, mask in parts:
-            yield Slice(
-                name=f"{mover} moving {text}" if of else f"moving {text}",
-                kind=f"speed{of}",
-                subject=f"{wording.samples.capitalize()} where {mover} moves {text}",
-                trials=_numbers(records),
-                mask=mask,
-            )
+            name = f"{mover} moving {text}" if of else f"moving {text}"
+            subject = f"{wording.samples.capitalize()} where {mover} moves {text}"
+            yield Slice(name, f"speed{of}", subject, mask)
 
 
 def _headings(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
@@ -275,14 +215,7 @@ def _headings(records: Sequence[Record], wording: Wording, slicing: Slicing) -> 
     )
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
     for name, directions in (("along", along), ("across", across)):
-        yield Slice(
-            name=f"{name} the path",
-            kind="heading",
-            subject=f"Errors {name} the path",
-            trials=_numbers(records),
-            mask=moving,
-            directions=directions,
-        )
+        yield Slice(f"{name} the path", "heading", f"Errors {name} the path", moving, directions)
 
 
 def _signals(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
@@ -291,32 +224,26 @@ def _signals(records: Sequence[Record], wording: Wording, slicing: Slicing) -> I
     present = sample_mask(records)
     if wording.in_plane(d) or len(wording.axes) < 2:
         return
-    for i in range(d):
-        yield Slice(
-            name=f"in {wording.axis(i).name}",
-            kind="signal",
-            subject=wording.axis(i).name,
-            trials=_numbers(records),
-            mask=present,
-            directions=np.broadcast_to(np.eye(d)[i], (*present.shape, d)),
-        )
+    for i, way in enumerate(np.eye(d)):
+        name, directions = wording.axis(i).name, np.broadcast_to(way, (*present.shape, d))
+        yield Slice(f"in {name}", "signal", name[0].upper() + name[1:], present, directions)
 
 
 def _factors(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
     k_max = sample_mask(records).shape[1]
-    names = set.intersection(*(set(r.factors) for r in records))
-    for name in (n for n in records[0].factors if n in names):
-        values = np.array([r.factors[name] for r in records])
+    for name, values in shared_factors(records).items():
         for part in ranges(values):
             text = f"{name} {part.text(wording.factor_units.get(name, ''))}"
-            yield Slice(
-                name=text,
-                kind=name,
-                subject=f"{wording.trials.capitalize()} with {text}",
-                trials=_numbers(records),
-                mask=np.repeat(part.holds(values)[:, None], k_max, axis=1),
-                whole_trials=True,
-            )
+            mask = np.repeat(part.holds(values)[:, None], k_max, axis=1)
+            subject = f"{wording.trials.capitalize()} with {text}"
+            yield Slice(text, name, subject, mask, whole_trials=True)
+
+
+def shared_factors(records: Sequence[Record]) -> dict[str, np.ndarray]:
+    """Return the factors that all trials have, (n_trials,) each."""
+    shared = set.intersection(*(set(r.factors) for r in records))
+    names = [name for name in records[0].factors if name in shared]
+    return {name: np.array([r.factors[name] for r in records], dtype=float) for name in names}
 
 
 def _velocity(records: Sequence[Record]) -> np.ndarray:
@@ -330,7 +257,3 @@ def _velocity(records: Sequence[Record]) -> np.ndarray:
             for r in records
         ],
     )
-
-
-def _numbers(records: Sequence[Record]) -> tuple[int, ...]:
-    return tuple(r.trial for r in records)

@@ -51,15 +51,14 @@ def compare_model(config: DictConfig) -> dict[str, Any]:
         )
     effects = f" with {', '.join(effect_name(name) for name in active)}" if active else ""
     of = "tuned to these casts" if tuned is None else f"tuned in {tuned}"
-    notes = [as_note(notice) for notice in measured.notices]
-    facts = {
+    return {
         "rig": measured.rig,
         "measurements": str(config.measurements),
         "model": f"the {config.simulator.name} simulator{effects}, {of}",
         "overrides": typed("simulator"),
-        "notes": notes,
+        "notes": [as_note(notice) for notice in measured.notices],
+        **found.as_dict(),
     }
-    return {**facts, **found.as_dict()}
 
 
 def _fitted(

@@ -68,11 +68,15 @@ class Mechanism:
             for name, value in zip(names.split(), np.atleast_1d(draw(random)).tolist(), strict=True)
         }
 
+    @property
+    def strengths(self) -> list[str]:
+        """Parameters that grow with the size."""
+        growing = (k for k, draw in self.draws.items() if draw in (_size, _signed, _direction))
+        return " ".join(growing).split()
+
     def parameters(self, place: Mapping[str, float], size: float) -> Parameters:
         """Return the parameters of the mechanism at `place` with this size."""
-        growing = (k for k, draw in self.draws.items() if draw in (_size, _signed, _direction))
-        strengths = " ".join(growing).split()
-        return {k: v * size if k in strengths else v for k, v in place.items()}
+        return {k: v * size if k in self.strengths else v for k, v in place.items()}
 
 
 _SPOT = {"x0": _between(0.75, 1.15), "y0": _between(-0.5, 0.5)}  # the ends of many casts cross it
