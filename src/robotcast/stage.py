@@ -86,10 +86,7 @@ def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
 
 
 NAMES = ("effects", "exclude")
-PATHS = (
-    *("measurements", "robot", "output", "tuned", "session", "rig.path", "collect.actions"),
-    "evaluate.targets",
-)
+PATHS = ("measurements", "robot", "output", "tuned", "session", "rig.path", "collect.actions")
 
 
 def as_typed(argument: str, sweep: bool = False) -> str:
@@ -100,7 +97,7 @@ def as_typed(argument: str, sweep: bool = False) -> str:
     key, equals, value = argument.partition("=")
     if key in NAMES and value and value[0] not in "['\"$" and not (sweep and "," in value):
         return f"{key}=[{value}]"
-    path = key in PATHS or key.startswith("paths.")
+    path = key in PATHS or key.startswith("paths.") or key == "evaluate.targets"
     in_quotes = len(value) > 1 and value[0] in "'\"" and value[0] == value[-1]
     as_it_is = in_quotes or value in ("", "null") or "${" in value or (sweep and "," in value)
     if as_it_is or not (equals and path):

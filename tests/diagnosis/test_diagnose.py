@@ -102,6 +102,16 @@ def test_errors_far_above_noise_are_never_given_a_clean_bill() -> None:
     assert bare["verdict"] == ["unknown"] and "Something is missing" in bare["sentence"]
 
 
+def test_a_size_that_was_stopped_by_its_range_is_said() -> None:
+    narrow = tuple(replace(p, lower=-0.03, upper=0.03) for p in SHIFT.parameters)
+    said = diagnosed(pushes(shift=(0.05, 0.0)), replace(SHIFT, parameters=narrow))
+    assert said["verdict"] == ["shift"]
+    pushed_there = [note for note in said["notes"] if "end of its range" in note]
+    assert (
+        len(pushed_there) == 1 and "dx of shift to the end of its range, 0.03 m" in pushed_there[0]
+    )
+
+
 def test_what_cannot_act_is_said_and_never_ranked() -> None:
     said = diagnosed(pushes(tilt=TILTED), DEAD, FAINT, NULLED, TILT, ignored=True)
     status = {row["effect"]: row["status"] for row in said["ranking"]}

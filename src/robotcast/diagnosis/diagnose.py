@@ -279,7 +279,9 @@ class _Run:
         notes = limits.notes_on_trials(inquiry, self._repeats, percent, words, rule)
         if base is None:
             return notes
+        top = base
         if found.judged and self._verdict.code is not Code.OPEN:
             notes += limits.notes_on_outliers(inquiry, found, words)
-        notes += limits.notes_on_parameters(inquiry, base, words, rule)
+            top = found.top.revision
+        notes += limits.notes_on_parameters(inquiry, base, top, words, rule)
         return notes + limits.notes_on_effects(self._held, self._idle)

@@ -9,6 +9,7 @@ from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.model import Candidate, Wording, parameter_name
 from robotcast.diagnosis.repeats import RepeatScatter
 from robotcast.diagnosis.rule import Rule
+from robotcast.fitting.parameter import Parameter
 
 
 def too_few(inquiry: Inquiry, rule: Rule) -> bool:
@@ -95,28 +96,42 @@ def is_ignored(base: Revision, k: int, rule: Rule) -> bool:
 
 
 def notes_on_parameters(
-    inquiry: Inquiry, base: Revision, wording: Wording, rule: Rule
+    inquiry: Inquiry, base: Revision, top: Revision, wording: Wording, rule: Rule
 ) -> list[str]:
-    """Say which parameters of the base model cannot have been fitted."""
+    """Say which parameters of the base model cannot have been fitted, and which sizes ended early.
+
+    `top` is the chosen model: a size at the end of its range that does something stands for more.
+    """
     notes = []
     for k, parameter in enumerate(inquiry.parameters(base.effects)):
-        at = base.fit.vector[k]
         name = parameter_name(parameter.name, parameter.unit)
-        if parameter.frozen:
-            continue
-        if is_ignored(base, k, rule):
+        if not parameter.frozen and is_ignored(base, k, rule):
             notes.append(
                 f"The model ignores {name}: changing it changes no prediction of these "
                 f"{wording.trials}."
             )
-        elif min(at, 1 - at) < rule.at_bound:
-            end = parameter.upper if at > 0.5 else parameter.lower
-            unit = "" if parameter.unit in ("", "1") else f" {parameter.unit}"
-            notes.append(
-                f"The fit pushed {name} to the end of its range, {end:g}{unit}: a wider range "
-                "may change what is found."
-            )
+        elif not parameter.frozen:
+            notes += _note_on_end(parameter, base.fit.vector[k], name, rule)
+    for effect in top.effects[len(base.effects) :]:
+        of = inquiry.model.effects[effect]
+        sizes = top.fit.vector[inquiry.entries(top.effects, effect)]
+        for parameter, at in zip(of.parameters, sizes, strict=True):
+            if parameter.null is not None:
+                name = f"{parameter.name} of {effect.replace('_', ' ')}"
+                notes += _note_on_end(parameter, at, name, rule)
     return notes
+
+
+def _note_on_end(parameter: Parameter, at: float, name: str, rule: Rule) -> list[str]:
+    """Say that a fit ended, `at` in units of the range, at an end where the parameter acts."""
+    end = parameter.upper if at > 0.5 else parameter.lower
+    if min(at, 1 - at) >= rule.at_bound or end == parameter.null:
+        return []
+    unit = "" if parameter.unit in ("", "1") else f" {parameter.unit}"
+    return [
+        f"The fit pushed {name} to the end of its range, {end:g}{unit}: a wider range may change "
+        "what is found."
+    ]
 
 
 def notes_on_effects(not_tried: Sequence[str], idle: Sequence[str]) -> list[str]:
