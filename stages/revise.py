@@ -16,7 +16,9 @@ def revise(config: DictConfig) -> None:
     path = Path(config.paths.diagnosis) / "diagnosis.json"
     if not path.is_file():
         raise ValueError(f"{path}: is not there; stages/diagnose.py writes it")
-    model = json.loads(path.read_text(encoding="utf-8"))["model"]
+    model = json.loads(path.read_text(encoding="utf-8")).get("model")
+    if model is None:
+        raise ValueError(f"{path}: is unfinished; the same diagnosis goes on from where it stopped")
     config.effects = model["effects"]
     folder, tuned = tune_simulator(config)
     named = ", ".join(model["effects"]) or "no effect"

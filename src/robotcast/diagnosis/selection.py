@@ -309,7 +309,7 @@ class Selection:
         known = usual([r.errors.low for r in found.judged.values()], self._floor, self._rule)
         scales = Scales(self._floor, 1.0, self._inquiry.groups, known, self._rule)
         scales = replace(scales, base=scales.typical(found.base.errors.waypoint))
-        found = replace(found, scales=scales)
+        self.found = found = replace(found, scales=scales)
         gains = {e: found.gain(found.base, r) for e, r in found.judged.items()}
         judged = {e: replace(r, gain=gains[e]) for e, r in found.judged.items()}
         chosen = self._fixed
