@@ -33,7 +33,11 @@ def test_a_patched_model_moves_as_the_model_with_the_effect(arm: RobotCase, name
     values = {p.name: p.probes[-1] if p.probes else p.nominal for p in effect.parameters}
     spec, left_out = patched(arm.robot, [2.0, 0.7, 3.0], [(effect, values)])
     assert not left_out
-    model = spec.compile()
+    model, plain = spec.compile(), arm.robot.model
+    assert model.body("fore").mass[0] == pytest.approx(0.7)
+    if name != "inertia_fore":  # as of a body of the same shape
+        grown = model.body("fore").inertia / plain.body("fore").inertia
+        np.testing.assert_allclose(grown, 0.7 / plain.body("fore").mass[0])
     robot = type(arm.robot)(**{**vars(arm.robot), "model": model, "tune": ()})
     new = Rollout(robot, old.logs, old.windows)
     start, times_s = [1], [arm.model.records[1].times_s]

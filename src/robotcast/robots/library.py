@@ -188,7 +188,7 @@ def _tuned(robot: RobotFile, effect: RobotEffect) -> bool:
         return False
     own = [at for some in effect.addresses(robot.model).values() for at in some]
     tuned, changed = (
-        {(at.field, row, at.column, at.along is None) for at in some for row in at.rows or (-1,)}
+        {(at.field, row, at.column, bool(at.along)) for at in some for row in at.rows or (-1,)}
         for some in ([t.at for t in robot.tune], own)
     )
     return changed <= tuned

@@ -36,10 +36,8 @@ class ModelFields:
 
     def multiply(self, at: Address, values: np.ndarray) -> None:
         """Multiply the addressed elements, and what goes along."""
-        for one in filter(None, (at, at.along)):
-            self._change(
-                one, lambda old: old * values.reshape(*values.shape, *[1] * (old.ndim - 2))
-            )
+        for one in (at, *at.along):
+            self._change(one, lambda old: old * values)
 
     def set(self, at: Address, values: np.ndarray) -> None:
         """Overwrite the addressed elements; scale what goes along."""

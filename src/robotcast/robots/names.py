@@ -59,7 +59,7 @@ class Address:
     rows: tuple[int, ...]
     column: int | None
     unit: str = ""
-    along: "Address | None" = None
+    along: "tuple[Address, ...]" = ()
 
     def nominal(self, model: mujoco.MjModel) -> np.ndarray:
         """Return the values in the model, (n_rows,)."""
@@ -152,12 +152,12 @@ def address(model: mujoco.MjModel, text: str, where: str) -> Address:
         index = 0
     if size and (index is None or index >= size):
         raise ValueError(f"{where}: it has {size} elements; end it with [0] to [{size - 1}]")
-    along = None
+    along: tuple[Address, ...] = ()
     if attribute == "mass":
-        along = Address(text, "body_inertia", rows, None)
+        along = tuple(Address(text, "body_inertia", rows, axis) for axis in range(3))
     elif attribute == "kp":
-        along = Address(text, "actuator_biasprm", rows, 1)
-        if not along.nominal(model).all():
+        along = (Address(text, "actuator_biasprm", rows, 1),)
+        if not along[0].nominal(model).all():
             raise ValueError(f"{where}: only position servos have a kp; take gainprm")
     return Address(text, field, rows, index if size else None, along=along)
 
