@@ -123,6 +123,20 @@ def test_what_a_log_cannot_hold(good: Path, tmp_path: Path, change: Callable, wo
         read_case(folder)
 
 
+def test_a_joint_that_sticks_and_goes_on_from_where_it_was_is_no_frozen_sensor(
+    good: Path, tmp_path: Path
+) -> None:
+    folder = copy_of(good, tmp_path)
+    table = pl.read_csv(folder / "log1.csv")
+    q = table["q_axis"].to_numpy()
+    steps = np.abs(np.diff(q))
+    slow = (steps > 0.4 * np.median(steps)) & (steps < 0.9 * np.median(steps))
+    at = 30 + int(np.argmax(slow[30:] & slow[29:-1]))
+    rows = np.r_[: at + 1, np.full(25, at), at + 1 : len(q)][: len(q)]
+    table.with_columns(pl.Series("q_axis", q[rows])).write_csv(folder / "log1.csv")
+    read_case(folder)
+
+
 FREE = """<mujoco><worldbody><body name="table"><freejoint name="root"/><geom size="0.1"/></body>
 </worldbody></mujoco>"""
 FAR = SLIDER.replace(' range="-3 3"', "")

@@ -147,7 +147,10 @@ def _read(path: Path, table: pl.DataFrame, robot: RobotFile) -> Log:
         _check_drive(path, robot.model, at, values)
     for (at, column), values in zip(robot.measured.items(), measured.T, strict=True):
         _check(path, robot.model, at, times_s, values)
-        _refuse_stuck(path, at, column, values)
+        own = [
+            c for c, channel in enumerate(robot.drive) if driven_dof(robot.model, channel) == at.dof
+        ]
+        _refuse_stuck(path, at, column, values, drive[:, own or slice(None)])
     _refuse_other_units(path, robot, times_s, measured)
     if not any(_moves(one) for one in measured.T):
         raise ValueError(f"{path}: nothing moves in it; take it out of logs")
@@ -283,35 +286,53 @@ def _refuse_other_units(
             )
 
 
-def _refuse_stuck(path: Path, at: Signal, column: Column, values: np.ndarray) -> None:
+def _refuse_stuck(
+    path: Path, at: Signal, column: Column, values: np.ndarray, commands: np.ndarray
+) -> None:
     """Refuse runs of equal samples between fast ones: no joint stops and starts like that.
 
-    A joint may stick: then it goes on from where it was, while a sensor that froze jumps to where
-    the joint has got to. A velocity is refused at the ends of what it reaches alone.
+    A joint may stick, or rest as its `commands` (k, n) do: then it sets out again from where it
+    was. A sensor that froze jumps to where the joint has got to; or joint and commands move on, and
+    it stops and starts as fast as the joint usually moves. A velocity is refused at the ends of
+    what it reaches alone.
     """
     known = _known(values)
     steps = np.abs(np.diff(values, prepend=np.nan, append=np.nan))
     moved = steps[steps > 0]
     if len(np.unique(known)) < 2 * PLATEAU or not len(moved):
         return
-    fast = max(0.3 * float(np.median(moved)), 4 * float(np.quantile(moved, 0.01)))
-    ends, usual = (known.min(), known.max()), float(np.quantile(moved, 0.95))
+    usual, most = np.quantile(moved, [0.5, 0.95])
+    fast = max(0.3 * usual, 4 * np.quantile(moved, 0.01))
+    ends, stops = (known.min(), known.max()), []
     for first, end in _runs(steps[1:-1] == 0):
         # of the steps into a run and out of it the first may be a part of one; they are NaN at
         # the ends of a log, where a robot may rest
-        edges = (steps[max(first - 1, 0) : first + 1], steps[end + 1 : end + 3])
-        clipped = values[first] in ends
-        if not clipped and (at.kind != "position" or edges[1].max() <= usual):
+        into, out = steps[max(first - 1, 0) : first + 1].max(), steps[end + 1 : end + 3].max()
+        if end - first > SHORT and not (into <= fast or out <= fast):
+            stops.append((first, end, into, out))
+    for first, end, into, out in stops:
+        value, n = values[first], end - first + 1
+        if np.isnan(into + out):
             continue
-        n = int((values == values[first]).sum()) if clipped else end - first + 1
-        if n >= PLATEAU and end - first > SHORT and all(edge.max() > fast for edge in edges):
+        if value in ends:
+            n = sum(e - f + 1 for f, e, *_ in stops if values[f] == value)
+        elif at.kind != "position":
+            continue
+        else:
+            driven = np.diff(commands[first : end + 1], axis=0).any(axis=1).mean() > 0.5
+            if not (out > most or (driven and min(into, out) > usual)):
+                continue
+        if n >= PLATEAU:
             why = f"the end of what column {column.name!r} reaches: a saturated"
-            said = (
-                f"{at.name} stays at {values[first]:.6g} for {n} samples amid a motion, "
-                f"{why if clipped else 'a frozen'} sensor; take the log or the signal out, or "
-                "leave these cells empty"
+            why = why if value in ends else "a frozen"
+            _refuse(
+                path,
+                np.arange(len(values)) == first,
+                lambda i, why=why, n=n: (
+                    f"{at.name} stays at {values[i]:.6g} for {n} samples amid a motion, {why} "
+                    "sensor; take the log or the signal out, or leave these cells empty"
+                ),
             )
-            _refuse(path, np.arange(len(values)) == first, lambda i, said=said: said)
 
 
 def _refuse_frozen(path: Path, robot: RobotFile, drive: np.ndarray, measured: np.ndarray) -> None:
