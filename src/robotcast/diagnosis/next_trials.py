@@ -268,7 +268,7 @@ def _against(names: tuple[str, ...], first: Revision, rival: Revision) -> Contes
 
 def _added(refitted: Revision, top: Revision) -> Contest:
     """Set the model as it is against a refit with more effects, which did not pay."""
-    return _against(refitted.effects[len(top.effects) :][-1:], top, refitted)
+    return _against((" + ".join(refitted.effects[len(top.effects) :]),), top, refitted)
 
 
 def _between(inquiry: Inquiry, found: Found, name: str, rival: str) -> Contest:
