@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from robotcast.diagnosis.diagnose import Case, diagnose
+from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.next_trials import Further
+from robotcast.diagnosis.next_trials import Further, NextTrial, _added
+from robotcast.diagnosis.report import next_rows
 from robotcast.reporting.diagnosis_page import diagnosis_page
 from tests.diagnosis.sliding_puck import (
     DEAD,
@@ -19,6 +21,7 @@ from tests.diagnosis.sliding_puck import (
     FAINT,
     GAIN,
     LATE,
+    NOISE_M,
     NULLED,
     SHEAR,
     SHIFT,
@@ -248,6 +251,16 @@ def test_the_next_trials_would_move_what_is_hardly_seen() -> None:
     assert len(said["next_actions"]) in range(0, 9)
     for trial in said["next_actions"]:
         assert set(trial["separates"]) <= weak and trial["difference_percent"] > 0.1
+
+
+def test_a_trial_that_sets_two_effects_against_none_names_both() -> None:
+    records, both = pushes(), ("tilt", "late_clock")
+    inquiry = Inquiry(Puck(TILT, LATE), records, NOISE_M)
+    with_both = Revision(both, inquiry.fit(both, inquiry.nominal(both), 1))
+    contest = _added(with_both, Revision((), inquiry.fit((), inquiry.nominal(()), 1)))
+    (row,) = next_rows(inquiry, [NextTrial(records[0], contest, 2.0)], WORDS)
+    assert row["separates"] == ["tilt + late_clock"]
+    assert "the board is not level and the clock is late: with that" in row["why"]
 
 
 def test_what_is_above_the_floor_or_without_one_is_never_green() -> None:

@@ -332,9 +332,9 @@ def _why(inquiry: Inquiry, one: NextTrial, wording: Wording) -> str:
         return f"the two predict paths that lie {apart} apart on average"
     if name == "unknown":
         return f"the missing force, as it was fitted, moves this {wording.trial} by {apart}"
-    text = inquiry.model.effects[name].text
+    text = " and ".join(inquiry.model.effects[some].text for some in name.split(" + "))
     if one.contest.rival is not None:
-        return f"{text}: with it the model predicts a path {apart} away on average"
+        return f"{text}: with that the model predicts a path {apart} away on average"
     return f"{text}: a little of it moves this {wording.trial} by {apart}"
 
 
