@@ -1,7 +1,7 @@
 """Tuning a simulator to measured casts: search, errors, certainty, revision and its live page."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,9 +13,10 @@ from robotcast.build import build_effects, build_simulator, fingerprint
 from robotcast.files import source_digest
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.errors import noise_floor, prediction_errors
-from robotcast.measurements.measurement_set import Cable, Trial, split_by_action
+from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial, split_by_action
 from robotcast.reporting.revisions_page import TuningProgress, revisions_page
 from robotcast.running import write_page
+from robotcast.simulators.simulator import Simulator
 from robotcast.stage import bar, measured_set, output_folder, unfinished_file
 from robotcast.tuning.certainty import certainty, certainty_casts
 from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError, full_vectors
@@ -87,12 +88,7 @@ def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:
     """Tune the configured simulator, write the tuned folder and return it."""
     measured = measured_set(config.paths.measurements)
     cable, floor_percent = measured.cable, noise_floor(measured).waypoint_percent
-    sizes = config.scale.tune
-    tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
-    casts = sizes[config.simulator.name].casts  # of every optimizer, or by optimizer, else all
-    if not isinstance(casts, int):
-        casts = casts.get(config.optimizer.name, sizes.tune_casts)
-    tuning = tuning.spread(casts)
+    tuning, test = _split(config, measured)
     simulator = build_simulator(config, cable, build_effects(config.effects))
     folder = output_folder(config.paths.tuned, config.paths.measurements)
     shown = TuningProgress(
@@ -132,26 +128,7 @@ def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:
         name: (part.trials, simulator.simulate(part.trials, vector).waypoints_m[0])
         for name, part in (("tune", tuning), ("test", test))
     }
-    tuned = Tuned(
-        simulator=config.simulator.name,
-        optimizer=config.optimizer.name,
-        effects=tuple(config.effects),
-        seed=config.optimizer.seed,
-        rig=measured.rig,
-        cable=cable,
-        r0_m=measured.r0_m,
-        period_s=measured.period_s,
-        parameters=simulator.parameters,
-        values=dict(zip((p.name for p in simulator.parameters), vector[0], strict=True)),
-        errors={
-            name: prediction_errors(waypoints_m, trials, cable.length_m)
-            for name, (trials, waypoints_m) in predicted.items()
-        },
-        certainty=known,
-        improved=found.improved,
-        simulated_casts=found.casts,
-        diverged_casts=sum(batch.diverged for batch in found.trace),
-    )
+    tuned = replace(_tuned(config, measured, found, simulator, predicted), certainty=known)
     write_trace(folder, found.trace)
     write_predictions(folder, predicted)
     write_tuned(folder, tuned)
@@ -160,6 +137,47 @@ def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:
     look(found.trace, finished=True)
     journal.close()
     return folder, tuned
+
+
+def _split(config: DictConfig, measured: MeasurementSet) -> tuple[MeasurementSet, MeasurementSet]:
+    """Return the casts to tune to, as many as the optimizer is given, and those to test with."""
+    sizes = config.scale.tune
+    tuning, test = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
+    casts = sizes[config.simulator.name].casts  # of every optimizer, or by optimizer, else all
+    if not isinstance(casts, int):
+        casts = casts.get(config.optimizer.name, sizes.tune_casts)
+    return tuning.spread(casts), test
+
+
+def _tuned(
+    config: DictConfig,
+    measured: MeasurementSet,
+    found: SearchResult,
+    simulator: Simulator,
+    predicted: Mapping[str, tuple[Sequence[Trial], np.ndarray]],
+) -> Tuned:
+    """Return what a search found, with how far its predictions (n_casts, k, 2) [m] are off."""
+    vector = full_vectors(simulator.parameters, found.vector)[0]
+    return Tuned(
+        simulator=config.simulator.name,
+        optimizer=config.optimizer.name,
+        effects=tuple(config.effects),
+        seed=config.optimizer.seed,
+        rig=measured.rig,
+        cable=measured.cable,
+        r0_m=measured.r0_m,
+        period_s=measured.period_s,
+        parameters=simulator.parameters,
+        values=dict(zip((p.name for p in simulator.parameters), vector, strict=True)),
+        errors={
+            name: prediction_errors(waypoints_m, trials, measured.cable.length_m)
+            for name, (trials, waypoints_m) in predicted.items()
+        },
+        certainty=None,
+        improved=found.improved,
+        simulated_casts=found.casts,
+        diverged_casts=sum(batch.diverged for batch in found.trace),
+    )
 
 
 def promised_error(config: DictConfig) -> float | None:
