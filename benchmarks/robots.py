@@ -16,6 +16,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import robotcast  # noqa: F401 # before NumPy: it settles how processors round
+
+# isort: split
 import mujoco
 import mujoco.rollout
 import numpy as np

@@ -11,6 +11,7 @@ import pytest
 
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.inquiry import Inquiry, Revision
+from robotcast.diagnosis.library import Library
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.next_trials import Further, NextTrial, _added
 from robotcast.diagnosis.report import next_rows
@@ -251,6 +252,14 @@ def test_the_next_trials_would_move_what_is_hardly_seen() -> None:
     assert len(said["next_actions"]) in range(0, 9)
     for trial in said["next_actions"]:
         assert set(trial["separates"]) <= weak and trial["difference_percent"] > 0.1
+
+
+def test_two_effects_that_make_one_run_diverge_still_have_a_step() -> None:
+    both = ("turn", "shear")
+    inquiry = Inquiry(Puck(TURN, SHEAR), pushes(), NOISE_M)
+    fit = inquiry.fit(both, inquiry.nominal(both), 1)
+    fit.jacobian[0, 0, -2:] = 1e10  # as differences to a lost run are
+    assert np.isfinite(Library(inquiry, both, fit).step(both)).all()
 
 
 def test_a_trial_that_sets_two_effects_against_none_names_both() -> None:

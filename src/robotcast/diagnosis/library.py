@@ -216,7 +216,10 @@ class Library:
         if not columns:
             return columns, np.empty(0), whole
         curvature = hold[np.ix_(columns, columns)] + np.diag(1 / sd[columns] ** 2)
-        step = -np.linalg.solve(curvature, pull[columns])
+        try:
+            step = -np.linalg.solve(curvature, pull[columns])
+        except np.linalg.LinAlgError:  # as of two effects that make one and the same run diverge
+            step = -np.linalg.lstsq(curvature, pull[columns], rcond=None)[0]
         return columns, step, float(whole + pull[columns] @ step)
 
 
