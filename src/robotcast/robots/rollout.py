@@ -5,6 +5,7 @@ the drive over it, so that a delay by a part of a step has an effect; without on
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from copy import copy
 
 import mujoco
@@ -16,7 +17,7 @@ from robotcast.robots.effect import Acting, Motion, RobotEffect
 from robotcast.robots.logs import Log
 from robotcast.robots.model_fields import BatchFields, load
 from robotcast.robots.robot_file import RobotFile, Tunable
-from robotcast.robots.transmission import Transmission
+from robotcast.robots.transmission import Transmission, is_servo
 from robotcast.robots.windows import Window
 from robotcast.simulators.mujoco_cables import quiet_mujoco
 
@@ -165,7 +166,7 @@ class Rollout:
         """Bring the actuators' own states to where the time before the start leaves them.
 
         It is simulated with the joints led along as they were measured. When a log begins, drives
-        are taken to be at rest: servos want to be where they are.
+        are taken to be at rest: servos want to be where they are, others do nothing.
         """
         since_s = self._step_s * np.arange(-drive.shape[1], 0)
         led = {(w.log, w.first): self._led(w, since_s) for w in windows}
@@ -175,14 +176,16 @@ class Rollout:
         controls = [(c, at.actuator) for c, at in enumerate(self._channels)]
         own = np.flatnonzero(model.actuator_actnum == 1)
         gain, bias = model.actuator_gainprm[own, 0], model.actuator_biasprm[own]
+        servo = np.array([is_servo(model, a) for a in own.tolist()], bool) & (gain != 0)
         at, length = model.actuator_actadr[own], batch.bind("actuator_length")
         for k in range(drive.shape[1]):
             batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos[:, k], qvel[:, k]
             for channel, actuator in controls:
                 if actuator is not None:
                     ctrl[:, actuator] = drive[:, k, channel]
-            batch.step()
-            rest = -(bias[:, 0] + bias[:, 1] * length[:, own]) / gain
+            with suppress(SimulationError):  # what is lost here is lost after the start, too
+                batch.step()
+            rest = -(bias[:, 0] + bias[:, 1] * length[:, own]) * servo / np.where(servo, gain, 1.0)
             act[:, at] = np.where(logged[:, [k]] & (k > 0), act[:, at], rest)
 
     def _led(self, window: Window, since_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
