@@ -56,7 +56,7 @@ AXIS = "joint[axis].position"
         (key("logs", value="run*.csv"), "no file matches 'run"),
         (key("model", value="none.xml"), "there is no such model"),
         (key("colour", value=1), "no key is called 'colour'; there are model"),
-        (key("drive", value=None), "'drive' is missing"),
+        (key("measured", value=None), "'measured' is missing"),
         (key("drive", "actuator[motor]", "unit", value="mA"), "a torque_constant"),
         (key("repeats", value=[["log0.csv", "other.csv"]]), "other.csv is none of the logs"),
         (key("windows", "length_s", value=9.0), "no window of 9 s fits"),
@@ -137,8 +137,6 @@ def test_a_joint_that_sticks_and_goes_on_from_where_it_was_is_no_frozen_sensor(
     read_case(folder)
 
 
-FREE = """<mujoco><worldbody><body name="table"><freejoint name="root"/><geom size="0.1"/></body>
-</worldbody></mujoco>"""
 FAR = SLIDER.replace(' range="-3 3"', "")
 WILD = SLIDER.replace('damping="2"', 'damping="2" stiffness="1e9"').replace("implicitfast", "Euler")
 MESH = SLIDER.replace("<worldbody>", '<asset><mesh file="hand.stl"/></asset><worldbody>')
@@ -150,7 +148,6 @@ MESH = SLIDER.replace("<worldbody>", '<asset><mesh file="hand.stl"/></asset><wor
         (FAR, 100, "is .* m, and it comes back; is"),
         (WILD, 1, "the model diverges in"),
         (MESH, 1, "Error opening file 'hand.stl'; copy its meshes along"),
-        (FREE, 1, "root is a free or a ball joint; .* say weld: .root. in robot.yaml"),
     ],
 )
 def test_what_a_model_cannot_be(

@@ -163,7 +163,7 @@ def test_noise_is_read_from_the_logs_and_a_perfect_model_stands_at_the_floor_tha
 def test_a_start_state_hides_no_more_than_its_deviation_allows(slider: RobotCase) -> None:
     model = slider.model
     record = model.records[0]
-    slopes, _ = model._gain(record)
+    slopes, *_ = model._gain(record)
     wrong = model.predict([record], ["constant_torque_axis"], np.array([[0.0], [50.0]]))[:, 0]
     effect = [model.effects["constant_torque_axis"]]
     raw = model.rollout.simulate([0], [record.times_s], effect, np.array([[50.0]]))[0, 0]

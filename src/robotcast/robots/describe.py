@@ -9,8 +9,17 @@ import numpy as np
 import polars as pl
 
 from robotcast.files import write_text
+from robotcast.robots.coordinates import FREE
 from robotcast.robots.logs import tables_of
-from robotcast.robots.names import UNITS, is_hinge, joint_of_actuator, names_of
+from robotcast.robots.names import (
+    AXES,
+    PLACE,
+    UNITS,
+    WIDTH,
+    is_hinge,
+    joint_of_actuator,
+    names_of,
+)
 from robotcast.robots.robot_file import FILE, compiled, load_spec
 
 TIMES = set(["time", "t", "timestamp", "stamp", "times", "sec", "seconds", "secs", "clock"])
@@ -22,6 +31,16 @@ WORDS = {
     "position": "q pos position positions angle angles theta qpos deg degrees state encoder",
 }
 KINDS = {kind: set(words.split()) for kind, words in WORDS.items()}  # the first that fits
+TURNS = {"quat", "quaternion", "orientation", "rotation", "rot", *(f"q{a}" for a in AXES)}
+RATES = {
+    *KINDS["velocity"],
+    *KINDS["command"],
+    *KINDS["torque"],
+    "linear",
+    "angular",
+    "acc",
+    "gyro",
+}
 FAR, FAST = 13.0, 150.0  # radians, and radians per second, that are looked at twice
 TOO_MUCH = 30.0  # times the energy that gravity and drives can give: the angle is in degrees
 SPELLED = {  # SI unit → how a column's name has a unit of its kind → the unit
@@ -87,12 +106,14 @@ class _Guess:
         times = table[self.time].drop_nulls().to_numpy().astype(float)
         step = float(np.median(np.diff(times)))
         self.time_unit = next((unit for unit, least in PERIODS if step >= least), "s")
-        single = [n for j, n in enumerate(self._joints) if model.jnt_type[j] >= 2]
-        self.weld = [n for n in self._joints if n not in single]
+        single = [n for j, n in enumerate(self._joints) if model.jnt_type[j] not in WIDTH]
         left = [c for c in columns if c != self.time]
+        poses = {n: self._pose(n, left) for n in self._joints if n not in single}
+        self.weld = [n for n, pose in poses.items() if not pose]
+        self.measured = {target: (c, "") for p in poses.values() for target, c in p.items()}
+        left = [c for c in left if (c, "") not in self.measured.values()]
         kinds = {c: _kind(c, self._joints, actuators) for c in left}
         by_kind = {kind: [c for c in left if kinds[c] == kind] for kind in WORDS}
-        self.measured: dict[str, tuple[str, str]] = {}
         for kind in ("position", "velocity"):
             for joint, column in _assigned(by_kind[kind], {n: [n] for n in single}).items():
                 unit = self._unit(joint, column, kind)
@@ -116,6 +137,25 @@ class _Guess:
                     used.add(column)
         self.unused = [c for c in left if c not in used]
         self.unmeasured = [n for n in single if f"joint[{n}].position" not in self.measured]
+
+    def _pose(self, joint: str, columns: Sequence[str]) -> dict[str, str]:
+        """Return target → column of a free or a ball joint's position; nothing where it lacks."""
+        model, number = self._model, self._joints.index(joint)
+        names = joint, names_of(model, "body")[int(model.jnt_bodyid[number])]
+        words = [_tokens(n) for n in names if not n.isdigit()]
+        own = [c for c in columns if any(some <= _tokens(c) for some in words)] or columns
+        turns = {c: _tokens(c) & TURNS for c in own}
+        places = [c for c in own if not turns[c] and not _tokens(c) & RATES]
+        found = []
+        for axis in PLACE if model.jnt_type[number] == FREE else ():
+            found.append(next((c for c in places if axis in _tokens(c)), None))
+        for axis in AXES:
+            of = ({axis}, {f"q{axis}"})
+            some = (c for c, said in turns.items() if said and any(o <= _tokens(c) for o in of))
+            found.append(next(some, None))
+        if None in found:
+            return {}
+        return {f"joint[{joint}].position[{k}]": str(column) for k, column in enumerate(found)}
 
     def _driven(self, by_kind: Mapping[str, list[str]], single: Sequence[str]) -> dict[str, str]:
         """Match commands to actuators; else commanded torques, else measured ones, to joints.
@@ -326,12 +366,12 @@ def _remarks(log: Path, guess: _Guess) -> list[str]:
     found = {
         "{}: motors of torque, but their columns are positions that the joints follow: write the "
         "gains of the robot's controller below servos": " and ".join(guess.servos),
-        "{}: a free or a ball joint, which is not simulated; it is taken to stay where the model "
-        "puts it, as on a stand": ", ".join(guess.weld),
-        "{} are not used: if the base moved, this log is of no use": ", ".join(base),
+        "{}: a free or a ball joint whose pose (x y z, quaternion) was not found in the log; it is "
+        "taken to stay where the model puts it, as on a stand": ", ".join(guess.weld),
+        "{} are not used: if the base moved, name its pose below measured": ", ".join(base),
         "no position was found for {}: name its column below measured, or put it into weld if it "
         "does not move": ", ".join(guess.unmeasured),
-        "no column of {} looks like a command: name what drives the robot": ""
+        "no column of {} looks like a command: name what drives the robot, if anything does": ""
         if guess.drive
         else log.name,
     }

@@ -1,6 +1,7 @@
 """What a robot's model may lack. conf/robot_effects.yaml gives each its parameters and bounds."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -38,12 +39,18 @@ class ModelField(RobotEffect):
         names = names_of(model, kind)
         return {
             name: [
-                address(model, f"{kind}[{names[i]}].{field}", self.name)
+                self._own(address(model, f"{kind}[{names[i]}].{field}", self.name))
                 for field in fields
-                for i in numbers
+                for i in dict.fromkeys(numbers)
             ]
             for name, fields in self.writes.items()
         }
+
+    def _own(self, at: Address) -> Address:
+        """Return of an address the degrees of freedom that are meant: a free joint has several."""
+        if not at.field.startswith("dof_"):
+            return at
+        return replace(at, rows=tuple(row for row in at.rows if row in self.where.dofs))
 
     def _objects(self, model: mujoco.MjModel) -> tuple[str, Sequence[int]]:
         """Return the kind and the numbers of what is changed; of the whole robot what may touch."""

@@ -10,10 +10,11 @@ import yaml
 
 from robotcast.build import CONFIGURATION, build
 from robotcast.fitting.parameter import Parameter
+from robotcast.robots.coordinates import loose, turning
 from robotcast.robots.couplings import coupled
 from robotcast.robots.effect import RobotEffect, Where
 from robotcast.robots.effects import ModelField, TorqueField
-from robotcast.robots.names import driven_dof, joint_of_dof, names_of
+from robotcast.robots.names import driven_dof, name_of_dof, names_of
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.sizes import Sizes
 from robotcast.robots.transmission import drives_of, is_plain, is_servo
@@ -34,24 +35,22 @@ def candidates(robot: RobotFile, sizes: Sizes) -> tuple[RobotEffect, ...]:
     parts = parts_of(robot)
     found: list[RobotEffect] = []
     for name, entry in library().items():
-        for where in parts[entry["part"]]:
+        for where in (*parts[entry["part"]], *parts[entry.get("also", "nothing")]):
             effect = _made(robot.model, name, entry, where, sizes)
             if effect is not None and not _tuned(robot, effect):
                 found.append(effect)
-    return (*found, *_fields(parts["joint"], sizes))
+    return (*found, *_fields(robot.model, (*parts["joint"], *parts["free axis"]), sizes))
 
 
 def within(robot: RobotFile, sizes: Sizes, effect: RobotEffect) -> tuple[RobotEffect, ...]:
-    """Make an effect of a group of joints on each of them alone; of a single joint nothing."""
-    whole = effect.where
-    if len(whole.dofs) < 2 or effect.part not in ("joint", "drive"):
+    """Make an effect of a group of joints or drives on each alone; of a single one nothing."""
+    whole, model = effect.where, robot.model
+    if max(len(whole.dofs), len(whole.channels)) < 2 or effect.part not in ("joint", "drive"):
         return ()
     name = effect.name.removesuffix(f"_{whole.name}")
-    entry, model = library()[name], robot.model
-    made = (
-        _made(model, name, entry, _where(robot, joint_of_dof(model, dof), (dof,)), sizes)
-        for dof in whole.dofs
-    )
+    parts = [_where(robot, name_of_dof(model, dof), (dof,)) for dof in whole.dofs]
+    parts = parts or [_drive(robot, c) for c in whole.channels]
+    made = (_made(model, name, library()[name], where, sizes) for where in parts)
     return tuple(one for one in made if one is not None)
 
 
@@ -62,26 +61,47 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     joints = [_where(robot, name, dofs) for name, dofs in groups.items()]
     drives = [one for one in joints if one.channels]
     known = {c for one in joints for c in one.channels}
-    others = [(c, at) for c, at in enumerate(channels) if c not in known]
-    drives += [_where(robot, at.name, (), (c,)) for c, at in others]
+    others = [c for c in range(len(channels)) if c not in known]
+    drives += [_where(robot, "all_drives", (), others)] if len(others) > 1 else []
+    drives += [_drive(robot, c) for c in others] if len(others) <= FEW_JOINTS else []
     bodies = [int(model.dof_bodyid[dof]) for dof in range(model.nv)]
-    if model.nv > FEW_JOINTS:  # loads hang on the last bodies
-        bodies = [b for b in bodies if not (model.body_parentid == b).any()]
+    if model.nv > FEW_JOINTS:  # loads hang on the last bodies, or on what moves freely
+        free = {int(model.dof_bodyid[dof]) for dof in np.flatnonzero(loose(model))}
+        bodies = [b for b in bodies if b in free or not (model.body_parentid == b).any()]
     links = [Where(names[b], (), (b,), (), ()) for b in dict.fromkeys(bodies)]
     pairs = [
         _where(robot, "_and_".join(pair), tuple(int(model.joint(j).dofadr[0]) for j in pair), ())
         for pair in coupled(model)
     ]
     whole = _where(robot, "", tuple(range(model.nv)), range(len(channels)))
-    return {"joint": joints, "pair": pairs, "body": links, "drive": drives, "robot": [whole]}
+    found = {"joint": joints, "pair": pairs, "body": links, "drive": drives, "robot": [whole]}
+    return {**found, **_free_parts(robot), "nothing": []}
+
+
+def _free_parts(robot: RobotFile) -> dict[str, list[Where]]:
+    """Return the parts of free and ball joints: their axes, and those along and about which alike.
+
+    Effects that act on them in the same way along all axes act on the "free motion".
+    """
+    model, turns = robot.model, turning(robot.model)
+    free = np.flatnonzero(loose(model)).tolist()
+    axes = [_where(robot, name_of_dof(model, dof), (dof,)) for dof in free]
+    whole, motions = [], []
+    for joint in dict.fromkeys(int(model.dof_jntid[one.dofs[0]]) for one in axes):
+        own, name = np.flatnonzero(model.dof_jntid == joint), names_of(model, "joint")[joint]
+        whole.append(_where(robot, name, tuple(own.tolist())))
+        for what, some in (("path", own[~turns[own]]), ("turn", own[turns[own]])):
+            motions += [_where(robot, f"{name}_{what}", tuple(some.tolist()))] if len(some) else []
+    return {"free axis": axes, "free joint": whole, "free motion": motions}
 
 
 def _groups(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
     """Return each joint alone, of many those alike: as deep in the tree, as all knees are."""
-    if model.nv <= FEW_JOINTS:
-        return {joint_of_dof(model, dof): (dof,) for dof in range(model.nv)}
+    single = np.flatnonzero(~loose(model)).tolist()
+    if len(single) <= FEW_JOINTS:
+        return {name_of_dof(model, dof): (dof,) for dof in single}
     alike: dict[tuple[int, int], list[int]] = {}
-    for dof in range(model.nv):
+    for dof in single:
         depth, parent = 0, int(model.dof_parentid[dof])
         while parent >= 0:
             depth, parent = depth + 1, int(model.dof_parentid[parent])
@@ -90,7 +110,7 @@ def _groups(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
         kinds = model.jnt_type[model.dof_jntid]
         found = {"all_hinges": np.flatnonzero(kinds == 3), "all_slides": np.flatnonzero(kinds == 2)}
         return {name: tuple(dofs.tolist()) for name, dofs in found.items() if len(dofs)}
-    return {_common([joint_of_dof(model, d) for d in some]): tuple(some) for some in alike.values()}
+    return {_common([name_of_dof(model, d) for d in some]): tuple(some) for some in alike.values()}
 
 
 def _common(names: Sequence[str]) -> str:
@@ -112,11 +132,16 @@ def _where(
     return Where(name, dofs, bodies, tuple(own), actuators)
 
 
+def _drive(robot: RobotFile, channel: int) -> Where:
+    """Return a drive that moves no single joint."""
+    return _where(robot, list(robot.drive)[channel].name, (), (channel,))
+
+
 def _made(
     model: mujoco.MjModel, name: str, entry: Mapping[str, Any], where: Where, sizes: Sizes
 ) -> RobotEffect | None:
     """Make one effect on one part, None where it cannot act there."""
-    more = {k: v for k, v in entry.items() if k not in ("text", "parameters", "needs")}
+    more = {k: v for k, v in entry.items() if k not in ("also", "text", "parameters", "needs")}
     dofs = where.dofs or tuple(range(model.nv))
     if not _needed(model, entry.get("needs"), where, sizes):
         return None
@@ -194,7 +219,7 @@ def _tuned(robot: RobotFile, effect: RobotEffect) -> bool:
     return changed <= tuned
 
 
-def _fields(joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:
+def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:
     """Make the flexible fields of every joint: a torque that depends on this or that."""
     found: list[RobotEffect] = []
     for where in joints:
@@ -207,6 +232,8 @@ def _fields(joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:
             "position": span,
             "time": np.linspace(0.0, sizes.log_s, 5),
         }
+        if turning(model)[at].any():
+            del knots["position"]
         if where.channels:
             knots["torque"] = torque * FIELD_KNOTS
         for of, places in knots.items():

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import polars as pl
 
+from robotcast.robots.coordinates import quaternions
 from robotcast.robots.names import Channel, Signal, driven_dof
 from robotcast.robots.recordings import episodes, read_bag
 from robotcast.robots.robot_file import Column, RobotFile
@@ -23,6 +24,7 @@ SHORT = 4  # equal samples that a turn of the motion may show
 STILL = 1.3  # times what neighbouring samples differ by: with less, a signal is noise
 PERIODS_S = (1e-5, 1.0)
 OTHER_RATE = 1.5  # times another log's period
+NO_UNIT = 0.1  # by how much the length of a quaternion may differ from 1
 LEAST_SAMPLES = 50
 
 
@@ -137,7 +139,9 @@ def _read_text(path: Path) -> pl.DataFrame:
 def _read(path: Path, table: pl.DataFrame, robot: RobotFile) -> Log:
     times_s = _numbers(path, table, robot.time, "time")
     drive, measured = (
-        np.column_stack([_numbers(path, table, c, at.name) for at, c in some.items()])
+        np.array([_numbers(path, table, c, at.name) for at, c in some.items()])
+        .reshape(len(some), len(times_s))
+        .T.copy()
         for some in (robot.drive, robot.measured)
     )
     if len(times_s) < LEAST_SAMPLES:
@@ -145,6 +149,7 @@ def _read(path: Path, table: pl.DataFrame, robot: RobotFile) -> Log:
     _check_times(path, times_s)
     for at, values in zip(robot.drive, drive.T, strict=True):
         _check_drive(path, robot.model, at, values)
+    _unite(path, robot, measured)
     for (at, column), values in zip(robot.measured.items(), measured.T, strict=True):
         _check(path, robot.model, at, times_s, values)
         own = [
@@ -156,6 +161,28 @@ def _read(path: Path, table: pl.DataFrame, robot: RobotFile) -> Log:
         raise ValueError(f"{path}: nothing moves in it; take it out of logs")
     _refuse_frozen(path, robot, drive, measured)
     return Log(path, times_s, drive, measured)
+
+
+def _unite(path: Path, robot: RobotFile, measured: np.ndarray) -> None:
+    """Make quaternions (k, 4) unit ones of a sign that never jumps, in place; refuse others."""
+    signals = list(robot.measured)
+    for first, _ in quaternions(robot.model):
+        at = {one.index: k for k, one in enumerate(signals) if one.kind == "turn"}
+        own = [at[first + element] for element in range(4)]
+        q = measured[:, own]
+        length, name = np.linalg.norm(q, axis=1), signals[own[0]].name
+        _refuse(
+            path,
+            np.abs(length - 1) > NO_UNIT,
+            lambda i, name=name, length=length: (
+                f"{name} to its z: the quaternion has the length {length[i]:.4g}, where 1 is due"
+            ),
+        )
+        q = q / length[:, None]
+        seen = np.flatnonzero(np.isfinite(q).all(axis=1))
+        turned_over = (q[seen[1:]] * q[seen[:-1]]).sum(axis=1) < 0
+        q[seen[1:]] *= np.where(np.cumsum(turned_over) % 2, -1.0, 1.0)[:, None]
+        measured[:, own] = q
 
 
 def _numbers(path: Path, table: pl.DataFrame, column: Column, what: str) -> np.ndarray:
@@ -230,7 +257,7 @@ def _check(
         )
     if at.kind != "position":
         return
-    joint = int(np.flatnonzero(model.jnt_qposadr == at.index)[0])
+    joint = int(model.dof_jntid[at.dof])
     least, most = model.jnt_range[joint]
     if model.jnt_limited[joint]:
         beyond = max(BEYOND[unit], 0.25 * (most - least))  # a limit gives way a little
@@ -242,7 +269,7 @@ def _check(
                 f"{least:.4g} to {most:.4g} in the model{ask}"
             ),
         )
-    else:
+    elif not at.element:  # nobody knows how far a free body may go
         known = _known(values)
         to_and_fro = np.ptp(known) > max(SWINGS[unit], 1.5 * abs(known[-1] - known[0]))
         _refuse(
@@ -299,8 +326,8 @@ def _refuse_stuck(
     known = _known(values)
     steps = np.abs(np.diff(values, prepend=np.nan, append=np.nan))
     moved = steps[steps > 0]
-    if len(np.unique(known)) < 2 * PLATEAU or not len(moved):
-        return
+    if at.element or len(np.unique(known)) < 2 * PLATEAU or not len(moved):
+        return  # a free body may lie until it is hit
     usual, most = np.quantile(moved, [0.5, 0.95])
     fast = max(0.3 * usual, 4 * np.quantile(moved, 0.01))
     ends, stops = (known.min(), known.max()), []
@@ -338,7 +365,7 @@ def _refuse_stuck(
 def _refuse_frozen(path: Path, robot: RobotFile, drive: np.ndarray, measured: np.ndarray) -> None:
     """Refuse a joint that never moves although it is driven, or hangs on others that move."""
     for at, values in zip(robot.measured, measured.T, strict=True):
-        if np.ptp(_known(values)) > 0:
+        if at.element or np.ptp(_known(values)) > 0:
             continue
         driven = [driven_dof(robot.model, channel) for channel in robot.drive]
         own = [c for c, dof in enumerate(driven) if dof is not None and dof == at.dof]

@@ -12,6 +12,8 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
+from robotcast.robots.coordinates import BALL, FREE
+
 OBJECTS = {"joint": "njnt", "body": "nbody", "actuator": "nu", "geom": "ngeom", "sensor": "nsensor"}
 FIELDS = {  # what may be set of each: a field of MjModel, most of them called as in MJCF
     "joint": {
@@ -43,7 +45,8 @@ FIELDS = {  # what may be set of each: a field of MjModel, most of them called a
 }
 FIRST_OF = ("kp", "gainprm", "gear", "friction")  # without an index, their first element is meant
 FORM = re.compile(r"(\w+)(?:\[([^\]]+)\])?(?:\.(\w+))?(?:\[(\d)\])?")
-WIDTH = {mujoco.mjtJoint.mjJNT_FREE: 6, mujoco.mjtJoint.mjJNT_BALL: 3}
+WIDTH = {FREE: 6, BALL: 3}  # degrees of freedom; of others 1
+PLACE, AXES = ("x", "y", "z"), ("w", "x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -86,19 +89,25 @@ class Channel:
 
 @dataclass(frozen=True)
 class Signal:
-    """What a column measures."""
+    """What a column measures.
+
+    A "turn" is an element of a quaternion; its `dof` is the first of those that turn it. `element`
+    says which one of a free or a ball joint is measured.
+    """
 
     name: str
-    kind: Literal["position", "velocity", "sensor"]
+    kind: Literal["position", "velocity", "turn", "sensor"]
     index: int  # of qpos, of qvel, or of sensordata
     dof: int | None
     unit: str
+    element: str = ""
 
     @property
     def spoken(self) -> str:
         """As it is read: elbow position."""
         kind, pattern, attribute, index = FORM.fullmatch(self.name).groups()  # type: ignore
-        return f"{pattern} {attribute or kind}{f' {index}' if index else ''}".replace("_", " ")
+        end = self.element or index
+        return f"{pattern} {attribute or kind}{f' {end}' if end else ''}".replace("_", " ")
 
 
 def field_of(model: mujoco.MjModel, field: str) -> np.ndarray:
@@ -112,9 +121,13 @@ def names_of(model: mujoco.MjModel, kind: str) -> list[str]:
     return [getattr(model, kind)(i).name or str(i) for i in range(getattr(model, OBJECTS[kind]))]
 
 
-def joint_of_dof(model: mujoco.MjModel, dof: int) -> str:
-    """Return the name of the joint that a degree of freedom belongs to."""
-    return names_of(model, "joint")[int(model.dof_jntid[dof])]
+def name_of_dof(model: mujoco.MjModel, dof: int) -> str:
+    """Return the name of a degree of freedom: its joint's, with the axis of one that has more."""
+    joint = int(model.dof_jntid[dof])
+    name, after = names_of(model, "joint")[joint], dof - int(model.jnt_dofadr[joint])
+    along = PLACE if model.jnt_type[joint] == FREE else ()
+    about = [f"about_{axis}" for axis in PLACE]
+    return f"{name}_{[*along, *about][after]}" if model.jnt_type[joint] in WIDTH else name
 
 
 def joint_of_actuator(model: mujoco.MjModel, actuator: int) -> int | None:
@@ -170,6 +183,8 @@ def channel(model: mujoco.MjModel, text: str, where: str) -> Channel:
     one = _single(model, kind, pattern, where, "drives")
     if kind == "actuator":
         return Channel(text, one, None, "")
+    if model.jnt_type[one] in WIDTH:
+        raise ValueError(f"{where}: no column drives a free or a ball joint; take an actuator")
     return Channel(text, None, int(model.jnt_dofadr[one]), "N m" if is_hinge(model, one) else "N")
 
 
@@ -189,9 +204,33 @@ def signal(model: mujoco.MjModel, text: str, where: str) -> Signal:
             )
         return Signal(text, "sensor", int(model.sensor_adr[one]) + (index or 0), None, "")
     dof, unit = int(model.jnt_dofadr[one]), "rad" if is_hinge(model, one) else "m"
+    if model.jnt_type[one] in WIDTH:
+        return _loose_signal(model, one, text, attribute, index, where)
     if attribute == "position":
         return Signal(text, "position", int(model.jnt_qposadr[one]), dof, unit)
     return Signal(text, "velocity", dof, dof, f"{unit}/s")
+
+
+def _loose_signal(
+    model: mujoco.MjModel, joint: int, text: str, attribute: str, index: int | None, where: str
+) -> Signal:
+    """Return an element of a free or a ball joint's position or velocity."""
+    place = PLACE if model.jnt_type[joint] == FREE else ()
+    ends = [*place, *(AXES if attribute == "position" else PLACE)]
+    if index is None or index >= len(ends):
+        what = "x y z [m], then the quaternion w x y z"
+        what = what if attribute == "position" else "x y z [m/s], then about x y z [rad/s]"
+        what = what if place else what.partition("then ")[2]
+        raise ValueError(f"{where}: end it with [0] to [{len(ends) - 1}]: {what}")
+    straight, dof = index < len(place), int(model.jnt_dofadr[joint])
+    if attribute == "velocity":
+        end = ends[index] if straight else f"about {ends[index]}"
+        unit = "m/s" if straight else "rad/s"
+        return Signal(text, "velocity", dof + index, dof + index, unit, end)
+    at = int(model.jnt_qposadr[joint]) + index
+    if straight:
+        return Signal(text, "position", at, dof + index, "m", ends[index])
+    return Signal(text, "turn", at, dof + len(place), "", f"q{ends[index]}")
 
 
 def matching(model: mujoco.MjModel, kind: str, pattern: str, where: str) -> list[int]:
@@ -227,7 +266,7 @@ def _rows(model: mujoco.MjModel, i: int, field: str) -> list[int]:
     if not field.startswith("dof_"):
         return [i]
     first = int(model.jnt_dofadr[i])
-    return list(range(first, first + WIDTH.get(mujoco.mjtJoint(model.jnt_type[i]), 1)))
+    return list(range(first, first + WIDTH.get(int(model.jnt_type[i]), 1)))
 
 
 ANGLE = {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3, "rev": 2 * math.pi}

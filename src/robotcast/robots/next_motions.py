@@ -113,6 +113,8 @@ def _tried(
     bodies = [int(b) for b in np.unique(model.dof_bodyid)]
     leaves = [b for b in bodies if b not in model.body_parentid[bodies]][:2]
     names, period_s = names_of(model, "body"), periods(logs)
+    if not channels:  # what moves by itself cannot be told how
+        return
     hung = [(leaf, s * float(model.body_mass[leaf])) for leaf in leaves for s in SHARES[1:]]
     for body, mass_kg in [(0, 0.0), *hung]:
         place = model.body_ipos[body]
@@ -162,19 +164,19 @@ def _moved(
     model = loaded(robot.model, payloads) if payloads else robot.model
     data, signals = mujoco.MjData(model), list(robot.measured)
     for at, values in zip(signals, log.measured.T, strict=True):
-        if at.kind == "position":
+        if at.kind in ("position", "turn"):
             data.qpos[at.index] = values[np.isfinite(values)][0]
     times_s = period_s * np.arange(len(drive))
     steps = np.diff(np.round(times_s / model.opt.timestep).astype(int), append=0)
     seen = np.full((len(drive), len(signals)), np.nan)
-    from_data = {"position": data.qpos, "velocity": data.qvel, "sensor": data.sensordata}
+    from_data = {"velocity": data.qvel, "sensor": data.sensordata}
     for row, command, n in zip(seen, drive, steps.tolist(), strict=True):
         for at, value in zip(robot.drive, command, strict=True):
             if at.actuator is not None:
                 data.ctrl[at.actuator] = value
             else:
                 data.qfrc_applied[at.dof] = value
-        row[:] = [from_data[at.kind][at.index] for at in signals]
+        row[:] = [from_data.get(at.kind, data.qpos)[at.index] for at in signals]
         if n > 0:  # the last command is never held
             mujoco.mj_step(model, data, n)
     return Log(path, times_s, drive, seen)

@@ -9,6 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from robotcast.robots.coordinates import loose
 from robotcast.robots.couplings import serve
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import in_file
@@ -54,7 +55,8 @@ def patched(
     left_out = []
     zeros = [one for one in acting if one[0].acts_through("closes")]
     for effect, values in (one for one in acting if one not in zeros):
-        if writes := effect.acts_through("write"):
+        held = not loose(robot.model)[list(effect.where.dofs)].any()  # MJCF has one number for all
+        if writes := effect.acts_through("write") and (held or effect.part != "joint"):
             effect.write(fields, **{name: np.array([[v]]) for name, v in values.items()})
         if not effect.patch(moving, robot.model, **values) and not writes:
             left_out.append(effect.name)

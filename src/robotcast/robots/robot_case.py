@@ -24,7 +24,7 @@ from robotcast.robots.logs import Log, periods, read_logs
 from robotcast.robots.names import to_si
 from robotcast.robots.next_motions import Motions, motions
 from robotcast.robots.robot_file import RobotFile, read_robot
-from robotcast.robots.robot_model import RobotModel, tuned_parameters
+from robotcast.robots.robot_model import RobotModel, of_quaternions, tuned_parameters
 from robotcast.robots.rollout import Rollout
 from robotcast.robots.sizes import Sizes, sizes_of
 from robotcast.robots.windows import GROUPS, LEAST_SAMPLES, StartStates, Window, cut, noise_of
@@ -181,9 +181,10 @@ def _length(
     times = [logs[w.log].times_s[w.first : w.end] - logs[w.log].times_s[w.first] for w in windows]
     nominal = np.array([[p.nominal for p in tuned_parameters(robot)]])
     found = rollout.simulate(range(len(windows)), times, (), nominal)[0]
-    at = [k for k, signal in enumerate(robot.measured) if signal.kind == "position"]
-    travel = np.nanstd(np.vstack([log.measured[:, at] for log in logs]), axis=0)
-    travel = np.maximum(travel, MOVES * noise[at])
+    signals = list(robot.measured)
+    at = [k for k, signal in enumerate(signals) if signal.kind in ("position", "turn")]
+    travel = np.nanstd(np.vstack([log.measured for log in logs]), axis=0)
+    travel = np.maximum(of_quaternions(signals, travel), MOVES * noise)[at]
     lost_s = []
     for path, window, times_s in zip(found, windows, times, strict=True):
         missed = path[: len(times_s), at] - logs[window.log].measured[window.first : window.end, at]

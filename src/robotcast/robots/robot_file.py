@@ -15,6 +15,7 @@ from robotcast.files import write_text
 from robotcast.robots.couplings import WORLD, couple, moved_by, serve
 from robotcast.robots.model_fields import Payload
 from robotcast.robots.names import (
+    WIDTH,
     Address,
     Channel,
     Signal,
@@ -30,7 +31,6 @@ FILE = "robot.yaml"
 NEEDED = {
     "model": "the MJCF or URDF file",
     "logs": "file names or patterns, from the folder",
-    "drive": "what the columns drive",
     "measured": "what the columns measure",
 }
 KEYS = """model logs time drive measured servos weld tune sysid groups payloads repeats windows
@@ -204,12 +204,8 @@ def read_robot(folder: Path) -> RobotFile:
     spec = couple(load_spec(model_path, weld))
     serve(spec, servos, f"{path}: servos")
     model = compiled(spec, model_path)
-    if loose := [n for n, t in zip(names_of(model, "joint"), model.jnt_type, strict=True) if t < 2]:
-        raise ValueError(
-            f"{model_path}: {loose[0]} is a free or a ball joint; only hinges and slides are "
-            f"simulated: log the robot with its base on a stand, and say weld: [{loose[0]}] in "
-            f"{FILE}"
-        )
+    measured = _columns(said.part("measured"), signal, model)
+    _refuse_unseen(model, measured, path)
     known = read_parameters(folder / str(said.get("sysid"))) if said.get("sysid") else {}
     logs, windows = _log_paths(folder, said), said.part("windows")
     windows.allow("length_s", "most")
@@ -220,7 +216,7 @@ def read_robot(folder: Path) -> RobotFile:
         logs=logs,
         time=_column(said.part("time", "column", "time"), "s"),
         drive=_columns(said.part("drive"), channel, model),
-        measured=_columns(said.part("measured"), signal, model),
+        measured=measured,
         weld=weld,
         servos=servos,
         tune=tuple(_tunables(said, known, model)),
@@ -315,6 +311,19 @@ def _column(said: _Said, wanted: str) -> Column:
     return Column(str(said.get("column")), factor, offset, noise, shown)
 
 
+def _refuse_unseen(model: mujoco.MjModel, measured: Iterable[Signal], path: Path) -> None:
+    """Refuse a joint whose position is not measured, so that no window could start from it."""
+    seen = {at.index for at in measured if at.kind in ("position", "turn")}
+    ends = [*model.jnt_qposadr[1:], model.nq]
+    for name, first, end in zip(names_of(model, "joint"), model.jnt_qposadr, ends, strict=True):
+        if lacking := [k for k in range(end - first) if first + k not in seen]:
+            at = f"[{lacking[0]}]" if end - first > 1 else ""
+            raise ValueError(
+                f"{path}: no column measures joint[{name}].position{at}, so that nobody knows from "
+                f"where a window starts; measure it, or say weld: [{name}] if it does not move"
+            )
+
+
 def _tunables(said: _Said, known: Mapping[str, Mapping[str, Any]], model: Any) -> list[Tunable]:
     """Read `tune`; a word in the place of bounds names a parameter of the ParameterDict."""
     found, part = [], said.part("tune")
@@ -352,6 +361,8 @@ def _groups(said: _Said, model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
     for name in said.values:
         patterns, where = said.names(name), said.at(name)
         found = [j for one in patterns for j in matching(model, "joint", one, where)]
+        if any(model.jnt_type[j] in WIDTH for j in found):
+            raise said.wrong("only hinges and slides share their effects", patterns, name)
         groups[str(name)] = tuple(dict.fromkeys(int(model.jnt_dofadr[j]) for j in found))
     return groups
 

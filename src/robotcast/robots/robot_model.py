@@ -19,6 +19,7 @@ from robotcast.fitting.least_squares import DIFFERENCE
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.logs import Log
+from robotcast.robots.names import Signal
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.rollout import Rollout
 from robotcast.robots.windows import Window
@@ -26,6 +27,7 @@ from robotcast.robots.windows import Window
 PART = 0.02  # of how far a signal moves: what is missed by so much counts as one
 MOST_SD = 3.0  # standard deviations that a start state may move by
 FINER = 5  # into how many parts a step is cut to see what it errs by
+STEPS = 1  # towards the start states that the model as it is fits best
 DRAWS = 20  # of noise, for what it leaves of a perfect model
 
 
@@ -37,14 +39,20 @@ class Units:
     noise: np.ndarray
 
     @classmethod
-    def of(cls, logs: Sequence[Log], windows: Sequence[Window], noise: np.ndarray) -> "Units":
+    def of(
+        cls,
+        signals: Sequence[Signal],
+        logs: Sequence[Log],
+        windows: Sequence[Window],
+        noise: np.ndarray,
+    ) -> "Units":
         """Take them from how far the signals move within the windows."""
         squares = []
         for w in windows:
             some = logs[w.log].measured[w.first : w.end]
             squares.append(np.nanmean((some - np.nanmean(some, axis=0)) ** 2, axis=0))
         travel = np.sqrt(np.nanmean(squares, axis=0))
-        travel = np.where(travel > 0, travel, travel.max())
+        travel = of_quaternions(signals, np.where(travel > 0, travel, travel.max()))
         si = np.hypot(noise, PART * travel)
         return cls(si, noise / si)
 
@@ -52,6 +60,15 @@ class Units:
     def scale(self) -> float:
         """As many units a signal without noise moves by; together, all signals."""
         return float(np.sqrt(len(self.si)) / PART)
+
+
+def of_quaternions(signals: Sequence[Signal], travel: np.ndarray) -> np.ndarray:
+    """Return how far signals move, (n_signals,), the elements of a quaternion as one."""
+    found = travel.copy()
+    for dof in {at.dof for at in signals if at.kind == "turn"}:
+        own = [at.kind == "turn" and at.dof == dof for at in signals]
+        found[own] = np.sqrt(np.mean(travel[own] ** 2))
+    return found
 
 
 class RobotModel:
@@ -71,10 +88,10 @@ class RobotModel:
     ) -> None:
         self.effects = {effect.name: effect for effect in effects}
         self.parameters = tuned_parameters(robot)
-        self.units = units or Units.of(logs, windows, noise)
+        self.units = units or Units.of(list(robot.measured), logs, windows, noise)
         self.scale = self.units.scale
         self.rollout = Rollout(robot, logs, windows, threads)
-        self._gains: dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray]] = {}
+        self._gains: dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
 
     @cached_property
     def records(self) -> tuple[Record, ...]:
@@ -101,13 +118,15 @@ class RobotModel:
     ) -> np.ndarray:
         """Predict the windows' signals from their fitted start states (see `Model`)."""
         effects = [self.effects[name] for name in active]
-        of = [r.trial for r in records], [r.times_s for r in records]
-        found = self.rollout.simulate(*of, effects, vectors)
+        numbers, (start, _) = [r.trial for r in records], self._starts
+        of = numbers, [r.times_s for r in records]
+        found = self.rollout.simulate(*of, effects, vectors, self._away(numbers, start[numbers]))
         found /= self.units.si
         for row, record in enumerate(records):
             k = len(record.times_s)
             if np.isfinite(record.measured).any():
-                found[:, row, :k] += self._start_shift(record, record.measured - found[:, row, :k])
+                missed = record.measured - found[:, row, :k]
+                found[:, row, :k] += self._start_shift(record, missed, start[record.trial])
         return found
 
     @cached_property
@@ -130,7 +149,7 @@ class RobotModel:
         rng = np.random.default_rng(seed)
         missed = []
         for record in records:
-            slopes, _ = self._gain(record)
+            slopes, *_ = self._gain(record)
             shape = (DRAWS, *record.measured.shape)
             left = rng.normal(size=shape) * self.units.noise
             left += (rng.normal(size=(DRAWS, slopes.shape[1])) @ slopes.T).reshape(shape)
@@ -140,7 +159,7 @@ class RobotModel:
     @property
     def finer(self) -> "RobotModel":
         """The same model with a shorter step: diagnosis asks it by what that shifts sizes."""
-        assert len(self._slopes)  # of the start states, which both have in common
+        _ = self._starts  # which both have in common
         other, known = copy(self), self.rollout
         other.__dict__.pop("nominal_misses", None)
         other.rollout = Rollout(known.robot, known.logs, known.windows, known.threads, FINER)
@@ -149,13 +168,15 @@ class RobotModel:
     def step_miss(self) -> float:
         """Return by how much the model errs because its step is no shorter, % of the scale.
 
+        It is seen by a finer one, of which a part of it is left, as integrators are of first order.
         What the tuned parameters take up of it, by their slopes, is not missed.
         """
         numbers, times_s = range(len(self.records)), [record.times_s for record in self.records]
         vectors = _about(self.parameters)
         coarse = self.rollout.simulate(numbers, times_s, (), vectors)
         exact = self.finer.rollout.simulate(numbers, times_s, (), vectors[:1])
-        moved = np.concatenate([coarse[:1] - exact, coarse[1:] - coarse[:1]]) / self.units.si
+        whole = (coarse[:1] - exact) * FINER / (FINER - 1)
+        moved = np.concatenate([whole, coarse[1:] - coarse[:1]]) / self.units.si
         parts = []
         for row, record in enumerate(self.records):
             part = moved[:, row, : len(record.times_s)]
@@ -169,46 +190,73 @@ class RobotModel:
         means = [np.nanmean(np.linalg.norm(one, axis=-1)) for one in missed]
         return 100 * float(np.nanmedian(means)) / self.scale
 
-    def _start_shift(self, record: Record, missed: np.ndarray) -> np.ndarray:
-        """Return by how much a better start moves signals that miss by (n, k, d)."""
-        slopes, gain = self._gain(record)
+    def _start_shift(
+        self, record: Record, missed: np.ndarray, start: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """Return by how much a better start moves signals that miss by (n, k, d) from `start`."""
+        slopes, gain, hold = self._gain(record)
         flat = np.nan_to_num(missed).reshape(len(missed), -1)
         # not by BLAS, whose sums depend on how many rows there are
-        moved = np.clip(np.einsum("nk,sk->ns", flat, gain), -MOST_SD, MOST_SD)
+        moved = np.einsum("nk,sk->ns", flat, gain) - hold @ (start + np.zeros(len(hold)))
+        moved = np.clip(moved, -MOST_SD - start, MOST_SD - start)
         return np.einsum("ns,ks->nk", moved, slopes).reshape(missed.shape)
 
-    def _gain(self, record: Record) -> tuple[np.ndarray, np.ndarray]:
-        """Return slopes (k d, 2 nv) by the start's deviations, and what estimates those.
-
-        A start is as likely as its samples say, a priori, and every sample is off by its noise.
-        """
+    def _gain(self, record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return slopes (k d, 2 nv) by the start's deviations, and what estimates those."""
         key = (record.trial, record.times_s.tobytes())
         if key not in self._gains:
-            slopes = self._slopes[record.trial]
+            slopes = self._starts[1][record.trial]
             times_s = self.records[record.trial].times_s
             at = np.searchsorted(times_s, record.times_s - 1e-12)
             slopes = slopes[at].reshape(-1, slopes.shape[2])
-            seen = np.isfinite(record.measured).ravel()
-            precision = np.tile(self.units.noise**-2, len(record.times_s)) * seen
-            hold = slopes.T @ (slopes * precision[:, None]) + np.eye(slopes.shape[1])
-            self._gains[key] = slopes, np.linalg.solve(hold, slopes.T * precision)
+            self._gains[key] = slopes, *self._estimate(record, slopes)
         return self._gains[key]
 
+    def _estimate(self, record: Record, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what a start's deviations are estimated with from misses, and what holds them.
+
+        A start is as likely as its samples say, a priori, and every sample is off by its noise.
+        """
+        seen = np.isfinite(record.measured).ravel()
+        precision = np.tile(self.units.noise**-2, len(record.times_s)) * seen
+        hold = slopes.T @ (slopes * precision[:, None]) + np.eye(slopes.shape[1])
+        return np.linalg.solve(hold, slopes.T * precision), np.linalg.inv(hold)
+
     @cached_property
-    def _slopes(self) -> np.ndarray:
-        """By one deviation of every start coordinate, (n_windows, k, d, 2 nv), nominal model."""
-        windows, nv = self.rollout.windows, self.rollout.robot.model.nv
-        n = 1 + 2 * nv
-        moved = np.zeros((len(windows), n, 2, nv))  # the first of each not at all
-        for window, own in zip(windows, moved, strict=True):
-            own[1:] = np.diag(window.start_sd.ravel()).reshape(-1, 2, nv)
-        numbers = np.repeat(np.arange(len(windows)), n).tolist()
+    def _starts(self) -> tuple[np.ndarray, np.ndarray]:
+        """Starts that the nominal model fits best, and its slopes there.
+
+        Both by deviations of every start coordinate, (n_windows, 2 nv), (n_windows, k, d, 2 nv).
+        """
+        start = np.zeros((len(self.records), 2 * self.rollout.robot.model.nv))
+        for _ in range(STEPS):
+            paths, slopes = self._sloped(start)
+            for own, record, path, by in zip(start, self.records, paths, slopes, strict=True):
+                k = len(record.times_s)
+                flat = by[:k].reshape(-1, by.shape[2])
+                gain, hold = self._estimate(record, flat)
+                missed = np.nan_to_num(record.measured - path[:k]).ravel()
+                own[:] = np.clip(own + gain @ missed - hold @ own, -MOST_SD, MOST_SD)
+        return start, self._sloped(start)[1]
+
+    def _sloped(self, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return signals (n_windows, k, d) from starts, and slopes by their deviations."""
+        n_windows, n_states = start.shape
+        n = 1 + n_states
+        around = np.repeat(start[:, None], n, axis=1)
+        around[:, 1:] += np.eye(n_states)
+        numbers = np.repeat(np.arange(n_windows), n).tolist()
         times_s = [self.records[k].times_s for k in numbers]
         nominal = np.array([[p.nominal for p in self.parameters]])
-        found = self.rollout.simulate(numbers, times_s, (), nominal, moved.reshape(-1, 2, nv))
-        found = found[0] / self.units.si
-        found = found.reshape(len(windows), n, *found.shape[1:])
-        return np.nan_to_num(np.moveaxis(found[:, 1:] - found[:, :1], 1, -1))
+        away = self._away(numbers, around.reshape(-1, n_states))
+        found = self.rollout.simulate(numbers, times_s, (), nominal, away)[0] / self.units.si
+        found = found.reshape(n_windows, n, *found.shape[1:])
+        return found[:, 0], np.nan_to_num(np.moveaxis(found[:, 1:] - found[:, :1], 1, -1))
+
+    def _away(self, numbers: Sequence[int], start: np.ndarray) -> np.ndarray:
+        """Return deviations (n, 2 nv) of windows' starts in SI units, (n, 2, nv)."""
+        sd = np.array([self.rollout.windows[k].start_sd for k in numbers])
+        return start.reshape(sd.shape) * sd
 
 
 def _about(parameters: Sequence[Parameter]) -> np.ndarray:

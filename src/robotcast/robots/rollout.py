@@ -13,6 +13,7 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 
 from robotcast.processes import cores
+from robotcast.robots.coordinates import coordinates, moved, quaternions, rates, turned
 from robotcast.robots.effect import Acting, Motion, RobotEffect
 from robotcast.robots.logs import Log
 from robotcast.robots.model_fields import BatchFields, load
@@ -58,7 +59,7 @@ class Rollout:
         self._channels = list(robot.drive)
         self._signals = list(robot.measured)
         self._delay_s, self._latency_s = self._own_delays()
-        self.qpos_of_dof = self._model.jnt_qposadr[self._model.dof_jntid]
+        self.qpos_of_dof = coordinates(self._model)
 
     def _own_delays(self) -> tuple[np.ndarray, np.ndarray]:
         """Take the model's own delays of commands and of sensors [s] out of it, by column.
@@ -79,7 +80,7 @@ class Rollout:
         times_s: Sequence[np.ndarray],
         effects: Sequence[RobotEffect],
         vectors: np.ndarray,
-        moved: np.ndarray | None = None,
+        away: np.ndarray | None = None,
     ) -> np.ndarray:
         """Return all signals in SI units, (n_vectors, n_starts, k_max, n_signals).
 
@@ -88,11 +89,11 @@ class Rollout:
         numbers : of the windows, one for every start.
         times_s : of every start, when its signals are wanted, from the start of its window.
         vectors : ndarray (n_vectors, n), the tuned parameters, then those of the effects.
-        moved : how far from the measured states it starts, in positions and velocities,
+        away : how far from the measured states it starts, in positions and velocities,
             (n_starts, 2, nv); None for nothing.
         """
         windows = [self.windows[k] for k in numbers]
-        moved = np.zeros((len(windows), 2, self._model.nv)) if moved is None else moved
+        away = np.zeros((len(windows), 2, self._model.nv)) if away is None else away
         k_max = max(map(len, times_s))
         found = np.full((len(vectors), len(windows), k_max, len(self._signals)), np.nan)
         by_steps = stepwise(self.robot.tune, effects, vectors)
@@ -102,7 +103,7 @@ class Rollout:
                 of_vector, of_start = part.T
                 paths = self._run(
                     [windows[s] for s in of_start],
-                    moved[of_start],
+                    away[of_start],
                     [times_s[s] for s in of_start],
                     _acting(self.robot.tune, effects, vectors[of_vector]),
                     vectors[of_vector],
@@ -115,7 +116,7 @@ class Rollout:
     def _run(
         self,
         windows: Sequence[Window],
-        moved: np.ndarray,
+        away: np.ndarray,
         times_s: Sequence[np.ndarray],
         acting: Acting,
         values: np.ndarray,
@@ -138,7 +139,7 @@ class Rollout:
         before, drive = self._drive(windows, acting, n_steps)
         if self._model.na:
             self._recall(batch, windows, before)
-        self._place(batch, windows, moved, acting)
+        self._place(batch, windows, away, acting)
         if by_steps:
             path = self._stepped(batch, windows, acting, drive)
         else:
@@ -146,20 +147,20 @@ class Rollout:
         return self._observed(path, windows, times_s, acting)
 
     def _place(
-        self, batch: Batch, windows: Sequence[Window], moved: np.ndarray, acting: Acting
+        self, batch: Batch, windows: Sequence[Window], away: np.ndarray, acting: Acting
     ) -> None:
         """Write the states at the starts: where encoders show them, less what those distort."""
-        qpos = np.array([w.qpos for w in windows])
-        qpos[:, self.qpos_of_dof] += moved[:, 0]
+        qpos = moved(self._model, np.array([w.qpos for w in windows]), away[:, 0])
         for effect, own in _through("unseen", acting):
             at = self.qpos_of_dof[list(effect.where.dofs)]
             qpos[:, at] = effect.unseen(qpos[:, None, at], **_deeper(own))[:, 0]
-        qvel = np.array([w.qvel for w in windows]) + moved[:, 1]
+        qvel, since = np.array([w.qvel for w in windows]) + away[:, 1], np.zeros_like(away[:, 0])
         for effect, own in _through("latency_s", acting):
             dofs, late_s = list(effect.where.dofs), effect.latency_s(**own)
             qacc = np.array([w.bends[0] for w in windows])[:, dofs]
-            qpos[:, self.qpos_of_dof[dofs]] += late_s * (qvel[:, dofs] + late_s / 2 * qacc)
+            since[:, dofs] += late_s * (qvel[:, dofs] + late_s / 2 * qacc)
             qvel[:, dofs] += late_s * qacc
+        qpos = moved(self._model, qpos, since)
         batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos, qvel
 
     def _recall(self, batch: Batch, windows: Sequence[Window], drive: np.ndarray) -> None:
@@ -171,7 +172,7 @@ class Rollout:
         since_s = self._step_s * np.arange(-drive.shape[1], 0)
         led = {(w.log, w.first): self._led(w, since_s) for w in windows}
         qpos, logged = (np.array([led[w.log, w.first][k] for w in windows]) for k in (0, 1))
-        qvel = np.gradient(qpos[:, :, self.qpos_of_dof], self._step_s, axis=1)
+        qvel = rates(self._model, qpos, self._step_s)
         model, ctrl, act = self._model, batch.bind("ctrl"), batch.bind("act")
         controls = [(c, at.actuator) for c, at in enumerate(self._channels)]
         own = np.flatnonzero(model.actuator_actnum == 1)
@@ -194,7 +195,7 @@ class Rollout:
         at_s = log.times_s[window.first] + since_s
         qpos = np.tile(self._model.qpos0, (len(since_s), 1))
         for k, signal in enumerate(self._signals):
-            if signal.kind == "position":
+            if signal.kind in ("position", "turn"):
                 seen = np.isfinite(log.measured[:, k])
                 qpos[:, signal.index] = np.interp(at_s, log.times_s[seen], log.measured[seen, k])
         return qpos, at_s >= log.times_s[0]
@@ -308,7 +309,7 @@ class Rollout:
             at = self.qpos_of_dof[list(effect.where.dofs)]
             shown = effect.seen(path[:, :, at].swapaxes(0, 1), **_deeper(own))
             path[:, :, at] = shown.swapaxes(0, 1)
-        first = {"position": 0, "velocity": nq, "sensor": nq + nv}
+        first = {"position": 0, "turn": 0, "velocity": nq, "sensor": nq + nv}
         columns = [first[s.kind] + s.index for s in self._signals]
         late_s = np.tile(self._latency_s, (path.shape[1], 1))
         for effect, own in _through("latency_s", acting):
@@ -330,13 +331,19 @@ class Rollout:
 
     def _before_start(self, window: Window, since_s: np.ndarray, late_s: np.ndarray) -> np.ndarray:
         """Return how far the signals were from where they start, before it, (k, n_signals)."""
-        away = np.zeros_like(since_s)
+        away, first = np.zeros_like(since_s), {dof: q for q, dof in quaternions(self._model)}
         for k, s in enumerate(self._signals):
-            if s.dof is not None:
-                before_s, bent = np.minimum(since_s[:, k], 0.0), window.bends[0, s.dof]
-                rate = window.qvel[s.dof] + late_s[k] * bent
-                of_position = rate + before_s / 2 * bent
-                away[:, k] = before_s * (of_position if s.kind == "position" else bent)
+            if s.dof is None:
+                continue
+            own = s.dof + np.arange(3 if s.kind == "turn" else 1)
+            before_s, bent = np.minimum(since_s[:, [k]], 0.0), window.bends[0, own]
+            rate = window.qvel[own] + late_s[k] * bent
+            path = before_s * (rate + before_s / 2 * bent if s.kind != "velocity" else bent)
+            if s.kind == "turn":
+                q = window.qpos[first[s.dof] : first[s.dof] + 4]
+                away[:, k] = (turned(q, path) - q)[:, s.index - first[s.dof]]
+            else:
+                away[:, k] = path[:, 0]
         return away
 
 

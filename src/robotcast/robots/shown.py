@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from robotcast.robots.model_fields import loaded
-from robotcast.robots.names import joint_of_dof
+from robotcast.robots.names import name_of_dof
 from robotcast.robots.robot_case import RobotCase
 from robotcast.robots.sizes import inverse_states
 
@@ -102,7 +102,7 @@ def _torques(case: RobotCase) -> list[dict[str, Any]]:
         scale = np.degrees(1.0) if length == "deg" else 1.0
         found.append(
             {
-                "joint": joint_of_dof(robot.model, dof),
+                "joint": name_of_dof(robot.model, dof),
                 "units": {"length": length, "torque": "N m" if hinge else "N"},
                 "position": scale * position[:, dof],
                 "speed": scale * speed[:, dof],

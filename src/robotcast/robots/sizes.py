@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from robotcast.robots.coordinates import coordinates, turning
 from robotcast.robots.logs import Log
 from robotcast.robots.windows import StartStates
 
@@ -81,7 +82,7 @@ def inverse_states(
 def sizes_of(model: mujoco.MjModel, logs: Sequence[Log], starts: StartStates) -> Sizes:
     """Measure them by inverse dynamics on states that are spread over the logs."""
     data = mujoco.MjData(model)
-    qpos_of = model.jnt_qposadr[model.dof_jntid]
+    qpos_of = coordinates(model)
     rows, touches = [], False
     mass = np.empty((model.nv, model.nv))
     for _, _, qpos, qvel, qacc in inverse_states(logs, starts, MOST_STATES):
@@ -108,7 +109,7 @@ def sizes_of(model: mujoco.MjModel, logs: Sequence[Log], starts: StartStates) ->
         inertia=inertia.mean(axis=0),
         lowest=position.min(axis=0),
         highest=position.max(axis=0),
-        hinge=kinds == int(mujoco.mjtJoint.mjJNT_HINGE),
+        hinge=turning(model) | (kinds == int(mujoco.mjtJoint.mjJNT_HINGE)),
         command=np.maximum(np.max([np.abs(log.drive).max(axis=0) for log in logs], axis=0), 1e-9),
         log_s=max(log.times_s[-1] - log.times_s[0] for log in logs),
         reach_m=float(np.median(reach_m[reach_m > 0])) if (reach_m > 0).any() else 0.1,

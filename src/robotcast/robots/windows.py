@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robotcast.robots.coordinates import coordinates, moved, quaternions, turn, turning
 from robotcast.robots.logs import Log, periods
-from robotcast.robots.names import Signal, joint_of_dof
 from robotcast.robots.robot_file import RobotFile
 
 ABOUT_S, ABOUT_SAMPLES = 0.02, 4  # on either side of a start: what tells its state
@@ -75,17 +75,7 @@ class StartStates:
         self._robot, self._logs, self._noise = robot, logs, noise
         # how many samples before and after a start are looked at
         self.margin = max(ABOUT_SAMPLES, round(ABOUT_S / periods(logs)))
-        self._of_dof: dict[int, list[tuple[int, Signal]]] = {}
-        for k, at in enumerate(robot.measured):
-            if at.dof is not None:
-                self._of_dof.setdefault(at.dof, []).append((k, at))
-        for dof in range(robot.model.nv):
-            if not any(at.kind == "position" for _, at in self._of_dof.get(dof, ())):
-                joint = joint_of_dof(robot.model, dof)
-                raise ValueError(
-                    f"{robot.path}: no column measures joint[{joint}].position, so that nobody "
-                    "knows from where a window starts; measure it, or weld it if it does not move"
-                )
+        self._turns = {at.index: k for k, at in enumerate(robot.measured) if at.kind == "turn"}
 
     def at(self, log: int, first: int) -> tuple[np.ndarray, ...] | None:
         """Return qpos (nq,), qvel (nv,) and their deviations (2, nv); None where samples lack.
@@ -97,42 +87,61 @@ class StartStates:
         if rows.start < 0 or rows.stop > len(some.times_s):
             return None
         since_s = some.times_s[rows] - some.times_s[first]
-        qpos, known, sd = model.qpos0.copy(), *np.zeros((2, CUBIC, model.nv))
-        for dof, signals in self._of_dof.items():
-            fitted = self._fitted(some, rows, since_s, signals)
+        near, known, sd = some.measured[rows], *np.zeros((2, CUBIC, model.nv))
+        for dof, signals in self._seen(near).items():
+            fitted = _fitted(since_s, signals)
             if fitted is None:
                 return None
             known[:, dof], sd[:, dof] = fitted
-            qpos[next(at.index for _, at in signals if at.kind == "position")] = known[0, dof]
-        return qpos, known[1], sd[:2], known[2:], sd[2:]
+        qpos = model.qpos0.copy()
+        qpos[coordinates(model)[~turning(model)]] = 0.0
+        for index, k in self._turns.items():
+            qpos[index] = near[self.margin, k]
+        return moved(model, qpos[None], known[:1])[0], known[1], sd[:2], known[2:], sd[2:]
 
-    def _fitted(
-        self, log: Log, rows: slice, since_s: np.ndarray, signals: Sequence[tuple[int, Signal]]
-    ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Fit one cubic to the positions and its slope to the velocities of a joint.
+    def _seen(self, near: np.ndarray) -> dict[int, list[tuple[bool, np.ndarray, float]]]:
+        """Return what samples (n, n_signals) say of every dof: a rate or not, values, noise.
 
-        Return the value and its three derivatives, and their deviations.
+        Turns count from the sample in the middle.
         """
-        span = since_s[-1]
-        tau, powers = since_s / span, np.arange(CUBIC)
-        parts, targets = [], []
-        for k, at in signals:
-            values = log.measured[rows, k]
-            seen = np.isfinite(values)
-            if at.kind == "position":
-                basis = tau[:, None] ** powers
-            else:
-                basis = powers * tau[:, None] ** np.maximum(powers - 1, 0) / span
-            parts.append((basis / self._noise[k])[seen])
-            targets.append((values / self._noise[k])[seen])
-        design, target = np.vstack(parts), np.concatenate(targets)
-        if len(target) < CUBIC + 2 or np.linalg.matrix_rank(design) < CUBIC:
-            return None
-        found = np.linalg.lstsq(design, target, rcond=None)[0]
-        left = float(((target - design @ found) ** 2).sum() / (len(target) - CUBIC))
-        sd = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * max(1.0, left))
-        derivative = np.array([1.0, 1.0, 2.0, 6.0]) / span**powers
-        return found * derivative, sd * derivative
+        found = {dof: [] for dof in range(self._robot.model.nv)}
+        for k, at in enumerate(self._robot.measured):
+            if at.dof is not None and at.kind != "turn":
+                found[at.dof].append((at.kind == "velocity", near[:, k], self._noise[k]))
+        for index, dof in quaternions(self._robot.model):
+            own = [self._turns[index + element] for element in range(4)]
+            turns = turn(near[self.margin, own], near[:, own])
+            noise = 2 * float(np.sqrt(np.mean(self._noise[own] ** 2)))
+            for axis in range(3):
+                found[dof + axis].append((False, turns[:, axis], noise))
+        return found
+
+
+def _fitted(
+    since_s: np.ndarray, signals: Sequence[tuple[bool, np.ndarray, float]]
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Fit one cubic to the positions and its slope to the velocities of a degree of freedom.
+
+    Return the value and its three derivatives, and their deviations.
+    """
+    span = since_s[-1]
+    tau, powers = since_s / span, np.arange(CUBIC)
+    parts, targets = [], []
+    for is_rate, values, noise in signals:
+        seen = np.isfinite(values)
+        basis = tau[:, None] ** powers
+        if is_rate:
+            basis = powers * tau[:, None] ** np.maximum(powers - 1, 0) / span
+        parts.append((basis / noise)[seen])
+        targets.append((values / noise)[seen])
+    design, target = np.vstack(parts), np.concatenate(targets)
+    if len(target) < CUBIC + 2 or np.linalg.matrix_rank(design) < CUBIC:
+        return None
+    found = np.linalg.lstsq(design, target, rcond=None)[0]
+    left = float(((target - design @ found) ** 2).sum() / (len(target) - CUBIC))
+    sd = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * max(1.0, left))
+    derivative = np.array([1.0, 1.0, 2.0, 6.0]) / span**powers
+    return found * derivative, sd * derivative
 
 
 def cut(
