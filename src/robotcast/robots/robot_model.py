@@ -17,6 +17,7 @@ import numpy as np
 from robotcast.diagnosis.model import Record
 from robotcast.fitting.least_squares import DIFFERENCE
 from robotcast.fitting.parameter import Parameter
+from robotcast.robots.coordinates import turning
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.logs import Log
 from robotcast.robots.names import Signal
@@ -27,7 +28,6 @@ from robotcast.robots.windows import Window
 PART = 0.02  # of how far a signal moves: what is missed by so much counts as one
 MOST_SD = 3.0  # standard deviations that a start state may move by
 FINER = 5  # into how many parts a step is cut to see what it errs by
-STEPS = 1  # towards the start states that the model as it is fits best
 DRAWS = 20  # of noise, for what it leaves of a perfect model
 
 
@@ -212,31 +212,41 @@ class RobotModel:
             self._gains[key] = slopes, *self._estimate(record, slopes)
         return self._gains[key]
 
-    def _estimate(self, record: Record, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _estimate(
+        self, record: Record, slopes: np.ndarray, scatter: float = 1.0
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Return what a start's deviations are estimated with from misses, and what holds them.
 
-        A start is as likely as its samples say, a priori, and every sample is off by its noise.
+        A start is as likely as its samples say, a priori, and every sample is off by its noise, of
+        a variance that is `scatter` times as large.
         """
         seen = np.isfinite(record.measured).ravel()
-        precision = np.tile(self.units.noise**-2, len(record.times_s)) * seen
+        precision = np.tile(self.units.noise**-2 / scatter, len(record.times_s)) * seen
         hold = slopes.T @ (slopes * precision[:, None]) + np.eye(slopes.shape[1])
         return np.linalg.solve(hold, slopes.T * precision), np.linalg.inv(hold)
 
     @cached_property
     def _starts(self) -> tuple[np.ndarray, np.ndarray]:
-        """Starts that the nominal model fits best, and its slopes there.
+        """Where slopes are taken, and the nominal model's slopes there.
 
         Both by deviations of every start coordinate, (n_windows, 2 nv), (n_windows, k, d, 2 nv).
+        Those of hinges and slides are known so well that it is the measured state. How a body turns
+        freely is not, and bends its path: there it is where the nominal model says that it started,
+        as far as that can be believed: what it misses anyway counts as noise.
         """
-        start = np.zeros((len(self.records), 2 * self.rollout.robot.model.nv))
-        for _ in range(STEPS):
-            paths, slopes = self._sloped(start)
-            for own, record, path, by in zip(start, self.records, paths, slopes, strict=True):
-                k = len(record.times_s)
-                flat = by[:k].reshape(-1, by.shape[2])
-                gain, hold = self._estimate(record, flat)
-                missed = np.nan_to_num(record.measured - path[:k]).ravel()
-                own[:] = np.clip(own + gain @ missed - hold @ own, -MOST_SD, MOST_SD)
+        model = self.rollout.robot.model
+        start = np.zeros((len(self.records), 2 * model.nv))
+        paths, slopes = self._sloped(start)
+        if not turning(model).any():
+            return start, slopes
+        for own, record, path, by in zip(start, self.records, paths, slopes, strict=True):
+            k = len(record.times_s)
+            flat = by[:k].reshape(-1, by.shape[2])
+            missed = np.nan_to_num(record.measured - path[:k])
+            left = missed.ravel() - flat @ (self._estimate(record, flat)[0] @ missed.ravel())
+            scatter = np.mean((left.reshape(missed.shape) / self.units.noise) ** 2)
+            gain, _ = self._estimate(record, flat, max(1.0, float(scatter)))
+            own[:] = np.clip(gain @ missed.ravel(), -MOST_SD, MOST_SD)
         return start, self._sloped(start)[1]
 
     def _sloped(self, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
