@@ -228,7 +228,7 @@ def write_report(
         policies={e.policy for e in results.evaluations if len(e.casts)},
         predicted=any(e.kind == "predicted" for e in results.evaluations),
         loop=loop_block(loop) if loop else "",
-        glance=glance(results),
+        glance=[glance(results, cable) for cable in results.cables],
         tables=tables,
         figures=figures,
         facts=facts,
@@ -301,12 +301,8 @@ def _figures(results: Results) -> dict[str, list[PageFigure]]:
     return figures
 
 
-def glance(results: Results) -> list[dict[str, str]]:
-    """Return a row a cable: lengths, counts, the floor, and how near model and policy come."""
-    return [_glance(results, cable) for cable in results.cables]
-
-
-def _glance(results: Results, cable: CableData) -> dict[str, str]:
+def glance(results: Results, cable: CableData) -> dict[str, str]:
+    """Return a cable's row: lengths, counts, the floor, and how near model and policy come."""
     measured, floor, lost = cable.measured, cable.floor, cable.tracking.get("lost")
     best, policy = results.best_tuning(cable.name), results.best_policy(cable.name)
     mixed = results.evaluation(cable.name, "nn", "mixed")
