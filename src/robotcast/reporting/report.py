@@ -199,7 +199,7 @@ class PageFigure(NamedTuple):
     name: str
     title: str
     caption: str
-    svg: bytes
+    svg: str
 
 
 def write_report(
@@ -219,7 +219,7 @@ def write_report(
         texts[f"tables/{name}.tex"] = table.latex()
         texts[f"tables/{name}.csv"] = table.csv()
     for of in figures.values():
-        texts |= {f"figures/{f.name}.svg": f.svg.decode("utf-8") for f in of}
+        texts |= {f"figures/{f.name}.svg": f.svg for f in of}
     texts["metrics.json"] = json.dumps(metrics(results, loop), indent=1)
     texts["index.html"] = render(
         "report.html",

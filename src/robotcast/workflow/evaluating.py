@@ -12,7 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 from robotcast.build import action_space, build
 from robotcast.casts.plan import plan_action
 from robotcast.casts.table import read_actions
-from robotcast.files import atomic_file
+from robotcast.files import write_text
 from robotcast.measurements.measurement_set import split_by_action
 from robotcast.policies import choosing
 from robotcast.policies.datasets import read_simulated
@@ -92,8 +92,7 @@ def predict_held_out(config: DictConfig, model: ForwardModel) -> pl.DataFrame:
 def write_evaluation(config: DictConfig, table: pl.DataFrame) -> None:
     """Write evaluation.csv and say how it went."""
     folder = output_folder(config.paths.evaluation)
-    with atomic_file(folder / "evaluation.csv") as temporary:
-        table.write_csv(temporary)
+    write_text(folder / "evaluation.csv", table.write_csv())
     median = table["error_percent"].median()
     shown = "no endpoint tracked" if median is None else f"median {median:.1f} % of cable length"
     tell(f"{folder}: {len(table)} casts, {shown}")
