@@ -8,27 +8,21 @@ from omegaconf import DictConfig
 from robotcast.build import build, build_rig
 from robotcast.casts.plan import plan_action, plan_pull
 from robotcast.stage import output_folder, stage
-from robotcast.workflow.evaluating import (
-    cast_on_rig,
-    choose,
-    chosen_targets,
-    predict_held_out,
-    write_evaluation,
-)
+from robotcast.workflow import evaluating
 
 
 def evaluate(config: DictConfig) -> None:
     output_folder(config.paths.evaluation)  # tried before anything is cast
     if "baseline" in config.policy:  # it learned nothing
         rig, plan = build_rig(config), plan_pull
-        choices = build(config.policy.baseline).choose(rig.cable, chosen_targets(config))
+        choices = build(config.policy.baseline).choose(rig.cable, evaluating.chosen_targets(config))
     else:
         model = instantiate(config.policy.learner).load(Path(config.paths.policy))
         if config.rig.name == "recorded":
-            return write_evaluation(config, predict_held_out(config, model))
+            return evaluating.write_evaluation(config, evaluating.predict_held_out(config, model))
         rig, plan = build_rig(config), plan_action
-        choices = choose(config, rig, model)
-    write_evaluation(config, cast_on_rig(config, rig, choices, plan))
+        choices = evaluating.choose(config, rig, model)
+    evaluating.write_evaluation(config, evaluating.cast_on_rig(config, rig, choices, plan))
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotcast.casts.action import Action
+from robotcast.casts.action import Action, ToolMotion
 from robotcast.casts.curves import PlanLimits, plan_curves
 from robotcast.casts.plan import PlannedCast, check_actions, plan_action
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
@@ -32,6 +32,11 @@ def plan_cast(
         r1_m = float(plan_curves(ends, r0_m, limits).actions[0, 1])
     action = Action(theta1_rad, r1_m, theta2_rad, r2_m, alpha_rad, vmax_m_s)
     return plan_action(action, r0_m=r0_m, limits=limits)
+
+
+def mirrored_tool(tool: ToolMotion) -> ToolMotion:
+    """The motion mirrored about the board's axis of symmetry (y → −y)."""
+    return ToolMotion(tool.t_s, tool.pose * np.array([1.0, -1.0, -1.0]))
 
 
 def good_trial(

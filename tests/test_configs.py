@@ -11,8 +11,8 @@ from hydra.utils import get_object, instantiate
 from omegaconf import DictConfig, OmegaConf
 
 from robotcast.reporting.tables import TUNING
+from tests.stages import ROOT, configured
 
-ROOT = Path(__file__).resolve().parents[1]
 CONF = ROOT / "conf"
 LAUNCHERS = "hydra"  # of clusters: their libraries are extras
 GROUPS = sorted(p.name for p in CONF.iterdir() if p.is_dir() and p.name != LAUNCHERS)
@@ -26,11 +26,6 @@ LIBRARIES = OmegaConf.load(CONF / "effects.yaml")
 ENTRIES = {**LIBRARIES.effects, **LIBRARIES.fields}
 
 
-def composed(*overrides: str) -> DictConfig:
-    with initialize_config_dir(str(CONF), version_base=None):
-        return compose("config", overrides=list(overrides))
-
-
 def targets(node: Any) -> Iterator[str]:
     children = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
     if isinstance(node, dict) and "_target_" in node:
@@ -41,7 +36,7 @@ def targets(node: Any) -> Iterator[str]:
 
 @pytest.mark.parametrize("option", OPTIONS)
 def test_every_option_composes_and_its_targets_exist(option: str) -> None:
-    config = OmegaConf.to_container(composed(option), resolve=True)
+    config = OmegaConf.to_container(configured(option), resolve=True)
     for target in targets(config):
         assert callable(get_object(target))
 
@@ -67,7 +62,7 @@ def test_every_effect_and_field_can_be_made(name: str) -> None:
 @pytest.mark.parametrize("group", GROUPS)
 def test_an_unknown_option_lists_the_known_ones(group: str) -> None:
     with pytest.raises(MissingConfigException) as refusal:
-        composed(f"{group}=nonesuch")
+        configured(f"{group}=nonesuch")
     for path in (CONF / group).glob("*.yaml"):
         assert path.stem in str(refusal.value)
 
@@ -82,7 +77,7 @@ def sizes(config: DictConfig) -> dict[str, Any]:
 
 def test_scales_differ_in_sizes_only() -> None:
     """Only simulators that are not the paper's may be missing at some."""
-    demo, paper = (sizes(composed(f"scale={scale}")) for scale in ("demo", "paper"))
+    demo, paper = (sizes(configured(f"scale={scale}")) for scale in ("demo", "paper"))
     studied = sizes(study(ROOT / "studies/better_model/full.yaml"))
     own = {f"tune.{path.stem}" for path in (CONF / "simulator").glob("*.yaml")}
     own -= {f"tune.{name}" for name in TUNING}

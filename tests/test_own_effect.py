@@ -3,12 +3,10 @@
 import re
 import sys
 from functools import partial
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import OmegaConf
 
@@ -20,8 +18,8 @@ from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.diagnosis.selection import Selection
 from robotcast.effects.effect import Effect
 from robotcast.measurements.reader import read_measurement_set
+from tests.stages import ROOT, configured
 
-ROOT = Path(__file__).resolve().parents[1]
 CASTING = ROOT.parent / "shared" / "data" / "casting" / "f"
 NAME = "endpoint_pull"
 
@@ -44,8 +42,7 @@ def own_effect(monkeypatch: pytest.MonkeyPatch) -> Effect:
 @pytest.mark.skipif(not CASTING.exists(), reason="needs ../shared/data/casting")
 def test_the_guides_effect_explains_what_the_library_does_not_hold(own_effect: Effect) -> None:
     measured = read_measurement_set(CASTING)
-    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
-        config = compose("config")
+    config = configured()
     simulator = partial(build_simulator, config, measured.cable)
     model = CastModel(measured, simulator, [own_effect], held=config.simulator.weighed)
     floor, noise = floor_and_noise(Case(model, cast_records(measured), [NAME]))

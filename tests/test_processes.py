@@ -163,10 +163,9 @@ def test_an_interrupt_drops_what_is_queued_and_ends_what_is_under_way(tmp_path: 
 
 
 def test_a_terminal_interrupts_the_one_who_opened_the_pool_alone() -> None:
-    with process_pool(1) as pool:
-        worker = pool.submit(os.getpid).result()
-        os.kill(worker, signal.SIGINT)
-        assert pool.submit(os.getpid).result() == worker
+    with process_pool(2) as pool:
+        os.kill(pool.submit(os.getpid).result(), signal.SIGINT)
+        assert pool.submit(pow, 2, 3).result() == 8
 
 
 SAYS_WHEN_IMPORTED = """
@@ -174,7 +173,7 @@ import os
 from robotcast.processes import process_pool
 print("imported", flush=True)
 if __name__ == "__main__":
-    with process_pool(1) as pool:
+    with process_pool(2) as pool:
         print(pool.submit(os.getpid).result() != os.getpid(), __file__)
 """
 

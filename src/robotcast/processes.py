@@ -13,7 +13,7 @@ import pickle
 import signal
 import sys
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
@@ -39,11 +39,12 @@ def cores(threads: int) -> int:
 def process_pool(workers: int, begin: Callable[[], object] | None = None) -> Iterator[Executor]:
     """Yield a pool that drops what is queued once its user stops, and finishes what is under way.
 
-    Each process calls `begin` before its first work. A terminal's interrupt reaches the user of the
-    pool alone, who decides. A generator that holds the pool must be closed by who reads it
-    (`contextlib.closing`): an interrupt in another place leaves it suspended, and the interpreter
-    then waits for everything queued.
+    One worker is this process, whose `map` works as it is read; of more each calls `begin` before
+    its first work. A terminal's interrupt reaches the user of the pool alone, who decides.
     """
+    if workers <= 1:
+        yield _Here()
+        return
     pool = ProcessPoolExecutor(workers, _Context(), _begin, (begin,))
     try:
         yield pool
@@ -51,21 +52,9 @@ def process_pool(workers: int, begin: Callable[[], object] | None = None) -> Ite
         pool.shutdown(cancel_futures=True)
 
 
-def pool_map(
-    work: Callable[[Part], Answer],
-    parts: Sequence[Part],
-    workers: int,
-    begin: Callable[[], object] | None = None,
-) -> Generator[Answer, None, None]:
-    """Yield what `work` returns for every part, in order, from a pool that ends with it.
-
-    To be closed, as `process_pool` says. One worker is this process.
-    """
-    if (workers := min(workers, len(parts))) <= 1:
-        yield from map(work, parts)
-    else:
-        with process_pool(workers, begin) as pool:
-            yield from pool.map(work, parts)
+class _Here(Executor):
+    def map(self, fn: Callable[..., Any], *parts: Iterable[Any], **_: Any) -> Iterator[Any]:
+        return map(fn, *parts)
 
 
 def parallel_map(

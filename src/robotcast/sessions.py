@@ -25,7 +25,7 @@ import yaml
 
 from robotcast.casts.action import ACTION_COLUMNS, Action, ToolMotion, action_factors
 from robotcast.casts.table import RANGES, TABLE_COLUMNS, Table, read_table
-from robotcast.files import atomic_file, atomic_folder, discard_unfinished, write_text
+from robotcast.files import atomic_folder, discard_unfinished, write_text
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
 
@@ -201,8 +201,7 @@ def video_writer(path: Path, fps: float, width: int, height: int) -> cv2.VideoWr
 
 def write_columns(columns: Mapping[str, np.ndarray], path: Path) -> None:
     """Write a CSV table, seven digits after the point."""
-    with atomic_file(path) as temporary:
-        pl.DataFrame(columns).write_csv(temporary, float_precision=7)
+    write_text(path, pl.DataFrame(columns).write_csv(float_precision=7))
 
 
 def write_tool(tool: ToolMotion, path: Path) -> None:

@@ -85,7 +85,7 @@ def table(config: DictConfig) -> None:
     changes = markdown(CHANGE_HEAD, change_rows(points))
     text = TEXT.format(effects=effects) + written + CHANGES + changes
     write_text(reports / "README.md", text)
-    write_text(reports / "ladders.svg", svg(ladder_figure(models, points)).decode("utf-8"))
+    write_text(reports / "ladders.svg", svg(ladder_figure(models, points)))
     tell(f"{reports}: {len(rows)} policies")
 
 

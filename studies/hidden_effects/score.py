@@ -254,8 +254,8 @@ def write_results(outcomes: Sequence[Outcome], folder: Path) -> list[Path]:
     }
     files = {f"{name}.csv": _csv(rows) for name, (_, rows) in tables.items()}
     with style():
-        files["confusion.svg"] = svg(confusion_figure(outcomes)).decode()
-        files["power.svg"] = svg(power_figure(outcomes)).decode()
+        files["confusion.svg"] = svg(confusion_figure(outcomes))
+        files["power.svg"] = svg(power_figure(outcomes))
     run = sum(o.diagnosis is not None for o in outcomes)
     parts = [f"## {title}\n\n{markdown(rows[0], rows[1:])}" for title, rows in tables.values()]
     parts = [OPENING.format(cases=len(outcomes), run=run), *parts[:2], FIGURES, *parts[2:]]

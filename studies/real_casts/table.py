@@ -72,7 +72,7 @@ def table(config: DictConfig) -> None:
     folder = output_folder(settings.reports)
     write_text(folder / "README.md", TEXT + markdown(columns, rows))
     with style():
-        write_text(folder / "errors.svg", svg(errors_figure(points)).decode("utf-8"))
+        write_text(folder / "errors.svg", svg(errors_figure(points)))
     tell(f"{folder}: {len(rows)} policies")
 
 

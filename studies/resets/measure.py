@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from robotcast.build import action_space, build, build_rig
 from robotcast.casts.plan import PlannedCast, plan_action
 from robotcast.casts.reset import ResetSettings, plan_reset
-from robotcast.files import atomic_file
+from robotcast.files import write_text
 from robotcast.processes import parallel_map
 from robotcast.rigs.collect import choose_casts
 from robotcast.rigs.envelope import feasible_actions
@@ -68,9 +68,8 @@ def measure(config: DictConfig) -> None:
     headings_rad = np.array(found)
     columns = {f"heading_{place:g}": c for place, c in zip(PLACES, headings_rad.T, strict=True)}
     path = packaged_path(rig.cable.name)
-    with atomic_file(path) as temporary:
-        table = pl.DataFrame({"reset": np.arange(len(casts)), **columns})
-        table.write_csv(temporary, float_precision=6)
+    table = pl.DataFrame({"reset": np.arange(len(casts)), **columns})
+    write_text(path, table.write_csv(float_precision=6))
     shown = ", ".join(f"{value:.1f}" for value in headings_rad.std(axis=0, ddof=1) * 1e3)
     tell(f"{path.name}: headings scatter by {shown} mrad from the hand to the free end")
 

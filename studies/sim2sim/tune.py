@@ -15,7 +15,7 @@ from omegaconf import DictConfig, open_dict
 
 from robotcast.build import CONFIGURATION, action_space, build, build_simulator
 from robotcast.casts.plan import PlannedCast, plan_actions
-from robotcast.files import atomic_file
+from robotcast.files import write_text
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.measurement_set import Trial
 from robotcast.rigs.envelope import feasible_actions
@@ -63,8 +63,7 @@ def tune(config: DictConfig) -> None:
             tuning_of = dict(zip(KEY, (*names, number, start), strict=True))
             parameters = _outcomes(objective.free, vector, found, known, test_percent)
             rows += [{**tuning_of, **parameter, "commit": code} for parameter in parameters]
-    with atomic_file(path) as temporary:
-        pl.DataFrame(rows).write_csv(temporary)
+    write_text(path, pl.DataFrame(rows).write_csv())
     for journal in journals:
         journal.close()
     for row in rows:

@@ -1,18 +1,14 @@
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 
 from robotcast.build import build
 from robotcast.casts.plan import ActionGrid, PlanLimits
+from tests.stages import configured
 
-with initialize_config_dir(str(Path(__file__).parents[2] / "conf"), version_base=None):
-    CONFIG = compose("config").casts
+CONFIG = configured().casts
 LIMITS: PlanLimits = build(CONFIG["limits"])
-
-
 GRID: ActionGrid = build(CONFIG.grids.collected)
 SMALL = replace(GRID, counts=dict(theta1=3, theta2=2, r2=4, alpha=2, vmax=2))
 

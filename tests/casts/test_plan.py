@@ -4,7 +4,7 @@ import pytest
 from robotcast.casts.action import Action
 from robotcast.casts.curves import plan_curves, smooth_step
 from robotcast.casts.plan import PlanLimits, plan_action, plan_actions
-from tests.good_casts import plan_cast
+from tests.good_casts import mirrored_tool, plan_cast
 
 LIMITS = PlanLimits()
 R0_M = 0.6
@@ -98,7 +98,7 @@ def test_casts_planned_together_are_those_planned_alone_and_mirror_exactly():
         assert np.array_equal(alone.tool.pose, cast.tool.pose)
         assert alone.end_s == cast.end_s
         assert np.array_equal(image.tool.t_s, cast.tool.t_s)
-        assert np.array_equal(image.tool.pose, cast.tool.mirrored().pose)
+        assert np.array_equal(image.tool.pose, mirrored_tool(cast.tool).pose)
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,7 @@
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 
 from robotcast.build import build_rig
 from robotcast.casts.curves import PlanLimits
@@ -17,8 +15,8 @@ from robotcast.policies.choosing import (
     refine_choices,
     with_spread,
 )
+from tests.stages import configured
 
-ROOT = Path(__file__).resolve().parents[2]
 CABLE = Cable("made up", 0.63, 0.03, 0.01, 0.02)
 BASELINE = CastAndPull(land_r_m=0.81, r_min_m=0.55, pull_m_s=0.2, angle_rad=1.5)
 GRID = ActionGrid(
@@ -200,9 +198,7 @@ def test_a_target_too_near_or_too_far_is_missed_along_its_ray(target_m, nearest_
 @pytest.mark.slow
 @pytest.mark.rig
 def test_the_free_end_of_the_virtual_rig_comes_to_rest_on_the_ray() -> None:
-    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
-        config = compose("config", overrides=["rig.workers=1"])
-    rig = build_rig(config)
+    rig = build_rig(configured())
     (choice,) = BASELINE.choose(rig.cable, on_ray(1.25, -0.8)[None])
     planned = plan_pull(choice.action, r0_m=rig.r0_m, limits=PlanLimits())
     end = rig.simulate_truth(planned, 9_000).cable.end_m[-1, :2]

@@ -7,9 +7,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from hydra import compose, initialize_config_dir
 
-from robotcast.build import build_rig
 from robotcast.casts.action import ACTION_COLUMNS
 from robotcast.casts.plan import PlanLimits
 from robotcast.measurements.measurement_set import Cable
@@ -23,8 +21,8 @@ from robotcast.policies.evaluation import (
 )
 from robotcast.rigs import Rig
 from tests.good_casts import plan_cast
+from tests.rigs.small_rig import small_rig
 
-ROOT = Path(__file__).resolve().parents[2]
 LIMITS = PlanLimits()
 REPEATS = 2
 
@@ -67,11 +65,7 @@ def on_rig(test):
 
 @pytest.fixture(scope="module")
 def rig() -> Rig:
-    """The configured virtual rig with a small picture."""
-    sizes = ["scale.camera.width=640", "scale.camera.height=360", "rig.workers=1"]
-    with initialize_config_dir(str(ROOT / "conf"), version_base=None):
-        config = compose("config", overrides=sizes)
-    return build_rig(config)
+    return small_rig(640, 360)
 
 
 @pytest.fixture(scope="module")

@@ -91,7 +91,8 @@ def test_it_names_the_policy_with_the_lowest_median(data_folder) -> None:
     assert mixed is not None
     halved = mixed.casts.with_columns(mixed.casts["error_percent"] / 2)
     better = replace(mixed, policy="residual", casts=halved)
-    row = glance(replace(results, evaluations=(*results.evaluations, better)))[1]
+    both = replace(results, evaluations=(*results.evaluations, better))
+    row = glance(both, results.cables[1])
     assert row["Cable"] == "Cable 2"
     assert row["π_R2S2R median"] == f"{mixed.median_percent:.1f}%"
     assert row["Best policy median"] == f"Residual {better.median_percent:.1f}%"
@@ -101,7 +102,7 @@ def test_it_names_the_policy_with_the_lowest_median(data_folder) -> None:
 def test_a_cable_without_casts_on_a_rig_has_no_best_policy(data_folder) -> None:
     results = read_results(data_folder)
     predicted = tuple(replace(e, kind="predicted") for e in results.evaluations)
-    row = glance(replace(results, evaluations=predicted))[0]
+    row = glance(replace(results, evaluations=predicted), results.cables[0])
     assert row["Best policy median"] == row["Its repeats scatter"] == "–"
 
 

@@ -1,20 +1,12 @@
 """The configured virtual rig of cable 1 with a small picture, for tests."""
 
-from pathlib import Path
 from typing import Any
-
-from hydra import compose, initialize_config_dir
-from omegaconf import DictConfig
 
 from robotcast.build import build_rig
 from robotcast.casts.plan import PlanLimits
 from robotcast.rigs.virtual.rig import VirtualRig
 from tests.good_casts import plan_cast
-
-
-def configured(*overrides: str) -> DictConfig:
-    with initialize_config_dir(str(Path(__file__).parents[2] / "conf"), version_base=None):
-        return compose("config", list(overrides))
+from tests.stages import configured
 
 
 def small_rig(width: int, height: int, *overrides: str, **changes: Any) -> VirtualRig:

@@ -17,10 +17,10 @@ from robotcast.casts.plan import PlanLimits, PlannedCast
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.collect import choose_casts, collect_casts, number_extra_actions
 from robotcast.sessions import exclusive, read_session
+from tests.good_casts import CABLE
+from tests.stages import ROOT
 
-ROOT = Path(__file__).parents[2]
 LIMITS = PlanLimits()
-CABLE = Cable("cable1", 0.63, 0.008, 0.0045, 0.02)
 ACTIONS = np.array(
     [[theta1, 0.62, -0.4, 0.7, 0.2, 1.5] for theta1 in (0.3, 0.4, 0.5, 0.6, 0.7, 0.8)]
 )

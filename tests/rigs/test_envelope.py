@@ -22,7 +22,7 @@ from robotcast.rigs.kinematics import (
     tilted_joint_path,
 )
 from tests.good_casts import plan_cast
-from tests.rigs.small_rig import configured
+from tests.stages import configured
 
 CONFIG = configured().casts
 LIMITS: PlanLimits = build(CONFIG["limits"])

@@ -12,13 +12,13 @@ from robotcast.casts.plan import PlanLimits, PlannedCast
 from robotcast.rigs.virtual.cable import ArmDynamics, packaged_scatter
 from robotcast.sessions import TOOL_FILE, TRUTH_FILE, VIDEO_FILE, read_record
 from studies.resets.measure import resting_headings, simulate_reset
-from tests.good_casts import plan_cast
+from tests.good_casts import mirrored_tool, plan_cast
 
 pytestmark = pytest.mark.rig
 
 
 def mirrored(planned: PlannedCast) -> PlannedCast:
-    return replace(planned, action=planned.action.mirrored(), tool=planned.tool.mirrored())
+    return replace(planned, action=planned.action.mirrored(), tool=mirrored_tool(planned.tool))
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from robotcast.effects.effect import Effect, Numbers
 from robotcast.measurements.measurement_set import Cable
 from robotcast.simulators.mujoco_cables import ChainSettings, SegmentedSimulator
 from robotcast.simulators.simulator import SimulatedCast, Simulator
-from tests.good_casts import plan_cast
+from tests.good_casts import mirrored_tool, plan_cast
 
 CONFIGURATION = Path(__file__).resolve().parents[2] / "conf"
 EFFECTS = OmegaConf.load(CONFIGURATION / "effects.yaml").effects
@@ -120,7 +120,7 @@ def nominal(simulator: Simulator, **changed: float) -> np.ndarray:
 
 
 def mirrored(cast: SimulatedCast) -> SimulatedCast:
-    return replace(cast, tool=cast.tool.mirrored())
+    return replace(cast, tool=mirrored_tool(cast.tool))
 
 
 def load_effect(name: str) -> Effect:

@@ -14,13 +14,7 @@ from robotcast.casts.action import ToolMotion
 from robotcast.casts.plan import PlanLimits, plan_actions
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import write_measurement_set
-from robotcast.simulators.d_sim import (
-    generate_casts,
-    mean_reach,
-    merge_shards,
-    shard_name,
-    write_d_sim,
-)
+from robotcast.simulators import d_sim
 from robotcast.simulators.simulator import Cast, Prediction, SimulatedCast, Simulator
 from tests.good_casts import CABLE, good_trial, plan_cast
 from tests.simulators.conftest import configured
@@ -48,18 +42,18 @@ def seen_at(*start_m: float) -> SimulatedCast:
 
 
 def test_the_free_end_starts_where_resets_left_it_on_average() -> None:
-    reach_m = mean_reach([seen_at(1.22, 0.01), seen_at(1.24, -0.004)])
+    reach_m = d_sim.mean_reach([seen_at(1.22, 0.01), seen_at(1.24, -0.004)])
     assert reach_m is not None
     np.testing.assert_allclose(reach_m, [0.63, 0.003])
     actions = CAST.action.as_array()[None]
-    told = generate_casts(Still(), np.zeros(0), actions, PLAN, settle_s=1.0, reach_m=reach_m)
+    told = d_sim.generate_casts(Still(), np.zeros(0), actions, PLAN, settle_s=1.0, reach_m=reach_m)
     np.testing.assert_allclose(told, [[1.23, 0.003]])
 
 
 def test_casts_that_show_no_start_leave_it_to_the_tool() -> None:
-    assert mean_reach([SimulatedCast(CAST.tool, np.ones(1))]) is None
+    assert d_sim.mean_reach([SimulatedCast(CAST.tool, np.ones(1))]) is None
     actions = CAST.action.as_array()[None]
-    told = generate_casts(Still(), np.zeros(0), actions, PLAN, settle_s=1.0)
+    told = d_sim.generate_casts(Still(), np.zeros(0), actions, PLAN, settle_s=1.0)
     assert np.isnan(told).all()
 
 
@@ -69,17 +63,17 @@ ENDS[3::5] = np.nan  # they diverged
 
 
 def write_shards(folder: Path, of: int) -> list[Path]:
-    folders = [folder / shard_name(number, of) for number in range(of)]
+    folders = [folder / d_sim.shard_name(number, of) for number in range(of)]
     parts = np.array_split(ACTIONS, of), np.array_split(ENDS, of)
     for shard, actions, ends in zip(folders, *parts, strict=True):
-        write_d_sim(shard, actions, ends, {**FACTS, "subject": "one"})
+        d_sim.write_d_sim(shard, actions, ends, {**FACTS, "subject": "one"})
     return folders
 
 
 @pytest.mark.parametrize("of", [1, 3, 4])
 def test_shards_merge_into_the_bytes_of_the_whole(tmp_path: Path, of: int) -> None:
-    write_d_sim(tmp_path / "whole", ACTIONS, ENDS, FACTS)
-    merge_shards(write_shards(tmp_path, of), tmp_path / "merged")
+    d_sim.write_d_sim(tmp_path / "whole", ACTIONS, ENDS, FACTS)
+    d_sim.merge_shards(write_shards(tmp_path, of), tmp_path / "merged")
     assert_same(tmp_path / "merged", tmp_path / "whole")
     assert pl.read_parquet(tmp_path / "whole" / "casts.parquet").height == 9
 
@@ -93,7 +87,7 @@ def test_a_missing_shard_is_named(tmp_path: Path) -> None:
     folders = write_shards(tmp_path, 3)
     (folders[1] / "generation.yaml").unlink()
     with pytest.raises(FileNotFoundError, match="1-of-3"):
-        merge_shards(folders, tmp_path / "merged")
+        d_sim.merge_shards(folders, tmp_path / "merged")
 
 
 def test_shards_of_different_simulators_do_not_merge(tmp_path: Path) -> None:
@@ -101,12 +95,12 @@ def test_shards_of_different_simulators_do_not_merge(tmp_path: Path) -> None:
     facts = yaml.safe_load((folders[2] / "generation.yaml").read_text())
     (folders[2] / "generation.yaml").write_text(yaml.safe_dump({**facts, "subject": "two"}))
     with pytest.raises(ValueError, match="come from different"):
-        merge_shards(folders, tmp_path / "merged")
+        d_sim.merge_shards(folders, tmp_path / "merged")
 
 
 def test_there_is_no_shard_beyond_the_last() -> None:
     with pytest.raises(ValueError, match="of 4 shards there is none numbered 4"):
-        shard_name(4, 4)
+        d_sim.shard_name(4, 4)
 
 
 @pytest.mark.slow

@@ -38,7 +38,7 @@ def test_a_point_tells_the_median_between_its_interval_and_the_quartiles(evaluat
 
 
 def test_both_figures_are_the_same_bytes_again(evaluations) -> None:
-    def drawn() -> list[bytes]:
+    def drawn() -> list[str]:
         ladder = ladder_figure({"base": 6.0, "diagnosed": 3.0}, points(evaluations, [0, 1]))
         with style():
             return [svg(errors_figure(points(evaluations, [20, 60, 445]))), svg(ladder)]

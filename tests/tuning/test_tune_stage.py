@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.stages import ROOT
+
 CASTING = ROOT / "examples" / "hidden_effect"
 SMALL = ("optimizer=gn", "optimizer.search.members=12", "optimizer.budget_casts=1500")
 

@@ -7,20 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robotcast import sessions
 from robotcast.casts.action import Action, ToolMotion
 from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.kinematics import joint_path, link_points
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, render_cast
-from robotcast.sessions import (
-    TOOL_FILE,
-    VIDEO_FILE,
-    CastRecord,
-    CastRequest,
-    Session,
-    write_record,
-    write_tool,
-)
 from robotcast.vision.camera import Camera
 from robotcast.vision.facts import BLOCK, TrackerFacts
 from tests.rigs.small_rig import small_rig
@@ -43,8 +35,8 @@ class Lab:
     picture: PictureSettings
     facts: TrackerFacts
 
-    def session(self, folder: Path = Path("session")) -> Session:
-        return Session(folder, "virtual", CABLE, 0.6, {BLOCK: self.facts.as_dict()})
+    def session(self, folder: Path = Path("session")) -> sessions.Session:
+        return sessions.Session(folder, "virtual", CABLE, 0.6, {BLOCK: self.facts.as_dict()})
 
     def scene(
         self,
@@ -69,11 +61,13 @@ class Lab:
     ) -> Path:
         """Record one cast into `folder`, with what the tool is said to have done."""
         folder.mkdir(parents=True, exist_ok=True)
-        render_cast(folder / VIDEO_FILE, scene, self.camera, self.picture, seed)
-        write_tool(tool, folder / TOOL_FILE)
+        render_cast(folder / sessions.VIDEO_FILE, scene, self.camera, self.picture, seed)
+        sessions.write_tool(tool, folder / sessions.TOOL_FILE)
         start, end = float(scene.t_s[0]), float(tool.t_s[-1])
-        record = CastRecord(seed, ACTION, "virtual", "rope", start, FPS, end / 2, end, end, False)
-        write_record(record, folder)
+        record = sessions.CastRecord(
+            seed, ACTION, "virtual", "rope", start, FPS, end / 2, end, end, False
+        )
+        sessions.write_record(record, folder)
         return folder
 
     def cast(self, folder: Path, number: int) -> Path:
@@ -85,7 +79,7 @@ class Lab:
             return held + 0.6 * behind / np.linalg.norm(behind, axis=1, keepdims=True)
 
         scene = self.scene(trailing, until_s=tool.t_s[-1] + 0.3, tool=(0.3, 0.0))
-        write_record(CastRequest(number, number, ACTION), folder)
+        sessions.write_record(sessions.CastRequest(number, number, ACTION), folder)
         return self.film(folder, scene, number, tool)
 
 

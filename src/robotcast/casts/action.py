@@ -54,7 +54,3 @@ class ToolMotion:
     def at(self, t_s: np.ndarray) -> np.ndarray:
         """Return the pose at times `t_s` (m,) as (m, 3); held constant beyond the ends."""
         return np.stack([np.interp(t_s, self.t_s, column) for column in self.pose.T], axis=-1)
-
-    def mirrored(self) -> "ToolMotion":
-        """Return the motion mirrored about the board's axis of symmetry (y → −y)."""
-        return ToolMotion(self.t_s, self.pose * np.array([1.0, -1.0, -1.0]))

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from robotcast.casts.action import ACTION_COLUMNS, Action
-from robotcast.files import atomic_file
+from robotcast.files import write_text
 
 TABLE_COLUMNS = {
     "actions": ("trial", "action", "theta1", "r1", "theta2", "r2", "alpha", "vmax"),
@@ -251,8 +251,7 @@ def write_actions(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     """Write one action a row, its six numbers first; what else a row holds goes after them."""
     names = [*ACTION_COLUMNS, *(n for n in (rows[0] if rows else {}) if n not in ACTION_COLUMNS)]
     columns = {name: [_cell(row[name]) for row in rows] for name in names}
-    with atomic_file(path) as temporary:
-        pl.DataFrame(columns).write_csv(temporary)
+    write_text(path, pl.DataFrame(columns).write_csv())
 
 
 def read_actions(path: Path, can: Callable[[np.ndarray], np.ndarray] | None = None) -> list[Action]:

@@ -23,18 +23,8 @@ import yaml
 from scipy.optimize import minimize
 
 from robotcast.files import write_text
+from robotcast.policies import forward_model
 from robotcast.policies.datasets import Dataset, Examples, refuse_other_cables
-from robotcast.policies.forward_model import (
-    DESCRIPTION_FILE,
-    Epoch,
-    LearnedModel,
-    Normalisation,
-    best_epoch,
-    held_out_scale,
-    read_description,
-    reproducible_torch,
-    slope_size,
-)
 from robotcast.policies.gaussian_process import GaussianProcess, matern
 from robotcast.policies.training import Learner
 from robotcast.running import Progress, silent
@@ -49,7 +39,7 @@ _LEAST_M = 1e-4  # what is never known of a cast
 _FIRST_LOGS = math.log(2.0), 0.0, -2.0  # of lengths, variance and factors of the noise
 _LOG_BOUNDS = (-2.0, 6.0), (-8.0, 6.0), (-24.0, 6.0)
 
-Base = tuple[LearnedModel, ...]
+Base = tuple[forward_model.LearnedModel, ...]
 """Members of an ensemble: their mean errs less by chance than each (Hansen and Salamon 1990)."""
 
 
@@ -102,10 +92,12 @@ class Residual:
             "spread": self.scale.tolist(),
             "examples": dict(self.facts),
             "epochs": len(history),
-            "best_epoch": best_epoch(history).epoch,
+            "best_epoch": forward_model.best_epoch(history).epoch,
             "validation_median_m": round(self.left_out_median_m, 6),
         }
-        write_text(folder / DESCRIPTION_FILE, yaml.safe_dump(description, sort_keys=False))
+        write_text(
+            folder / forward_model.DESCRIPTION_FILE, yaml.safe_dump(description, sort_keys=False)
+        )
 
 
 def _features(base: Base, actions: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -125,7 +117,7 @@ def _noise_terms(
     """Return |σ| and |S| of `Residual`, (n, 2) [m]."""
     squares = [m.spread(actions, own) ** 2 for m, own in zip(base, slopes, strict=True)]
     spread_m = np.linalg.norm(np.sqrt(np.mean(squares, axis=0)), axis=1)
-    return np.stack([spread_m, slope_size(np.mean(slopes, axis=0), unit)], axis=1)
+    return np.stack([spread_m, forward_model.slope_size(np.mean(slopes, axis=0), unit)], axis=1)
 
 
 @dataclass(frozen=True)
@@ -168,7 +160,7 @@ class ResidualLearner:
 
     def load(self, folder: Path) -> Residual:
         """Read back what `Residual.save` wrote."""
-        description = read_description(folder)
+        description = forward_model.read_description(folder)
         members = range(description["members"])
         return Residual(
             base=tuple(self.member.load(folder / _BASE / str(k)) for k in members),
@@ -184,12 +176,12 @@ def corrected(base: Base, casts: Examples, facts: Mapping[str, Any], *, seed: in
     """Learn how `casts` depart from where `base` lets them end; none is held out."""
     features, slopes = _features(base, casts.actions)
     departures_m = casts.endpoints_m - features[:, 6:8]
-    inputs = Normalisation.of(features)
+    inputs = forward_model.Normalisation.of(features)
     rms_m = max(float(np.sqrt(departures_m.var(axis=0).mean())), _LEAST_M)
-    outputs = Normalisation(departures_m.mean(axis=0), np.full(2, rms_m))
+    outputs = forward_model.Normalisation(departures_m.mean(axis=0), np.full(2, rms_m))
     terms_m = _noise_terms(base, casts.actions, slopes, inputs.scale[:6])
     typical_m = np.maximum(np.sqrt(np.square(terms_m).mean(axis=0)), _LEAST_M)
-    with reproducible_torch(seed):
+    with forward_model.reproducible_torch(seed):
         likelihood = _Likelihood(
             torch.from_numpy(inputs.apply(features)),
             torch.from_numpy(outputs.apply(departures_m)),
@@ -201,7 +193,7 @@ def corrected(base: Base, casts: Examples, facts: Mapping[str, Any], *, seed: in
         logs, inflation, loss = likelihood.maximized()
         tensors, misses, variances = likelihood.posterior(logs, inflation)
     left_out_m, expected_m = misses.numpy() * rms_m, np.sqrt(variances.numpy()) * rms_m
-    scale = held_out_scale(left_out_m, expected_m, casts.weights)
+    scale = forward_model.held_out_scale(left_out_m, expected_m, casts.weights)
     of_spread, of_slope = (rms_m * np.sqrt(logs[-2:].exp().numpy()) / typical_m).tolist()
     median_m = float(np.median(np.linalg.norm(left_out_m, axis=1)))
     process = GaussianProcess(
@@ -212,7 +204,7 @@ def corrected(base: Base, casts: Examples, facts: Mapping[str, Any], *, seed: in
         dataset="departures",
         facts={"real_casts": len(casts)},
         seed=seed,
-        history=(Epoch(1, loss / len(casts), loss / len(casts), median_m),),
+        history=(forward_model.Epoch(1, loss / len(casts), loss / len(casts), median_m),),
     )
     return Residual(base, process, of_spread, of_slope, scale, median_m, facts)
 

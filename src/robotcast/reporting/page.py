@@ -70,4 +70,4 @@ _TEMPLATES.filters.update({name: getattr(names, name) for name in _WRITTEN})
 _TEMPLATES.globals["latex"] = _TEMPLATES.filters["latex"] = to_latex
 _TEMPLATES.filters["symbols"] = lambda text: Markup(names.replaced(str(escape(text)), _HTML))
 _TEMPLATES.filters["quote"] = shlex.quote
-_TEMPLATES.filters["base64"] = lambda content: base64.b64encode(content).decode()
+_TEMPLATES.filters["base64"] = lambda text: base64.b64encode(text.encode()).decode()

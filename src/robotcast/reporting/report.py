@@ -15,21 +15,12 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from robotcast.files import write_text
+from robotcast.reporting import names, style
 from robotcast.reporting.figures import (
     errors_figure,
     overlay_figure,
     targets_figure,
     trace_figure,
-)
-from robotcast.reporting.names import (
-    cable_name,
-    effect_name,
-    number,
-    policy_label,
-    rig_names,
-    thousands,
-    with_interval,
-    with_unit,
 )
 from robotcast.reporting.page import block, caption, render
 from robotcast.reporting.results import (
@@ -41,20 +32,6 @@ from robotcast.reporting.results import (
     read_tuning,
 )
 from robotcast.reporting.revisions_page import comparable
-from robotcast.reporting.style import (
-    BLACK,
-    BLUE,
-    GREY,
-    VERMILION,
-    Bar,
-    Row,
-    bars,
-    board_axes,
-    fall,
-    inline,
-    style,
-    svg,
-)
 from robotcast.reporting.tables import (
     MISSING,
     cables_table,
@@ -128,7 +105,7 @@ def loop_block(loop: Loop) -> Markup:
     return block(
         "loop.html",
         "loop",
-        cable=cable_name(loop.before.cable),
+        cable=names.cable_name(loop.before.cable),
         before=loop.falls[0],
         after=loop.falls[1],
         floor=floor,
@@ -136,8 +113,8 @@ def loop_block(loop: Loop) -> Markup:
         diagnosis=loop.diagnosis,
         verdict=verdict,
         sizes=[row for name in verdict for row in _sizes(loop, name)],
-        paths=inline(_paths(loop), "Measured paths, and those of both models"),
-        ladder=inline(bars(_ladder(loop), axis, floor), "Error before and after"),
+        paths=style.inline(_paths(loop), "Measured paths, and those of both models"),
+        ladder=style.inline(style.bars(_ladder(loop), axis, floor), "Error before and after"),
         targets=loop.policies[0].targets if loop.policies else 0,
         medians=[(e.median_percent, e.median_interval) for e in loop.policies or ()],
         hidden=loop.hidden,
@@ -145,12 +122,12 @@ def loop_block(loop: Loop) -> Markup:
     )
 
 
-def _ladder(loop: Loop) -> list[Row]:
+def _ladder(loop: Loop) -> list[style.Row]:
     before, after = loop.falls
-    rows = [Row("tuned model", (Bar(before, "before"),))]
+    rows = [style.Row("tuned model", (style.Bar(before, "before"),))]
     if loop.after.effects:
-        added = " + ".join(effect_name(e) for e in loop.after.effects)
-        rows.append(Row(f"+ {added}", (Bar(after, note=fall(before, after)),)))
+        added = " + ".join(names.effect_name(e) for e in loop.after.effects)
+        rows.append(style.Row(f"+ {added}", (style.Bar(after, note=style.fall(before, after)),)))
     return rows
 
 
@@ -161,16 +138,16 @@ def _sizes(loop: Loop, effect: str) -> list[tuple[str, str, str]]:
         owner, _, parameter = name.partition(".")
         if owner != effect:
             continue
-        value, low, high = with_interval(given["value"], given["low"], given["high"])
+        value, low, high = names.with_interval(given["value"], given["low"], given["high"])
         unit = given["unit"] or ""
         true = (loop.hidden or {}).get(effect, {}).get(parameter)
-        hidden = "–" if true is None else with_unit(number(true), unit)
-        words = f"{effect_name(effect)}, {parameter}"
-        rows.append((words, f"{with_unit(value, unit)}, between {low} and {high}", hidden))
+        hidden = "–" if true is None else names.with_unit(names.number(true), unit)
+        words = f"{names.effect_name(effect)}, {parameter}"
+        rows.append((words, f"{names.with_unit(value, unit)}, between {low} and {high}", hidden))
     return rows
 
 
-@style(on_page=True)
+@style.style(on_page=True)
 def _paths(loop: Loop) -> Figure:
     """Draw the held-out casts that the tuned model misses most, with both models' predictions."""
     keys = ["trial", "t"]
@@ -187,17 +164,17 @@ def _paths(loop: Loop) -> Figure:
     for axes, trial in zip(panels, shown, strict=False):
         path = both.filter(pl.col("trial") == trial)
         lines = (
-            (("x", "y"), "o-", BLACK, "measured"),
-            (columns, "s--", VERMILION, "tuned model"),
-            ([f"{name}_after" for name in columns], "^-", BLUE, "revised model"),
+            (("x", "y"), "o-", style.BLACK, "measured"),
+            (columns, "s--", style.VERMILION, "tuned model"),
+            ([f"{name}_after" for name in columns], "^-", style.BLUE, "revised model"),
         )
-        for names, kind, color, label in lines if loop.after.effects else lines[:2]:
-            xy = path.select(names).to_numpy()
+        for of, kind, color, label in lines if loop.after.effects else lines[:2]:
+            xy = path.select(of).to_numpy()
             axes.plot(xy[:, 1], xy[:, 0], kind, color=color, ms=3, lw=1.2, label=label)
             axes.plot(*xy[-1, ::-1], "*", color=color, ms=9)
-        axes.plot(0, 0, "^", color=GREY, ms=6, clip_on=False)
+        axes.plot(0, 0, "^", color=style.GREY, ms=6, clip_on=False)
         axes.set_title(f"cast {trial}", size=12)
-        board_axes(axes)
+        style.board_axes(axes)
         axes.label_outer()
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
@@ -222,7 +199,7 @@ class PageFigure(NamedTuple):
     name: str
     title: str
     caption: str
-    svg: bytes
+    svg: str
 
 
 def write_report(
@@ -234,7 +211,7 @@ def write_report(
     """
     makers = (tuning_table, policies_table, cables_table, parts_table)
     tables = {table.name: table for table in (make(results) for make in makers)}
-    with style():
+    with style.style():
         figures = _figures(results)
     texts: dict[str, str] = {}
     for name, table in tables.items():
@@ -242,16 +219,16 @@ def write_report(
         texts[f"tables/{name}.tex"] = table.latex()
         texts[f"tables/{name}.csv"] = table.csv()
     for of in figures.values():
-        texts |= {f"figures/{f.name}.svg": f.svg.decode("utf-8") for f in of}
+        texts |= {f"figures/{f.name}.svg": f.svg for f in of}
     texts["metrics.json"] = json.dumps(metrics(results, loop), indent=1)
     texts["index.html"] = render(
         "report.html",
-        cables=", ".join(cable_name(c.name) for c in results.cables),
-        rig_names=rig_names(results.rigs),
+        cables=", ".join(names.cable_name(c.name) for c in results.cables),
+        rig_names=names.rig_names(results.rigs),
         policies={e.policy for e in results.evaluations if len(e.casts)},
         predicted=any(e.kind == "predicted" for e in results.evaluations),
         loop=loop_block(loop) if loop else "",
-        glance=glance(results),
+        glance=[glance(results, cable) for cable in results.cables],
         tables=tables,
         figures=figures,
         facts=facts,
@@ -279,7 +256,7 @@ def _figures(results: Results) -> dict[str, list[PageFigure]]:
     figures = {name: [] for name in ("tuning", "revisions", "policies", "cables", "parts")}
 
     def add(section: str, name: str, title: str, figure: Figure, told: str) -> None:
-        figures[section].append(PageFigure(name, title, told, svg(figure)))
+        figures[section].append(PageFigure(name, title, told, style.svg(figure)))
 
     def add_targets(section: str, name: str, title: str, some: Sequence[Evaluation]) -> None:
         figure = targets_figure(some, [results.cable(e.cable) for e in some])
@@ -290,7 +267,9 @@ def _figures(results: Results) -> dict[str, list[PageFigure]]:
         paths = tuning.test_paths if tuning else None
         if tuning is not None and paths is not None and cable.measured:
             name, told = f"overlay_{tuning.cable}_{tuning.slug}", tuning.facts.get("rig", "")
-            title = f"{cable_name(tuning.cable)}, {tuning.method}: measured and simulated paths"
+            title = (
+                f"{names.cable_name(tuning.cable)}, {tuning.method}: measured and simulated paths"
+            )
             figure = overlay_figure(tuning, paths, cable.measured.cable.length_m)
             add("tuning", name, title, figure, caption("overlay", told))
     if traced := [t for t in results.tunings if t.trace is not None]:
@@ -299,7 +278,7 @@ def _figures(results: Results) -> dict[str, list[PageFigure]]:
         add("tuning", "tuning_trace", "How tuning went", figure, caption("tuning_trace"))
     for cable in results.cables:  # one ladder a cable to which effects were added
         tried = [r for r in comparable(cable.revisions) if any(one.effects for one in r.revisions)]
-        title = f"{cable_name(cable.name)}: the error of every revision of the model"
+        title = f"{names.cable_name(cable.name)}: the error of every revision of the model"
         for nth, of in enumerate(tried, start=1):
             name = f"revisions_{cable.name}" + (f"_{nth}" if nth > 1 else "")
             add("revisions", name, title, of.figure(), caption("revisions", of.revisions[0]))
@@ -316,34 +295,30 @@ def _figures(results: Results) -> dict[str, list[PageFigure]]:
     for cable in dict.fromkeys(e.cable for e in cast):
         several = [e for e in cast if e.cable == cable]
         if len(several) > 1:
-            add_targets("policies", f"targets_{cable}", cable_name(cable), several)
+            add_targets("policies", f"targets_{cable}", names.cable_name(cable), several)
     if mixed := [e for e in cast if (e.policy, e.dataset) == ("nn", "mixed")]:
         add_targets("cables", "targets", "π_R2S2R on every cable", mixed)
     return figures
 
 
-def glance(results: Results) -> list[dict[str, str]]:
-    """Return a row a cable: lengths, counts, the floor, and how near model and policy come."""
-    return [_glance(results, cable) for cable in results.cables]
-
-
-def _glance(results: Results, cable: CableData) -> dict[str, str]:
+def glance(results: Results, cable: CableData) -> dict[str, str]:
+    """Return a cable's row: lengths, counts, the floor, and how near model and policy come."""
     measured, floor, lost = cable.measured, cable.floor, cable.tracking.get("lost")
     best, policy = results.best_tuning(cable.name), results.best_policy(cable.name)
     mixed = results.evaluation(cable.name, "nn", "mixed")
-    label = f"{policy_label(policy.policy, policy.dataset)} " if policy else ""
+    label = f"{names.policy_label(policy.policy, policy.dataset)} " if policy else ""
     errors = (
         [best.error("test", of) for of in ("waypoint_percent", "final_percent")] if best else ()
     )
     floors = [floor.waypoint_percent, floor.final_percent] if floor else ()
     return {
-        "Cable": cable_name(cable.name),
+        "Cable": names.cable_name(cable.name),
         "Length": f"{measured.cable.length_m:.2f} m" if measured else MISSING,
         "Casts tracked": str(len(measured.trials)) if measured else MISSING,
         "Lost in tracking": str(len(lost)) if lost is not None else MISSING,
         "Noise floor: waypoint / last": " / ".join(map(percent, floors)) or MISSING,
         "Best tuned: waypoint / last": " / ".join(map(percent, errors)) or MISSING,
-        "D_sim casts": thousands(len(cable.simulated)) if cable.simulated else MISSING,
+        "D_sim casts": names.thousands(len(cable.simulated)) if cable.simulated else MISSING,
         "Diverged": str(cable.generation.get("diverged", MISSING)),
         "π_R2S2R median": percent(mixed.median_percent if mixed else None),
         "Best policy median": label + percent(policy.median_percent if policy else None),

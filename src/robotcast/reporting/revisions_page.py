@@ -7,14 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from robotcast.reporting.names import (
-    cable_name,
-    effect_name,
-    error,
-    method_name,
-    rig_name,
-    thousands,
-)
+from robotcast.reporting import names
 from robotcast.reporting.page import render
 from robotcast.reporting.style import (
     BLUE,
@@ -69,8 +62,8 @@ class Comparable:
             revision.predicted_waypoint_error_percent,
         )
         several = len(set(map(_method, self.revisions))) > 1
-        final = f"final error {error(revision.heldout_final_error_percent)}"
-        detail = method_name(*method) if several else final
+        final = f"final error {names.error(revision.heldout_final_error_percent)}"
+        detail = names.method_name(*method) if several else final
         return Row(revision_name(revision.effects), (bar,), detail)
 
 
@@ -85,7 +78,7 @@ def comparable(revisions: Sequence[ModelRevision]) -> tuple[Comparable, ...]:
 
 def revision_name(effects: Sequence[str]) -> str:
     """("air_drag", "board_tilt") → + air drag + board tilt."""
-    return " ".join(f"+ {effect_name(e)}" for e in effects) or "base model"
+    return " ".join(f"+ {names.effect_name(e)}" for e in effects) or "base model"
 
 
 def _method(of: "ModelRevision | TuningProgress") -> tuple[str, str]:
@@ -118,9 +111,9 @@ def revisions_page(revisions: Sequence[ModelRevision], tuning: TuningProgress) -
     return render(
         "revisions.html",
         tuning=tuning,
-        cable=cable_name(tuning.cable),
-        rig=rig_name(tuning.rig),
-        method=method_name,
+        cable=names.cable_name(tuning.cable),
+        rig=names.rig_name(tuning.rig),
+        method=names.method_name,
         name=revision_name,
         own=own,
         base=base if own else None,
@@ -139,9 +132,9 @@ def _search_figure(tuning: TuningProgress, base: float | None) -> Figure:
     figure, axes = canvas(480, 260, 52, 62, 14, 46)
     axes.step(casts, best, where="post", color=BLUE, lw=2.2)
     axes.plot(casts[-1], best[-1], "o", color=BLUE, ms=8, clip_on=False)
-    beside(axes, error(best[-1]), casts[-1], best[-1], 8, -4, color=BLUE, weight="bold")
+    beside(axes, names.error(best[-1]), casts[-1], best[-1], 8, -4, color=BLUE, weight="bold")
     floor = tuning.noise_floor_percent
-    marks = ((base, f"base model {error(base)}", GREY, 4), (floor, "noise floor", GREEN, -13))
+    marks = ((base, f"base model {names.error(base)}", GREY, 4), (floor, "noise floor", GREEN, -13))
     for level, words, color, up in marks:
         if level:
             axes.axhline(level, color=color, lw=1, ls=(0, (3, 4)))
@@ -151,6 +144,6 @@ def _search_figure(tuning: TuningProgress, base: float | None) -> Figure:
     axes.grid(axis="x", visible=False)
     log_errors(axes.yaxis)
     axes.xaxis.set_major_locator(MaxNLocator(4))
-    axes.xaxis.set_major_formatter(lambda value, _: thousands(value))
+    axes.xaxis.set_major_formatter(lambda value, _: names.thousands(value))
     axes.set(xlabel="simulated casts", ylabel="best error on tuning casts [%]")
     return figure

@@ -76,9 +76,9 @@ def beside(
     )
 
 
-def svg(figure: Figure) -> bytes:
+def svg(figure: Figure) -> str:
     """Return the figure as SVG without date, version or random ids."""
-    with style(), io.BytesIO() as buffer:
+    with style(), io.StringIO() as buffer:
         figure.draw_without_rendering()  # a first layout, which equal aspects then change
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
         return buffer.getvalue()

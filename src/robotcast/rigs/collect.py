@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,7 +13,7 @@ from robotcast import sessions
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
 from robotcast.files import atomic_folder, write_text
-from robotcast.processes import pool_map
+from robotcast.processes import process_pool
 from robotcast.rigs import CastNotUsed, Rig, RigStopped
 from robotcast.running import Progress, silent
 
@@ -89,7 +88,8 @@ def collect_casts(
         stood = len(requests) - len(missing)
         failed: dict[int, str] = {}
         progress(stood, len(requests))
-        with closing(pool_map(execute, missing, rig.workers)) as outcomes:
+        with process_pool(min(rig.workers, len(missing))) as pool:
+            outcomes = pool.map(execute, missing)
             for done, (request, reason) in enumerate(zip(missing, outcomes, strict=True), 1):
                 if reason:
                     failed[request.number] = reason

@@ -14,15 +14,7 @@ import numpy as np
 
 from robotcast.casts.curves import CastCurves, PlanLimits, distinct_arcs, plan_curves
 from robotcast.casts.plan import ActionGrid
-from robotcast.rigs.kinematics import (
-    JOINTS,
-    LINK_CAPSULES,
-    Gripper,
-    capsule_axes,
-    joints_pointing_down,
-    link_points,
-    segment_distance,
-)
+from robotcast.rigs import kinematics
 from robotcast.running import Progress, silent
 
 HAND_LINKS = ("wrist 1", "wrist 2", "wrist 3", "gripper", "fingers")
@@ -71,7 +63,7 @@ class Envelope:
     tool_speed_m_s: float
     clearance_m: float  # between the arm's capsules, and between them and the board and the base
     box: ToolBox
-    gripper: Gripper
+    gripper: kinematics.Gripper
 
     def __post_init__(self) -> None:
         names = [field.name for field in fields(self)]
@@ -152,7 +144,7 @@ def _measure_joints(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> 
     """Measure single joints."""
     padded_s = np.concatenate([[2 * t_s[0] - t_s[1]], t_s, [2 * t_s[-1] - t_s[-2]]])
     middle_s = (padded_s[1:] + padded_s[:-1]) / 2
-    for index, part in enumerate(JOINTS):
+    for index, part in enumerate(kinematics.JOINTS):
         angle = joints[..., index]
         low, high = envelope.joint_min_rad[index], envelope.joint_max_rad[index]
         yield _Measured("joint position", part, t_s, angle, low, high)
@@ -167,7 +159,7 @@ def _measure_joints(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> 
 
 def _measure_tool(t_s: np.ndarray, joints: np.ndarray, envelope: Envelope) -> Iterator[_Measured]:
     """Measure the held end's place and speed, whatever the angle of wrist 3."""
-    tool, box = link_points(joints, envelope.gripper)[..., -1, :], envelope.box
+    tool, box = kinematics.link_points(joints, envelope.gripper)[..., -1, :], envelope.box
     for index, limits in enumerate((box.x_m, box.y_m, box.z_m)):
         yield _Measured("tool box", "xyz"[index], t_s, tool[..., index], *limits)
     radius = np.hypot(tool[..., 0], tool[..., 1])
@@ -181,15 +173,15 @@ def _measure_clearances(
     t_s: np.ndarray, joints: np.ndarray, envelope: Envelope
 ) -> Iterator[_Measured]:
     """Measure board, base and arm itself, whatever the angles of base and wrist 3."""
-    axes = capsule_axes(link_points(joints, envelope.gripper))
-    radii = {link: capsule.radius_m for link, capsule in LINK_CAPSULES.items()}
+    axes = kinematics.capsule_axes(kinematics.link_points(joints, envelope.gripper))
+    radii = {link: capsule.radius_m for link, capsule in kinematics.LINK_CAPSULES.items()}
     for link in BOARD_LINKS:
         start, end = axes[link]
         height = np.minimum(start[..., 2], end[..., 2]) - radii[link]
         clearance = 0.0 if link == "fingers" else envelope.clearance_m
         yield _Measured("board collision", link, t_s, height, clearance)
     for rule, one, other in PAIRS:
-        gap = segment_distance(*axes[one], *axes[other]) - radii[one] - radii[other]
+        gap = kinematics.segment_distance(*axes[one], *axes[other]) - radii[one] - radii[other]
         part = one if other == "column" else f"{one} and {other}"
         yield _Measured(rule, part, t_s, gap, envelope.clearance_m)
 
@@ -242,7 +234,7 @@ def _broken_in(
         t_s = np.arange(0.0, some.end_s.max() + 2 * sample_s, sample_s)
         pose = some.poses_at(t_s)
         for image in images:
-            joints = joints_pointing_down(pose * image, envelope.gripper)
+            joints = kinematics.joints_pointing_down(pose * image, envelope.gripper)
             for measured in measure(t_s, joints, envelope):
                 broken[rows] |= ~(measured.excess() <= 0).all(axis=1)  # NaN out of reach
         progress(start + len(rows), n, "filtering")

@@ -5,16 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.fitting.least_squares import (
-    Fit,
-    bread,
-    curvature,
-    difference_steps,
-    noise_axes,
-    sandwich,
-    slopes,
-    steady_slopes,
-)
+from robotcast.fitting import least_squares
 from robotcast.tuning.search import Objective, Problem, Query, residuals_at
 
 STANDARD_ERRORS = 2.0  # on either side of a value
@@ -55,16 +46,16 @@ def certainty(
     numbered from 0, which sees what the model misses, and the one that takes each cast for one
     measurement, which does not trust a few that agree.
     """
-    coarse = _about(vector, np.diag(difference_steps(problem.parameters)))
+    coarse = _about(vector, np.diag(least_squares.difference_steps(problem.parameters)))
     residuals = residuals_at(objective, Query(coarse)) / problem.noise_percent
-    fit = Fit(vector, residuals[0], slopes(coarse, residuals))
-    fine = _about(vector, noise_axes(fit, np.ones(len(vector), dtype=bool)))
+    fit = least_squares.Fit(vector, residuals[0], least_squares.slopes(coarse, residuals))
+    fine = _about(vector, least_squares.noise_axes(fit, np.ones(len(vector), dtype=bool)))
     residuals = residuals_at(objective, Query(fine)) / problem.noise_percent
-    fit = Fit(vector, residuals[0], steady_slopes(fine, residuals))
-    inverse = bread(fit, np.array([p.prior_sd for p in problem.parameters]))
-    error = np.maximum(sandwich(fit, inverse, groups), np.sqrt(np.diag(inverse)))
+    fit = least_squares.Fit(vector, residuals[0], least_squares.steady_slopes(fine, residuals))
+    inverse = least_squares.bread(fit, np.array([p.prior_sd for p in problem.parameters]))
+    error = np.maximum(least_squares.sandwich(fit, inverse, groups), np.sqrt(np.diag(inverse)))
     ends = np.clip(vector + STANDARD_ERRORS * error * np.array([[-1.0], [1.0]]), 0.0, 1.0)
-    values, axes = np.linalg.eigh(curvature(fit))
+    values, axes = np.linalg.eigh(least_squares.curvature(fit))
     least, most = max(float(values[0]), 0.0), float(values[-1])
     names = np.array([p.name for p in problem.parameters])
     return Certainty(

@@ -125,8 +125,7 @@ def write_trace(folder: Path, trace: Sequence[Batch]) -> None:
     """Write `trace.csv`: one row a batch."""
     table = pl.DataFrame(list(map(asdict, trace))).with_row_index("batch")
     table = table.with_columns(pl.col("casts").cum_sum()).rename({"casts": "simulated_casts"})
-    with atomic_file(folder / "trace.csv") as temporary:
-        table.write_csv(temporary)
+    write_text(folder / "trace.csv", table.write_csv())
 
 
 def write_predictions(

@@ -6,7 +6,6 @@ Last, all casts of a session, tracked side by side into a measurement set.
 import itertools
 import os
 from collections.abc import Iterator
-from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,7 +18,7 @@ from robotcast import sessions
 from robotcast.casts.action import ToolMotion
 from robotcast.measurements.measurement_set import MeasurementSet, Trial
 from robotcast.measurements.reader import judged
-from robotcast.processes import pool_map
+from robotcast.processes import process_pool
 from robotcast.running import Progress, silent
 from robotcast.sessions import CastRequest, Session
 from robotcast.vision.calibration import LIMITS, Calibration, calibrate
@@ -98,9 +97,9 @@ def track_cast(folder: Path, session: Session, limits: TrackingLimits = LIMITS) 
     )
 
 
-def track_rest(folder: Path, session: Session, limits: TrackingLimits = LIMITS) -> np.ndarray:
+def track_rest(folder: Path, session: Session) -> np.ndarray:
     """Return where the free end lies in a video taken after it came to rest, (2,) [m]."""
-    track = _track(folder, TrackerFacts.of(session), limits)
+    track = _track(folder, TrackerFacts.of(session), LIMITS)
     if track.moved:
         raise ValueError(track.moved)
     _require_rest(np.isfinite(track.xy_m[:, 0]), folder)
@@ -286,8 +285,8 @@ def track_session(
     total = len(session.casts)
     progress(0, total)
     attempt = partial(_attempt, session, limits)
-    alone = partial(cv2.setNumThreads, 1)
-    with closing(pool_map(attempt, session.casts, workers, alone)) as outcomes:
+    with process_pool(min(workers, total), partial(cv2.setNumThreads, 1)) as pool:
+        outcomes = pool.map(attempt, session.casts)
         for done, (cast, outcome) in enumerate(zip(session.casts, outcomes, strict=True), 1):
             if isinstance(outcome, str):
                 lost[cast.number] = outcome

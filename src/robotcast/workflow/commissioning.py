@@ -73,14 +73,14 @@ def show_dry_run(rig: Rig, limits: PlanLimits, actions: Sequence[Action], folder
         except ValueError as error:
             warn(f"action {number}: {error}")
             continue
-        with atomic_file(folder / "dry_run" / f"action_{number:05d}.svg") as temporary:
-            temporary.write_bytes(motion_svg(whole, rig.gripper, rig.limits.cast))
+        drawing = motion_svg(whole, rig.gripper, rig.limits.cast)
+        write_text(folder / "dry_run" / f"action_{number:05d}.svg", drawing)
         drawn += 1
     refused = len(actions) - drawn
     tell(f"{folder / 'dry_run'}: {drawn} motions drawn, {refused} refused, nothing moved")
 
 
-def motion_svg(whole: WholeMotion, gripper: Gripper, envelope: Envelope) -> bytes:
+def motion_svg(whole: WholeMotion, gripper: Gripper, envelope: Envelope) -> str:
     """Return the held end over the board and the joints in time, reset and cast in a row."""
     parts = (("reset", whole.reset, BLUE), ("cast", whole.cast, VERMILION))
     with style():

@@ -86,7 +86,7 @@ def describe_robot(folder: Path) -> list[str]:
     except ValueError as error:
         return [*said, f"It does not run yet: {error}"]
     drawn = plain(preview(case))
-    write_text(folder / PREVIEW, svg(traces_figure(drawn["signals"], drawn["windows"][0])).decode())
+    write_text(folder / PREVIEW, svg(traces_figure(drawn["signals"], drawn["windows"][0])))
     return [
         *said,
         *(f"- {note}" for note in case.notes),

@@ -12,15 +12,9 @@ from omegaconf import DictConfig, OmegaConf
 from robotcast.build import action_space, build
 from robotcast.casts.plan import plan_action
 from robotcast.casts.table import read_actions
-from robotcast.files import atomic_file
+from robotcast.files import write_text
 from robotcast.measurements.measurement_set import split_by_action
-from robotcast.policies.choosing import (
-    Choice,
-    Neighbourhood,
-    choose_actions,
-    refine_choices,
-    with_spread,
-)
+from robotcast.policies import choosing
 from robotcast.policies.datasets import read_simulated
 from robotcast.policies.evaluation import Subject, execute_choices, executed_table, predicted_table
 from robotcast.policies.forward_model import ForwardModel
@@ -40,7 +34,7 @@ def chosen_targets(config: DictConfig) -> np.ndarray:
     return spread_targets(simulated.endpoints_m, config.scale.evaluate.targets, board)
 
 
-def choose(config: DictConfig, rig: Rig, model: ForwardModel) -> Sequence[Choice]:
+def choose(config: DictConfig, rig: Rig, model: ForwardModel) -> Sequence[choosing.Choice]:
     """Return the model's choice for every target, moved towards it along the model's gradient."""
     _refuse_other_cable(model, rig.cable.name)
     path = Path(config.paths.candidates)
@@ -48,15 +42,15 @@ def choose(config: DictConfig, rig: Rig, model: ForwardModel) -> Sequence[Choice
         raise ValueError(f"{path}: there is no such file; python stages/candidates.py writes it")
     candidates = np.array([action.as_array() for action in read_actions(path)])
     targets, caution = chosen_targets(config), config.evaluate.caution
-    choices = choose_actions(model, candidates, targets, caution)
+    choices = choosing.choose_actions(model, candidates, targets, caution)
     grid, _, limits, envelope = action_space(config, "candidates")
     feasible = partial(are_feasible, r0_m=rig.r0_m, limits=limits, envelope=envelope)
-    about = Neighbourhood(grid, rig.r0_m, limits)
-    return with_spread(model, refine_choices(model, choices, about, feasible))
+    about = choosing.Neighbourhood(grid, rig.r0_m, limits)
+    return choosing.with_spread(model, choosing.refine_choices(model, choices, about, feasible))
 
 
 def cast_on_rig(
-    config: DictConfig, rig: Rig, choices: Sequence[Choice], plan: Plan = plan_action
+    config: DictConfig, rig: Rig, choices: Sequence[choosing.Choice], plan: Plan = plan_action
 ) -> pl.DataFrame:
     """Cast every choice as often as the scale says; return evaluation.csv."""
     for target, choice in enumerate(choices):
@@ -98,8 +92,7 @@ def predict_held_out(config: DictConfig, model: ForwardModel) -> pl.DataFrame:
 def write_evaluation(config: DictConfig, table: pl.DataFrame) -> None:
     """Write evaluation.csv and say how it went."""
     folder = output_folder(config.paths.evaluation)
-    with atomic_file(folder / "evaluation.csv") as temporary:
-        table.write_csv(temporary)
+    write_text(folder / "evaluation.csv", table.write_csv())
     median = table["error_percent"].median()
     shown = "no endpoint tracked" if median is None else f"median {median:.1f} % of cable length"
     tell(f"{folder}: {len(table)} casts, {shown}")

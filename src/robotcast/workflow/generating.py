@@ -10,23 +10,10 @@ import numpy as np
 from omegaconf import DictConfig
 
 from robotcast.build import action_space, build_effects, build_simulator, fingerprint
-from robotcast.casts.plan import (
-    Following,
-    PlanLimits,
-    exact_following,
-    fit_following,
-    plan_action,
-    plan_actions,
-)
+from robotcast.casts import plan
 from robotcast.measurements.measurement_set import Trial, split_by_action
 from robotcast.rigs.envelope import feasible_actions
-from robotcast.simulators.d_sim import (
-    generate_casts,
-    mean_reach,
-    merge_shards,
-    shard_name,
-    write_d_sim,
-)
+from robotcast.simulators import d_sim
 from robotcast.stage import bar, measured_set, output_folder, tell, warn
 from robotcast.tuning.tuned import read_tuned, vector_of
 
@@ -34,14 +21,14 @@ from robotcast.tuning.tuned import read_tuned, vector_of
 def merge_d_sim(config: DictConfig) -> tuple[Path, dict[str, Any]]:
     """Write D_sim from all its shards; return its folder and how it came to be."""
     of, folder = config.generate.shards, output_folder(config.paths.simulated)
-    shards = [Path(config.paths.shards) / shard_name(number, of) for number in range(of)]
-    return folder, merge_shards(shards, folder)
+    shards = [Path(config.paths.shards) / d_sim.shard_name(number, of) for number in range(of)]
+    return folder, d_sim.merge_shards(shards, folder)
 
 
 def generate_d_sim(config: DictConfig) -> tuple[Path, dict[str, Any]]:
     """Simulate what the configured grid asks for, or a shard; return its folder and facts."""
     number, of = config.generate.shard, config.generate.shards
-    shard = "" if number is None else shard_name(number, of)
+    shard = "" if number is None else d_sim.shard_name(number, of)
     tuned, sizes = Path(config.paths.tuned), config.scale.tune
     cable, active, values = read_tuned(tuned)
     simulator = build_simulator(config, cable, build_effects(active))
@@ -51,7 +38,7 @@ def generate_d_sim(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         actions = feasible_actions(grid, r0_m, limits, envelope, progress)
     measured = measured_set(config.paths.measurements)
     tuning, _ = split_by_action(measured, sizes.tune_casts, sizes.test_casts, config.seed)
-    following, reach_m = _following(tuning.trials, r0_m, limits), mean_reach(tuning.trials)
+    following, reach_m = _following(tuning.trials, r0_m, limits), d_sim.mean_reach(tuning.trials)
     facts = {
         "cable": cable.name,
         "simulator": config.simulator.name,
@@ -74,33 +61,33 @@ def generate_d_sim(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         actions = np.array_split(actions, of)[number]
         folder, title = Path(config.paths.shards) / shard, f"{title} {shard}"
     with bar(f"generate {title}") as progress:
-        endpoints_m = generate_casts(
+        endpoints_m = d_sim.generate_casts(
             simulator,
             vector,
             actions,
-            partial(plan_actions, r0_m=r0_m, limits=limits),
+            partial(plan.plan_actions, r0_m=r0_m, limits=limits),
             settle_s=config.simulator.settle_s,
             follow=following.motion,
             reach_m=reach_m,
             progress=progress,
         )
-    return folder, write_d_sim(folder, actions, endpoints_m, facts)
+    return folder, d_sim.write_d_sim(folder, actions, endpoints_m, facts)
 
 
-def _following(trials: Sequence[Trial], r0_m: float, limits: PlanLimits) -> Following:
+def _following(trials: Sequence[Trial], r0_m: float, limits: plan.PlanLimits) -> plan.Following:
     """Return how the arm followed its plans in measured casts."""
     pairs = []
     for trial in trials:
         with suppress(ValueError):  # an action that is none of this rig's
-            planned = plan_action(trial.action, r0_m=r0_m, limits=limits)
+            planned = plan.plan_action(trial.action, r0_m=r0_m, limits=limits)
             pairs.append((planned.tool, trial.tool))
-    following = fit_following(pairs, limits.period_s) if pairs else None
+    following = plan.fit_following(pairs, limits.period_s) if pairs else None
     if following is None or not following.believed:
         warn(
             "the logged motions are none that an arm makes of these plans: the casts were planned "
             "by something else, and D_sim moves the tool as planned here"
         )
-        return exact_following(limits.period_s)
+        return plan.exact_following(limits.period_s)
     tell(
         f"the arm follows its plans {1e3 * following.lag_s:.0f} ms late; logged tools lie "
         f"{1e3 * following.followed_rms_m:.1f} mm from what it is taken to do with them "

@@ -14,7 +14,8 @@ from robotcast.rigs.ur5.motion import SafetyLimits
 from robotcast.rigs.ur5.rig import RunSettings, Ur5Rig
 from robotcast.rigs.virtual.rig import VirtualRig
 from tests.rigs.peer.process import Peer
-from tests.rigs.small_rig import CABLE, R0_M, TRUTH, configured, small_rig
+from tests.rigs.small_rig import CABLE, R0_M, TRUTH, small_rig
+from tests.stages import configured
 
 LIGHT = replace(TRUTH, segments=15, step_s=0.002)  # to simulate
 HOME_RAD = tuple(joints_pointing_down(np.array([R0_M, 0.0, 0.0])))
