@@ -62,7 +62,7 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     drives = [one for one in joints if one.channels]
     known = {c for one in joints for c in one.channels}
     others = [c for c in range(len(channels)) if c not in known]
-    drives += [_where(robot, "all_drives", (), others)] if len(others) > 1 else []
+    drives += [_where(robot, "every_actuator", (), others)] if len(others) > 1 else []
     drives += [_drive(robot, c) for c in others] if len(others) <= FEW_JOINTS else []
     bodies = [int(model.dof_bodyid[dof]) for dof in range(model.nv)]
     if model.nv > FEW_JOINTS:  # loads hang on the last bodies, or on what moves freely
