@@ -239,11 +239,11 @@ DRAW = """# Robots with an effect that nobody picked
 
 `python benchmarks/robots.py --alone --draw {seed} --cases {cases} --table FILE`: the simulated
 robots of [the benchmark](robots.md) with cases drawn at random from a seed: mechanism, effect,
-place, size, motions and noise. One in six hides nothing, one in six two effects of different kinds, one in
-twelve a torque law that the library lacks (ripple, a soft stop on one side). Sizes are log-uniform
-in units of what is usual on the mechanism (`DRAWN` in benchmarks/robot_truth.py), and drawn again
-until the logs with and without the effect differ by more than five times the encoders' noise within
-two seconds and every joint stays within twice its usual range.
+place, size, motions and noise. One in six hides nothing, one in six two effects of different
+kinds, one in twelve a torque law that the library lacks (ripple, a soft stop on one side). Sizes
+are log-uniform in units of what is usual on the mechanism (`DRAWN` in benchmarks/robot_truth.py),
+and drawn again until the logs with and without the effect differ by more than five times the
+encoders' noise within two seconds and every joint stays within twice its usual range.
 
 """
 HEAD = """# Robots with a hidden effect
