@@ -376,8 +376,9 @@ def _fits(mechanism: str, shown: np.ndarray, before: np.ndarray, clean: np.ndarr
     away = np.abs(shown - (low + high) / 2) / ((high - low) / 2)
     if not (away < SURVIVES).all():
         return False
-    apart = np.sqrt(((shown - before)[:, :k] ** 2).mean(axis=(0, 1)))
-    return bool((apart / noise).max() > SHOWS)
+    apart = (shown - before)[:, :k]
+    apart -= apart.mean(axis=1, keepdims=True)  # a place that is counted from elsewhere is no effect
+    return bool((np.sqrt((apart**2).mean(axis=(0, 1))) / noise).max() > SHOWS)
 
 
 class _Draw:
