@@ -377,7 +377,7 @@ def _fits(mechanism: str, shown: np.ndarray, before: np.ndarray, clean: np.ndarr
     if not (away < SURVIVES).all():
         return False
     apart = (shown - before)[:, :k]
-    apart -= apart.mean(axis=1, keepdims=True)  # a place that is counted from elsewhere is no effect
+    apart -= apart.mean(axis=1, keepdims=True)  # counted from elsewhere
     return bool((np.sqrt((apart**2).mean(axis=(0, 1))) / noise).max() > SHOWS)
 
 
