@@ -65,6 +65,8 @@ def score(
         "either": truth["either"],
         "said": said["verdict"] if said["code"] != "cannot tell" else ["cannot tell"],
         "confused": sorted(confused - told),
+        "green": not said["unexplained"],
+        "near": said["nearest"][:1],
         "right": told == answer if not truth["either"] else told < answer <= told | confused,
         "among": answer <= told | confused,
         "sizes": fitted,
@@ -217,6 +219,9 @@ def every(rows: Sequence[dict[str, Any]]) -> str:
     lines, more = [], ""
     for row in rows:
         said = ("" if row["right"] else "**not** ") + " + ".join(row["said"])
+        if row["said"] == ["none"] and not row.get("green", True):
+            said += ", not green"  # the page says that something may be missing, and what is near
+            said += "".join(f": near {' + '.join(one)}" for one in row["near"])
         errors = " → ".join(
             f"{e:.2f}" for e in dict.fromkeys((row["errors"][0], row["errors"][-1]))
         )
