@@ -157,9 +157,11 @@ class Rollout:
         qvel = np.array([w.qvel for w in windows]) + moved[:, 1]
         for effect, own in _through("latency_s", acting):
             dofs, late_s = list(effect.where.dofs), effect.latency_s(**own)
-            qacc = np.array([w.bends[0] for w in windows])[:, dofs]
-            qpos[:, self.qpos_of_dof[dofs]] += late_s * (qvel[:, dofs] + late_s / 2 * qacc)
-            qvel[:, dofs] += late_s * qacc
+            for state, at, order in ((qpos, self.qpos_of_dof[dofs], 0), (qvel, dofs, 1)):
+                state[:, at] += [
+                    (w.track(late, order) - w.track(0.0, order))[dofs]
+                    for w, (late,) in zip(windows, late_s, strict=True)
+                ]
         batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos, qvel
 
     def _recall(self, batch: Batch, windows: Sequence[Window], drive: np.ndarray) -> None:
@@ -333,10 +335,9 @@ class Rollout:
         away = np.zeros_like(since_s)
         for k, s in enumerate(self._signals):
             if s.dof is not None:
-                before_s, bent = np.minimum(since_s[:, k], 0.0), window.bends[0, s.dof]
-                rate = window.qvel[s.dof] + late_s[k] * bent
-                of_position = rate + before_s / 2 * bent
-                away[:, k] = before_s * (of_position if s.kind == "position" else bent)
+                order, shown_s = int(s.kind == "velocity"), late_s[k] + since_s[:, k]
+                track = window.track(np.minimum(shown_s, late_s[k]), order)[:, s.dof]
+                away[:, k] = track - window.track(late_s[k], order)[s.dof]
         return away
 
 

@@ -8,8 +8,10 @@ it. That much a fit may move it, and no further.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count, takewhile
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from robotcast.robots.logs import Log, periods
 from robotcast.robots.names import Signal, joint_of_dof
@@ -17,6 +19,7 @@ from robotcast.robots.robot_file import RobotFile
 
 ABOUT_S, ABOUT_SAMPLES = 0.02, 4  # on either side of a start: what tells its state
 LEAST_SAMPLES = 12  # of a window
+LATEST_S = 0.1  # by which an encoder may show late
 CUBIC = 4
 GROUPS = 12  # parts that can be held out, at least: where logs are fewer, each is cut
 
@@ -33,6 +36,8 @@ class Window:
     qpos, qvel : the state at its start, (nq,) and (nv,).
     start_sd : standard deviations of the positions and of the velocities there, (2, nv).
     bends : acceleration and its rate there, (2, nv), drawn in to 0 as far as noise makes them up.
+    track : positions as measured (nv,) by the time since the start: a late encoder shows there
+        where its joint was.
     """
 
     log: int
@@ -43,6 +48,7 @@ class Window:
     qvel: np.ndarray
     start_sd: np.ndarray
     bends: np.ndarray
+    track: CubicHermiteSpline
 
 
 def noise_of(robot: RobotFile, logs: Sequence[Log]) -> np.ndarray:
@@ -106,6 +112,22 @@ class StartStates:
             qpos[next(at.index for _, at in signals if at.kind == "position")] = known[0, dof]
         return qpos, known[1], sd[:2], known[2:], sd[2:]
 
+    def track(self, log: int, first: int) -> CubicHermiteSpline:
+        """Return positions (nv,) by the time since a sample: through states a margin apart."""
+        times_s, model = self._logs[log].times_s, self._robot.model
+        later = takewhile(
+            lambda row: row < len(times_s) and times_s[row] - times_s[first] < LATEST_S,
+            count(first, self.margin),
+        )
+        found = list(takewhile(lambda one: one[1], ((row, self.at(log, row)) for row in later)))
+        at_s = np.array([times_s[row] - times_s[first] for row, _ in found])
+        qpos = np.array([s[0][model.jnt_qposadr[model.dof_jntid]] for _, s in found if s])
+        qvel = np.array([s[1] for _, s in found if s])
+        end = qpos[-1] + (LATEST_S - at_s[-1]) * qvel[-1]
+        return CubicHermiteSpline(
+            [*at_s, LATEST_S], np.vstack([qpos, end]), np.vstack([qvel, qvel[-1]])
+        )
+
     def _fitted(
         self, log: Log, rows: slice, since_s: np.ndarray, signals: Sequence[tuple[int, Signal]]
     ) -> tuple[np.ndarray, np.ndarray] | None:
@@ -167,7 +189,9 @@ def cut(
     true = 1 - (noise**2).mean(axis=0) / np.maximum((bends**2).mean(axis=0), 1e-30)
     shrunk = bends * np.maximum(true, 0.0)
     return tuple(
-        Window(index, first, first + n, part, qpos, qvel, start_sd, bend)
+        Window(
+            index, first, first + n, part, qpos, qvel, start_sd, bend, starts.track(index, first)
+        )
         for (index, first, part, (qpos, qvel, start_sd, *_)), bend in zip(
             known, shrunk, strict=True
         )
