@@ -304,6 +304,10 @@ DRAWN = {
     "servo_stiffness": (0.08, 0.8),
 }
 LAWS = {"dry_friction": "dry", "stribeck_friction": "dry", "load_friction": "load", "drag": "drag"}
+ONE = [  # what would be one effect on many mechanisms is no pair
+    {"encoder_offset", "centre_of_mass", "tilted_base"},
+    {"mass", "inertia", "armature"},
+]
 SHOWS, SHOWN_S = 5.0, 2.0  # times the encoders' noise, and within how long
 SURVIVES = 2.0  # times as far from its middle as without the effect, every joint at most
 SIZES_TRIED = 8
@@ -341,8 +345,8 @@ def draw(mechanism: str, kind: str, seed: Sequence[int]) -> Hidden:
             fit = (pair for pair in shown if _fits(mechanism, pair[1], before, clean))
             hidden, before = next(fit, (nothing, clean))
         if len(hidden.answer) <= 3 and {*hidden.answer} != {"none"}:
-            wanted = 2 if kind == "pair" else 1
-            if len({truth.kind(name) for name in hidden.answer}) == wanted:
+            kinds, wanted = {truth.kind(n) for n in hidden.answer}, 2 if kind == "pair" else 1
+            if len(kinds) == wanted and not any(len(kinds & one) > 1 for one in ONE):
                 return hidden
 
 
