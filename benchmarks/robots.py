@@ -166,8 +166,8 @@ def _inquiry(asked: RobotCase) -> Inquiry:
     return Inquiry(asked.model, case.records, floor_and_noise(case)[1])
 
 
-COLUMNS = """mechanism, named right, truth among the confusable, false alarms, unknown,
-intervals that cover, drop of the oracle's, unfrozen: error of ours,
+COLUMNS = """mechanism, named right, truth among the confusable, hidden below 1.5 times the floor,
+false alarms, unknown, intervals that cover, drop of the oracle's, unfrozen: error of ours,
 unfrozen: largest change is right, brute force: right, a guess is right,
 CPU seconds at most, brute force: CPU seconds at most"""
 
@@ -195,6 +195,7 @@ def table(rows: Sequence[dict[str, Any]], names: Sequence[str]) -> str:
                 name,
                 f"{sum(row['right'] for row in hidden)} of {len(hidden)}",
                 f"{sum(row['among'] for row in hidden)} of {len(hidden)}",
+                str(sum(row["errors"][0] <= 1.5 * row["floor"] for row in hidden)),
                 f"{sum(not row['right'] for row in clean)} of {len(clean)}",
                 str(sum(row["said"] == ["unknown"] for row in hidden)),
                 f"{sum(hits)} of {len(hits)}",
@@ -208,7 +209,7 @@ def table(rows: Sequence[dict[str, Any]], names: Sequence[str]) -> str:
             ]
         )
     columns = list(zip(COLUMNS.replace("\n", " ").split(", "), *lines, strict=True))
-    full = [column for column in columns if {*column[1:]} - {"–", "0 of 0"}]
+    full = [column for column in columns if {*column[1:]} - {"–", "0 of 0", "0"}]
     head, *lines = zip(*full, strict=True)
     return markdown(head, lines)
 
