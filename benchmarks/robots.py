@@ -1,12 +1,13 @@
 """Hidden effects of small robots: does the diagnosis name what was hidden, and nothing else?
 
 python benchmarks/robots.py [CASE ...] [--output DIR] [--alone] [--table FILE]
+    [--draw SEED [--cases N]]
 
-Cases are made by robot_truth.py, their answers sealed until a case is diagnosed. What was diagnosed
-before stands in DIR and is not done again. Where logs cannot tell two effects apart, the motions
-that the diagnosis asks for are logged, and it is asked again. Beside each diagnosis, unless
---alone: the oracle, which tries the hidden effect alone, and everything unfrozen, which fits all
-parameters at once.
+Cases are made by robot_truth.py, their answers sealed until a case is diagnosed; with --draw they
+are drawn at random. What was diagnosed before stands in DIR and is not done again. Where logs
+cannot tell two effects apart, the motions that the diagnosis asks for are logged, and it is asked
+again. Beside each diagnosis, unless --alone: the oracle, which tries the hidden effect alone, and
+everything unfrozen, which fits all parameters at once.
 """
 
 import argparse
@@ -22,7 +23,7 @@ import robotcast  # noqa: F401 # before NumPy: it settles how processors round
 import mujoco
 import mujoco.rollout
 import numpy as np
-from robot_truth import CASES, log_next, make
+from robot_truth import CASES, Hidden, draw, drawn, log_next, make
 
 from robotcast.diagnosis.diagnose import diagnose, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base, held_out
@@ -35,11 +36,13 @@ from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
 VECTORS = 8
 
 
-def score(case: str, folder: Path, alone: bool) -> dict[str, Any]:
+def score(
+    case: str, hidden: Hidden, folder: Path, alone: bool, seed: Sequence[int] = (0,)
+) -> dict[str, Any]:
     """Make and diagnose one case, open its answer, and say how it went."""
     sealed = folder.parent / "answers" / f"{case}.txt"
     sealed.parent.mkdir(parents=True, exist_ok=True)
-    make(case, folder, sealed)
+    make(hidden, folder, sealed, seed)
     began, busy = time.monotonic(), time.process_time()
     asked = read_case(folder, threads=1)
     question = asked.question((), (), Rule(), Effort())
@@ -62,6 +65,8 @@ def score(case: str, folder: Path, alone: bool) -> dict[str, Any]:
         "either": truth["either"],
         "said": said["verdict"] if said["code"] != "cannot tell" else ["cannot tell"],
         "confused": sorted(confused - told),
+        "green": not said["unexplained"],
+        "near": said["nearest"][:1],
         "right": told == answer if not truth["either"] else told < answer <= told | confused,
         "among": answer <= told | confused,
         "sizes": fitted,
@@ -73,7 +78,7 @@ def score(case: str, folder: Path, alone: bool) -> dict[str, Any]:
         "cost": cost(asked),
     }
     if truth["either"] and said["next_actions"]:
-        log_next(case, folder, asked.motions.rows(said["next_actions"], folder))
+        log_next(hidden, folder, asked.motions.rows(said["next_actions"], folder))
         further = read_case(folder, threads=1)
         again = diagnose_by_joint(
             further, further.question((), (), Rule(), Effort()), lambda _: None
@@ -161,16 +166,15 @@ def _inquiry(asked: RobotCase) -> Inquiry:
     return Inquiry(asked.model, case.records, floor_and_noise(case)[1])
 
 
-COLUMNS = """mechanism, named right, truth among the confusable, false alarms, unknown,
-intervals that cover, drop of the oracle's, unfrozen: error of ours,
+COLUMNS = """mechanism, named right, truth among the confusable, hidden below 1.5 times the floor,
+false alarms, unknown, intervals that cover, drop of the oracle's, unfrozen: error of ours,
 unfrozen: largest change is right, brute force: right, a guess is right,
 CPU seconds at most, brute force: CPU seconds at most"""
 
 
-def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Return one line a mechanism, and one of all."""
+def table(rows: Sequence[dict[str, Any]], names: Sequence[str]) -> str:
+    """Return one line a mechanism, by the rows' names, and one of all; without empty columns."""
     lines = []
-    names = [CASES[row["case"]].mechanism for row in rows]
     for name in [*dict.fromkeys(names), "all"]:
         own = [row for row, of in zip(rows, names, strict=True) if name in (of, "all")]
         clean = [row for row in own if row["answer"] == ["none"]]
@@ -191,6 +195,7 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
                 name,
                 f"{sum(row['right'] for row in hidden)} of {len(hidden)}",
                 f"{sum(row['among'] for row in hidden)} of {len(hidden)}",
+                str(sum(row["errors"][0] <= 1.5 * row["floor"] for row in hidden)),
                 f"{sum(not row['right'] for row in clean)} of {len(clean)}",
                 str(sum(row["said"] == ["unknown"] for row in hidden)),
                 f"{sum(hits)} of {len(hits)}",
@@ -203,7 +208,10 @@ def table(rows: Sequence[dict[str, Any]]) -> str:
                 str(max((row["brute_force_cpu_seconds"] for row in beside), default="–")),
             ]
         )
-    return markdown(COLUMNS.replace("\n", " ").split(", "), lines)
+    columns = list(zip(COLUMNS.replace("\n", " ").split(", "), *lines, strict=True))
+    full = [column for column in columns if {*column[1:]} - {"–", "0 of 0", "0"}]
+    head, *lines = zip(*full, strict=True)
+    return markdown(head, lines)
 
 
 def every(rows: Sequence[dict[str, Any]]) -> str:
@@ -212,6 +220,9 @@ def every(rows: Sequence[dict[str, Any]]) -> str:
     lines, more = [], ""
     for row in rows:
         said = ("" if row["right"] else "**not** ") + " + ".join(row["said"])
+        if row["said"] == ["none"] and not row.get("green", True):
+            said += ", not green"  # the page says that something may be missing, and what is near
+            said += "".join(f": near {' + '.join(one)}" for one in row["near"])
         errors = " → ".join(
             f"{e:.2f}" for e in dict.fromkeys((row["errors"][0], row["errors"][-1]))
         )
@@ -230,6 +241,17 @@ def every(rows: Sequence[dict[str, Any]]) -> str:
     return markdown(columns, lines) + more
 
 
+DRAW = """# Robots with an effect that nobody picked
+
+`python benchmarks/robots.py --alone --draw {seed} --cases {cases} --table FILE`: the simulated
+robots of [the benchmark](robots.md) with cases drawn at random from a seed: mechanism, effect,
+place, size, motions and noise. One in six hides nothing, one in six two effects of different
+kinds, one in twelve a torque law that the library lacks (ripple, a soft stop on one side). Sizes
+are log-uniform in units of what is usual on the mechanism (`DRAWN` in benchmarks/robot_truth.py),
+and drawn again until the logs with and without the effect differ by more than five times the
+encoders' noise within two seconds and every joint stays within twice its usual range.
+
+"""
 HEAD = """# Robots with a hidden effect
 
 `python benchmarks/robots.py --table reports/robots.md`: simulated robots, made with another
@@ -244,22 +266,31 @@ names what predicts best, so that it never says "none" or names two; a guess is 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Diagnose robots with a hidden effect.")
-    parser.add_argument("cases", nargs="*", metavar="CASE")
+    parser.add_argument("cases_named", nargs="*", metavar="CASE")
     parser.add_argument("--output", type=Path, default=Path("outputs/robots"), metavar="DIR")
     parser.add_argument("--alone", action="store_true", help="without oracle and unfrozen")
     parser.add_argument("--table", type=Path, metavar="FILE", help="a Markdown file for the tables")
+    parser.add_argument("--draw", type=int, metavar="SEED", help="draw the cases at random")
+    parser.add_argument("--cases", type=int, default=24, metavar="N", help="how many are drawn")
     given = parser.parse_args()
-    rows = []
-    for case in given.cases or CASES:
-        known = given.output / f"{case}.json"
-        if not known.is_file():
-            row = plain(score(case, given.output / case, given.alone))
-            write_text(known, json.dumps(row, ensure_ascii=False))
+    fixed = {case: (hidden.mechanism, "") for case, hidden in CASES.items()}
+    known = fixed if given.draw is None else drawn(given.draw, given.cases)
+    rows, names = [], given.cases_named or known
+    for case in names:
+        path, seed = given.output / f"{case}.json", (0,)
+        if not path.is_file():
+            if given.draw is not None:
+                seed = (given.draw, list(known).index(case))
+            hidden = CASES[case] if given.draw is None else draw(*known[case], seed)
+            row = plain(score(case, hidden, given.output / case, given.alone, seed))
+            write_text(path, json.dumps(row, ensure_ascii=False))
             print(json.dumps(row, ensure_ascii=False), flush=True)
-        rows.append(json.loads(known.read_text(encoding="utf-8")))
-    print(table(rows))
+        rows.append(json.loads(path.read_text(encoding="utf-8")))
+    by_robot = table(rows, [known[case][0] for case in names])
+    print(by_robot)
     if given.table:
-        write_text(given.table, f"{HEAD}{table(rows)}\n\n{every(rows)}")
+        head = HEAD if given.draw is None else DRAW.format(seed=given.draw, cases=given.cases)
+        write_text(given.table, f"{head}{by_robot}\n\n{every(rows)}")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,15 @@ import pytest
 import yaml
 
 from robotcast.diagnosis.rule import Effort, Rule
-from robotcast.robots.coordinates import moved, quaternions, rates, turn
+from robotcast.robots.coordinates import (
+    moved,
+    quaternions,
+    rate_of_turn,
+    rates,
+    spin,
+    turn,
+    turned,
+)
 from robotcast.robots.describe import describe
 from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
 
@@ -73,6 +81,11 @@ def test_coordinates_move_as_mujocos_do() -> None:
         for at, dof in quaternions(model):
             here, there = start[at : at + 4], -end[at : at + 4]
             np.testing.assert_allclose(turn(here, there), step[dof : dof + 3], atol=1e-12)
+    turned_by, spinning, q = 0.2 * rng.normal(size=3), rng.normal(size=3), np.array([1.0, 0, 0, 0])
+    rate = rate_of_turn(turned_by, spinning)
+    there = [turned(q, turned_by + s * 1e-6 * rate) for s in (-1, 1)]
+    np.testing.assert_allclose(turn(*there) / 2e-6, spinning, atol=2e-4)
+    np.testing.assert_allclose(spin(turned_by, rate), spinning, atol=2e-4)
     path = np.array(
         [
             [moved(model, one[None], s * 1e-4 * v[None])[0] for s in range(3)]

@@ -77,6 +77,18 @@ def turn(q: np.ndarray, other: np.ndarray) -> np.ndarray:
     return 2 * between[..., 1:] * half / np.where(sine > 0, sine, 1.0)
 
 
+def spin(by: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    """Return the angular velocity (…, 3) where a turn `by` a small vector changes at a rate."""
+    across = np.cross(by, rate)
+    return rate - across / 2 + np.cross(by, across) / 6
+
+
+def rate_of_turn(by: np.ndarray, spinning: np.ndarray) -> np.ndarray:
+    """Return the rate at which a turn `by` a small vector changes, by the angular velocity."""
+    across = np.cross(by, spinning)
+    return spinning + across / 2 + np.cross(by, across) / 12
+
+
 def _relative(q: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Return q⁻¹ ⊗ other."""
     w, v, w2, v2 = q[..., :1], q[..., 1:], other[..., :1], other[..., 1:]

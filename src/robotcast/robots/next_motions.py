@@ -93,7 +93,8 @@ def motions(
         first = max(starts.margin, (len(log.times_s) - n) // 2)
         state = starts.at(index, first)
         assert state is not None  # nothing is missing in what was simulated
-        windows.append(Window(index, first, first + n, index, *state[:4]))
+        track = starts.track(index, first)
+        windows.append(Window(index, first, first + n, index, *state[:4], track=track))
     simulated = RobotModel(own, made, windows, noise, (), model.rollout.threads, model.units)
     simulated.effects = model.effects  # and what will be added to them
     nowhere = [

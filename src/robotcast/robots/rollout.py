@@ -157,9 +157,11 @@ class Rollout:
         qvel, since = np.array([w.qvel for w in windows]) + away[:, 1], np.zeros_like(away[:, 0])
         for effect, own in _through("latency_s", acting):
             dofs, late_s = list(effect.where.dofs), effect.latency_s(**own)
-            qacc = np.array([w.bends[0] for w in windows])[:, dofs]
-            since[:, dofs] += late_s * (qvel[:, dofs] + late_s / 2 * qacc)
-            qvel[:, dofs] += late_s * qacc
+            for state, order in ((since, 0), (qvel, 1)):
+                state[:, dofs] += [
+                    (w.track(late, order) - w.track(0.0, order))[dofs]
+                    for w, (late,) in zip(windows, late_s, strict=True)
+                ]
         qpos = moved(self._model, qpos, since)
         batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos, qvel
 
@@ -335,15 +337,17 @@ class Rollout:
         for k, s in enumerate(self._signals):
             if s.dof is None:
                 continue
-            own = s.dof + np.arange(3 if s.kind == "turn" else 1)
-            before_s, bent = np.minimum(since_s[:, [k]], 0.0), window.bends[0, own]
-            rate = window.qvel[own] + late_s[k] * bent
-            path = before_s * (rate + before_s / 2 * bent if s.kind != "velocity" else bent)
+            order, shown_s = int(s.kind == "velocity"), late_s[k] + since_s[:, k]
+            track = window.track(np.minimum(shown_s, late_s[k]), order)
+            starts = window.track(late_s[k], order)
             if s.kind == "turn":
                 q = window.qpos[first[s.dof] : first[s.dof] + 4]
-                away[:, k] = (turned(q, path) - q)[:, s.index - first[s.dof]]
+                shown, from_there = (
+                    turned(q, by[..., s.dof : s.dof + 3]) for by in (track, starts)
+                )
+                away[:, k] = (shown - from_there)[:, s.index - first[s.dof]]
             else:
-                away[:, k] = path[:, 0]
+                away[:, k] = track[:, s.dof] - starts[s.dof]
         return away
 
 

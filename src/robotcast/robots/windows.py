@@ -8,15 +8,26 @@ it. That much a fit may move it, and no further.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count, takewhile
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
-from robotcast.robots.coordinates import coordinates, moved, quaternions, turn, turning
+from robotcast.robots.coordinates import (
+    coordinates,
+    moved,
+    quaternions,
+    rate_of_turn,
+    spin,
+    turn,
+    turning,
+)
 from robotcast.robots.logs import Log, periods
 from robotcast.robots.robot_file import RobotFile
 
 ABOUT_S, ABOUT_SAMPLES = 0.02, 4  # on either side of a start: what tells its state
 LEAST_SAMPLES = 12  # of a window
+LATEST_S = 0.1  # by which an encoder may show late
 CUBIC = 4
 GROUPS = 12  # parts that can be held out, at least: where logs are fewer, each is cut
 
@@ -33,6 +44,7 @@ class Window:
     qpos, qvel : the state at its start, (nq,) and (nv,).
     start_sd : standard deviations of the positions and of the velocities there, (2, nv).
     bends : acceleration and its rate there, (2, nv), drawn in to 0 as far as noise makes them up.
+    track : as measured; a late encoder shows there where its joint was.
     """
 
     log: int
@@ -43,6 +55,22 @@ class Window:
     qvel: np.ndarray
     start_sd: np.ndarray
     bends: np.ndarray
+    track: "Track"
+
+
+@dataclass(frozen=True)
+class Track:
+    """Positions and velocities (…, nv) by the time since a start, from where `turns` count."""
+
+    path: CubicHermiteSpline
+    turns: tuple[int, ...]  # first degrees of freedom of those that turn a quaternion
+
+    def __call__(self, since_s: np.ndarray | float, order: int) -> np.ndarray:
+        found = self.path(since_s, order)
+        for dof in self.turns if order else ():
+            by, own = self.path(since_s)[..., dof : dof + 3], slice(dof, dof + 3)
+            found[..., own] = spin(by, found[..., own])
+        return found
 
 
 def noise_of(robot: RobotFile, logs: Sequence[Log]) -> np.ndarray:
@@ -98,6 +126,28 @@ class StartStates:
         for index, k in self._turns.items():
             qpos[index] = near[self.margin, k]
         return moved(model, qpos[None], known[:1])[0], known[1], sd[:2], known[2:], sd[2:]
+
+    def track(self, log: int, first: int) -> "Track":
+        """Return positions (nv,) by the time since a sample: through states a margin apart."""
+        times_s, model = self._logs[log].times_s, self._robot.model
+        later = takewhile(
+            lambda row: row < len(times_s) and times_s[row] - times_s[first] < LATEST_S,
+            count(first, self.margin),
+        )
+        found = list(takewhile(lambda one: one[1], ((row, self.at(log, row)) for row in later)))
+        at_s = np.array([times_s[row] - times_s[first] for row, _ in found])
+        states = np.array([s[0] for _, s in found if s])
+        qpos, qvel = states[:, coordinates(model)], np.array([s[1] for _, s in found if s])
+        turns = tuple(dof for _, dof in quaternions(model))
+        for index, dof in quaternions(model):
+            q, own = states[:, index : index + 4], slice(dof, dof + 3)
+            qpos[:, own] = turn(q[0], q)
+            qvel[:, own] = rate_of_turn(qpos[:, own], qvel[:, own])
+        end = qpos[-1] + (LATEST_S - at_s[-1]) * qvel[-1]
+        spline = CubicHermiteSpline(
+            [*at_s, LATEST_S], np.vstack([qpos, end]), np.vstack([qvel, qvel[-1]])
+        )
+        return Track(spline, turns)
 
     def _seen(self, near: np.ndarray) -> dict[int, list[tuple[bool, np.ndarray, float]]]:
         """Return what samples (n, n_signals) say of every dof: a rate or not, values, noise.
@@ -176,7 +226,9 @@ def cut(
     true = 1 - (noise**2).mean(axis=0) / np.maximum((bends**2).mean(axis=0), 1e-30)
     shrunk = bends * np.maximum(true, 0.0)
     return tuple(
-        Window(index, first, first + n, part, qpos, qvel, start_sd, bend)
+        Window(
+            index, first, first + n, part, qpos, qvel, start_sd, bend, starts.track(index, first)
+        )
         for (index, first, part, (qpos, qvel, start_sd, *_)), bend in zip(
             known, shrunk, strict=True
         )
