@@ -1,4 +1,4 @@
-"""Real pendulums whose MJCF has no friction: docs/your_robot.md says what is found."""
+"""Real logs whose MJCF has no friction, or too much: docs/your_robot.md says what is found."""
 
 from pathlib import Path
 from typing import Any
@@ -39,3 +39,12 @@ def test_dry_friction_is_named_in_a_joint_that_was_swung_up_once() -> None:
     assert errors[-1] < 1.5 * said["noise_floor_percent"] < errors[0]
     torque = sizes["dry_friction_shoulder"]["torque"]
     assert torque["low"] < 0.29 < torque["high"]  # N m in motion, as its makers identified it
+
+
+@pytest.mark.slow
+def test_the_friction_of_a_cube_that_is_tossed_onto_a_board_is_named() -> None:
+    said, errors, sizes, _ = said_of("tossed_cube")
+    assert said["verdict"] == ["contact_friction"]
+    assert errors[-1] < 0.5 * errors[0]
+    factor = sizes["contact_friction"]["k"]
+    assert 0.1 < 1 + factor["low"] < 1 + factor["high"] < 0.3  # 0.18, as its makers identified it
