@@ -9,7 +9,8 @@ import pytest
 import yaml
 
 from robotcast.diagnosis.rule import Effort, Rule
-from robotcast.robots.coordinates import (
+from robotcast.robots.describe import describe
+from robotcast.robots.names import (
     moved,
     quaternions,
     rate_of_turn,
@@ -18,7 +19,6 @@ from robotcast.robots.coordinates import (
     turn,
     turned,
 )
-from robotcast.robots.describe import describe
 from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
 
 BOX = """<mujoco><option timestep="0.004" integrator="implicitfast"/><worldbody>

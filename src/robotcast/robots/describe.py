@@ -9,10 +9,10 @@ import numpy as np
 import polars as pl
 
 from robotcast.files import write_text
-from robotcast.robots.coordinates import FREE
 from robotcast.robots.logs import tables_of
 from robotcast.robots.names import (
     AXES,
+    FREE,
     PLACE,
     UNITS,
     WIDTH,

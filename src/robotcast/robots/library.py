@@ -10,11 +10,10 @@ import yaml
 
 from robotcast.build import CONFIGURATION, build
 from robotcast.fitting.parameter import Parameter
-from robotcast.robots.coordinates import loose, turning
 from robotcast.robots.couplings import coupled
 from robotcast.robots.effect import RobotEffect, Where
 from robotcast.robots.effects import ModelField, TorqueField
-from robotcast.robots.names import driven_dof, name_of_dof, names_of
+from robotcast.robots.names import driven_dof, loose, name_of_dof, names_of, turning
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.sizes import Sizes
 from robotcast.robots.transmission import drives_of, is_plain, is_servo

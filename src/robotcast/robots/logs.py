@@ -10,8 +10,7 @@ import mujoco
 import numpy as np
 import polars as pl
 
-from robotcast.robots.coordinates import quaternions
-from robotcast.robots.names import Channel, Signal, driven_dof
+from robotcast.robots.names import Channel, Signal, driven_dof, quaternions
 from robotcast.robots.recordings import episodes, read_bag
 from robotcast.robots.robot_file import Column, RobotFile
 

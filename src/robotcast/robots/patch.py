@@ -9,12 +9,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotcast.robots.coordinates import loose
 from robotcast.robots.couplings import serve
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import in_file
 from robotcast.robots.model_fields import OneModel
-from robotcast.robots.names import FIELDS, Address
+from robotcast.robots.names import FIELDS, Address, loose
 from robotcast.robots.robot_file import Moving, RobotFile, compiled, load_spec
 
 OF_JOINTS = {field: name for name, field in FIELDS["joint"].items()}

@@ -17,10 +17,9 @@ import numpy as np
 from robotcast.diagnosis.model import Record
 from robotcast.fitting.least_squares import DIFFERENCE
 from robotcast.fitting.parameter import Parameter
-from robotcast.robots.coordinates import turning
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.logs import Log
-from robotcast.robots.names import Signal
+from robotcast.robots.names import Signal, turning
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.rollout import Rollout
 from robotcast.robots.windows import Window

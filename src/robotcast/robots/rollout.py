@@ -13,10 +13,10 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 
 from robotcast.processes import cores
-from robotcast.robots.coordinates import coordinates, moved, quaternions, rates, turned
 from robotcast.robots.effect import Acting, Motion, RobotEffect
 from robotcast.robots.logs import Log
 from robotcast.robots.model_fields import BatchFields, load
+from robotcast.robots.names import coordinates, moved, quaternions, rates, turned
 from robotcast.robots.robot_file import RobotFile, Tunable
 from robotcast.robots.transmission import Transmission, is_servo
 from robotcast.robots.windows import Window

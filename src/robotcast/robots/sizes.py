@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from robotcast.robots.coordinates import coordinates, turning
 from robotcast.robots.logs import Log
+from robotcast.robots.names import coordinates, turning
 from robotcast.robots.windows import StartStates
 
 MOST_STATES = 200

@@ -13,7 +13,8 @@ from itertools import count, takewhile
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from robotcast.robots.coordinates import (
+from robotcast.robots.logs import Log, periods
+from robotcast.robots.names import (
     coordinates,
     moved,
     quaternions,
@@ -22,7 +23,6 @@ from robotcast.robots.coordinates import (
     turn,
     turning,
 )
-from robotcast.robots.logs import Log, periods
 from robotcast.robots.robot_file import RobotFile
 
 ABOUT_S, ABOUT_SAMPLES = 0.02, 4  # on either side of a start: what tells its state
