@@ -467,6 +467,7 @@ class _Draw:
             )
         if kind in ("dead_time", "lag"):  # the truth has them in all drives alike
             answer = [name for name in self._whole if self.kind(name) == kind]
+            answer = [n for n in answer if n.endswith("every_joint")] or answer
             sizes = {f"{name}.{first}": size for name in answer}
             late = {"delay_s" if kind == "dead_time" else "lag_s": size}
             return {"answer": answer, "sizes": sizes, **late}

@@ -74,7 +74,9 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     ]
     whole = _where(robot, "", tuple(range(model.nv)), range(len(channels)))
     found = {"joint": joints, "pair": pairs, "body": links, "drive": drives, "robot": [whole]}
-    return {**found, **_free_parts(robot), "nothing": []}
+    driven = tuple(dict.fromkeys(dof for one in drives for dof in one.dofs))
+    every = [_where(robot, "every_joint", driven)] if driven and len(drives) > 1 else []
+    return {**found, **_free_parts(robot), "every drive": every, "nothing": []}
 
 
 def _free_parts(robot: RobotFile) -> dict[str, list[Where]]:
