@@ -267,7 +267,7 @@ names what predicts best, so that it never says "none" or names two; a guess is 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Diagnose robots with a hidden effect.")
     parser.add_argument("cases_named", nargs="*", metavar="CASE")
-    parser.add_argument("--output", type=Path, default=Path("outputs/robots"), metavar="DIR")
+    parser.add_argument("--output", type=Path, metavar="DIR", help="where what was done stands")
     parser.add_argument("--alone", action="store_true", help="without oracle and unfrozen")
     parser.add_argument("--table", type=Path, metavar="FILE", help="a Markdown file for the tables")
     parser.add_argument("--draw", type=int, metavar="SEED", help="draw the cases at random")
@@ -275,14 +275,16 @@ def main() -> None:
     given = parser.parse_args()
     fixed = {case: (hidden.mechanism, "") for case, hidden in CASES.items()}
     known = fixed if given.draw is None else drawn(given.draw, given.cases)
+    own = "" if given.draw is None else f"/draw_{given.draw}_of_{given.cases}"
+    output = given.output or Path(f"outputs/robots{own}")
     rows, names = [], given.cases_named or known
     for case in names:
-        path, seed = given.output / f"{case}.json", (0,)
+        path, seed = output / f"{case}.json", (0,)
         if not path.is_file():
             if given.draw is not None:
                 seed = (given.draw, list(known).index(case))
             hidden = CASES[case] if given.draw is None else draw(*known[case], seed)
-            row = plain(score(case, hidden, given.output / case, given.alone, seed))
+            row = plain(score(case, hidden, output / case, given.alone, seed))
             write_text(path, json.dumps(row, ensure_ascii=False))
             print(json.dumps(row, ensure_ascii=False), flush=True)
         rows.append(json.loads(path.read_text(encoding="utf-8")))

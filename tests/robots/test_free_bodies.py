@@ -117,6 +117,7 @@ def test_a_pose_that_shows_late_is_predicted(late: RobotCase) -> None:
         ("position[6]", None, r"no column measures joint.root..position.6., .* say weld: .root."),
         ("position[3]", "x", "the quaternion has the length"),
         ("position", "x", r"end it with .0. to .6.: x y z .m., then the quaternion w x y z"),
+        ("velocity[3]", "spin", r"root..velocity.3. does not go with the pose"),
     ],
 )
 def test_a_pose_that_cannot_be(
@@ -127,6 +128,8 @@ def test_a_pose_that_cannot_be(
     said["measured"] = {k: v for k, v in measured.items() if v is not None}
     for path in late.robot.path.parent.glob("*.*"):
         (tmp_path / path.name).write_text(path.read_text())
+    for path in tmp_path.glob("*.csv"):  # a gyroscope that shows another turn
+        pl.read_csv(path).with_columns(spin=(40 * pl.col("t")).sin()).write_csv(path)
     (tmp_path / "robot.yaml").write_text(yaml.safe_dump(said, sort_keys=False))
     with pytest.raises(ValueError, match=words):
         read_case(tmp_path)

@@ -108,10 +108,12 @@ class _Guess:
         self.time_unit = next((unit for unit, least in PERIODS if step >= least), "s")
         single = [n for j, n in enumerate(self._joints) if model.jnt_type[j] not in WIDTH]
         left = [c for c in columns if c != self.time]
-        poses = {n: self._pose(n, left) for n in self._joints if n not in single}
-        self.weld = [n for n, pose in poses.items() if not pose]
-        self.measured = {target: (c, "") for p in poses.values() for target, c in p.items()}
-        left = [c for c in left if (c, "") not in self.measured.values()]
+        self.weld, self.measured = [], {}
+        for joint in (n for n in self._joints if n not in single):
+            pose = self._pose(joint, left, len(self._joints) - len(single) == 1)
+            self.weld += [] if pose else [joint]
+            self.measured |= pose
+            left = [c for c in left if c not in [column for column, _ in pose.values()]]
         kinds = {c: _kind(c, self._joints, actuators) for c in left}
         by_kind = {kind: [c for c in left if kinds[c] == kind] for kind in WORDS}
         for kind in ("position", "velocity"):
@@ -138,24 +140,30 @@ class _Guess:
         self.unused = [c for c in left if c not in used]
         self.unmeasured = [n for n in single if f"joint[{n}].position" not in self.measured]
 
-    def _pose(self, joint: str, columns: Sequence[str]) -> dict[str, str]:
-        """Return target → column of a free or a ball joint's position; nothing where it lacks."""
+    def _pose(self, joint: str, columns: Sequence[str], alone: bool) -> dict[str, tuple[str, str]]:
+        """Return target → column, unit of a free or a ball joint's position, or nothing.
+
+        Where it is `alone`, columns need not be called after it.
+        """
         model, number = self._model, self._joints.index(joint)
         names = joint, names_of(model, "body")[int(model.jnt_bodyid[number])]
         words = [_tokens(n) for n in names if not n.isdigit()]
-        own = [c for c in columns if any(some <= _tokens(c) for some in words)] or columns
-        turns = {c: _tokens(c) & TURNS for c in own}
-        places = [c for c in own if not turns[c] and not _tokens(c) & RATES]
-        found = []
-        for axis in PLACE if model.jnt_type[number] == FREE else ():
-            found.append(next((c for c in places if axis in _tokens(c)), None))
-        for axis in AXES:
-            of = ({axis}, {f"q{axis}"})
-            some = (c for c, said in turns.items() if said and any(o <= _tokens(c) for o in of))
-            found.append(next(some, None))
-        if None in found:
+        own = [c for c in columns if any(some <= _tokens(c) for some in words)]
+        own = [c for c in own or (columns if alone else ()) if not _tokens(c) & RATES]
+        own.sort(key=lambda c: len(_tokens(c)))  # x before mag_x
+        wanted = [({axis}, False) for axis in PLACE if model.jnt_type[number] == FREE]
+        wanted += [({axis, f"q{axis}"}, True) for axis in AXES]
+        found = [
+            [c for c in own if axis & _tokens(c) and bool(_tokens(c) & TURNS) == turns]
+            for axis, turns in wanted
+        ]
+        if not all(found):
             return {}
-        return {f"joint[{joint}].position[{k}]": str(column) for k, column in enumerate(found)}
+        at, units = f"joint[{joint}].position", [("m",), ()]
+        return {
+            f"{at}[{k}]": (some[0], _named_unit(some[0], joint, *units[turns]))
+            for k, (some, (_, turns)) in enumerate(zip(found, wanted, strict=True))
+        }
 
     def _driven(self, by_kind: Mapping[str, list[str]], single: Sequence[str]) -> dict[str, str]:
         """Match commands to actuators; else commanded torques, else measured ones, to joints.

@@ -47,6 +47,8 @@ def within(robot: RobotFile, sizes: Sizes, effect: RobotEffect) -> tuple[RobotEf
     if max(len(whole.dofs), len(whole.channels)) < 2 or effect.part not in ("joint", "drive"):
         return ()
     name = effect.name.removesuffix(f"_{whole.name}")
+    if library()[name].get("also") == "free joint" and loose(model)[list(whole.dofs)].any():
+        return ()  # a pose is late as a whole
     parts = [_where(robot, name_of_dof(model, dof), (dof,)) for dof in whole.dofs]
     parts = parts or [_drive(robot, c) for c in whole.channels]
     made = (_made(model, name, library()[name], where, sizes) for where in parts)
@@ -75,7 +77,8 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     whole = _where(robot, "", tuple(range(model.nv)), range(len(channels)))
     found = {"joint": joints, "pair": pairs, "body": links, "drive": drives, "robot": [whole]}
     driven = tuple(dict.fromkeys(dof for one in drives for dof in one.dofs))
-    every = [_where(robot, "every_joint", driven)] if driven and len(drives) > 1 else []
+    several = sum(bool(one.dofs) for one in drives) > 1
+    every = [_where(robot, "every_joint", driven)] if several else []
     return {**found, **_free_parts(robot), "every drive": every, "nothing": []}
 
 

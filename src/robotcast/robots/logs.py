@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import polars as pl
 
-from robotcast.robots.names import Channel, Signal, driven_dof, quaternions
+from robotcast.robots.names import Channel, Signal, driven_dof, quaternions, rates
 from robotcast.robots.recordings import episodes, read_bag
 from robotcast.robots.robot_file import Column, RobotFile
 
@@ -18,6 +18,7 @@ FASTEST = {"rad": 500.0, "m": 50.0}  # per second, between two samples: no joint
 BEYOND = {"rad": 1.0, "m": 0.5}  # outside of a joint's range, or a quarter of that range
 SWINGS = {"rad": 8 * np.pi, "m": 20.0}  # to and fro, of a joint without a range
 OTHER_UNIT = 3.0  # times what positions say: a velocity in another unit
+SMOOTH = 11  # samples over which a rate is averaged
 PLATEAU = 20  # equal samples in a row, between fast ones: the sensor stood still, not the joint
 SHORT = 4  # equal samples that a turn of the motion may show
 STILL = 1.3  # times what neighbouring samples differ by: with less, a signal is noise
@@ -296,20 +297,38 @@ def _refuse_other_units(
     """Refuse velocities that are far from what the positions of the same joint say."""
     signals = list(zip(robot.measured, measured.T, strict=True))
     place = {at.dof: values for at, values in signals if at.kind == "position"}
+    poses = np.zeros((1, len(times_s), robot.model.nq))
+    for at, values in signals:
+        if at.kind == "turn":
+            poses[0, :, at.index] = values
+    turns = rates(robot.model, poses, float(np.median(np.diff(times_s))))[0]
     for at, speed in signals:
-        if at.kind != "velocity" or at.dof not in place:
+        if at.kind != "velocity" or not (at.dof in place or at.element):
             continue
-        rate = np.gradient(place[at.dof], times_s)
+        rate = np.gradient(place[at.dof], times_s) if at.dof in place else turns[:, at.dof]
         seen = np.isfinite(rate) & np.isfinite(speed)
         if not seen.any() or not (np.ptp(rate[seen]) and np.ptp(speed[seen])):
             continue
         slope = np.sqrt(np.mean(rate[seen] ** 2) / np.mean(speed[seen] ** 2))
         alike = np.corrcoef(rate[seen], speed[seen])[0, 1]
+        if at.element and _apart(rate[seen], speed[seen]):
+            raise ValueError(
+                f"{path}: {at.name} does not go with the pose: [0] to [2] of a free joint are "
+                "along the axes of the world, the last three are about those of the body"
+            )
         if abs(alike) > 0.8 and not 1 / OTHER_UNIT < slope < OTHER_UNIT:
             raise ValueError(
                 f"{path}: the position moves {slope:.3g} times as fast as {at.name} says; one of "
                 "the two units is wrong (deg is 57.3 times rad, rad/s 9.55 times rpm)"
             )
+
+
+def _apart(rate: np.ndarray, speed: np.ndarray) -> bool:
+    """Tell whether two rates (k,) are others even where noise is averaged out."""
+    smooth, own = (np.convolve(one, np.ones(SMOOTH) / SMOOTH, "valid") for one in (rate, speed))
+    noise = np.sqrt(np.mean(np.diff(rate) ** 2) / 2 / SMOOTH)
+    moves = min(smooth.std(), own.std()) > OTHER_UNIT * noise
+    return bool(moves and np.corrcoef(smooth, own)[0, 1] < 0.5)
 
 
 def _refuse_stuck(

@@ -139,11 +139,12 @@ def joint_of_actuator(model: mujoco.MjModel, actuator: int) -> int | None:
 
 
 def driven_dof(model: mujoco.MjModel, at: Channel) -> int | None:
-    """Return the degree of freedom that a channel drives, None of a tendon or a site."""
+    """Return the degree of freedom that a channel drives, None where that is no hinge or slide."""
     if at.actuator is None:
         return at.dof
     joint = joint_of_actuator(model, at.actuator)
-    return None if joint is None else int(model.jnt_dofadr[joint])
+    single = joint is not None and model.jnt_type[joint] not in WIDTH
+    return int(model.jnt_dofadr[joint]) if single else None
 
 
 def is_hinge(model: mujoco.MjModel, joint: int) -> bool:

@@ -20,7 +20,7 @@ from robotcast.diagnosis.next_trials import Further
 from robotcast.files import atomic_file
 from robotcast.robots.logs import Log, periods
 from robotcast.robots.model_fields import Payload, loaded
-from robotcast.robots.names import driven_dof, names_of
+from robotcast.robots.names import driven_dof, names_of, turning
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.robot_model import RobotModel
 from robotcast.robots.sizes import Sizes
@@ -194,8 +194,10 @@ def _feasible(robot: RobotFile, sizes: Sizes, log: Log) -> bool:
     if not np.isfinite(log.measured).all():
         return False
     for at, path in zip(robot.measured, log.measured.T, strict=True):
+        speed = np.abs(np.diff(path)) / np.diff(log.times_s)
+        if at.kind == "turn" and 2 * speed.max() > fastest[turning(model)].max():
+            return False
         if at.kind == "position":
-            speed = np.abs(np.diff(path)) / np.diff(log.times_s)
             inside = low[at.dof] <= path.min() and path.max() <= high[at.dof]
             if not inside or speed.max() > fastest[at.dof]:
                 return False

@@ -206,6 +206,11 @@ def read_robot(folder: Path) -> RobotFile:
     model = compiled(spec, model_path)
     measured = _columns(said.part("measured"), signal, model)
     _refuse_unseen(model, measured, path)
+    if said.get("drive") is None and "drive" not in said.values and model.nu:
+        raise ValueError(
+            f"{path}: 'drive' is missing: it names what the columns drive; if nothing "
+            "does, say drive: {}"
+        )
     known = read_parameters(folder / str(said.get("sysid"))) if said.get("sysid") else {}
     logs, windows = _log_paths(folder, said), said.part("windows")
     windows.allow("length_s", "most")

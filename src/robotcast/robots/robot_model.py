@@ -12,6 +12,7 @@ from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
+import mujoco
 import numpy as np
 
 from robotcast.diagnosis.model import Record
@@ -167,14 +168,16 @@ class RobotModel:
     def step_miss(self) -> float:
         """Return by how much the model errs because its step is no shorter, % of the scale.
 
-        It is seen by a finer one, of which a part of it is left, as integrators are of first order.
+        It is seen by a finer one, of which a part is left: Runge–Kutta's errs by the fourth power.
         What the tuned parameters take up of it, by their slopes, is not missed.
         """
         numbers, times_s = range(len(self.records)), [record.times_s for record in self.records]
         vectors = _about(self.parameters)
         coarse = self.rollout.simulate(numbers, times_s, (), vectors)
         exact = self.finer.rollout.simulate(numbers, times_s, (), vectors[:1])
-        whole = (coarse[:1] - exact) * FINER / (FINER - 1)
+        fourth = self.rollout.robot.model.opt.integrator == int(mujoco.mjtIntegrator.mjINT_RK4)
+        less = FINER ** (4 if fourth else 1)
+        whole = (coarse[:1] - exact) * less / (less - 1)
         moved = np.concatenate([whole, coarse[1:] - coarse[:1]]) / self.units.si
         parts = []
         for row, record in enumerate(self.records):
@@ -229,9 +232,9 @@ class RobotModel:
         """Where slopes are taken, and the nominal model's slopes there.
 
         Both by deviations of every start coordinate, (n_windows, 2 nv), (n_windows, k, d, 2 nv).
-        Those of hinges and slides are known so well that it is the measured state. How a body turns
-        freely is not, and bends its path: there it is where the nominal model says that it started,
-        as far as that can be believed: what it misses anyway counts as noise.
+        Of hinges and slides alone it is the measured state, which is known well. How a body turns
+        freely is not, and bends its path: there it is where the nominal model says that the robot
+        started, as far as that can be believed: what it misses anyway counts as noise.
         """
         model = self.rollout.robot.model
         start = np.zeros((len(self.records), 2 * model.nv))

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from robotcast.robots.model_fields import loaded
-from robotcast.robots.names import name_of_dof
+from robotcast.robots.names import name_of_dof, turning
 from robotcast.robots.robot_case import RobotCase
 from robotcast.robots.sizes import inverse_states
 
@@ -93,7 +93,8 @@ def _torques(case: RobotCase) -> list[dict[str, Any]]:
             else:
                 now.ctrl[at.actuator] = value
         mujoco.mj_forward(model, now)
-        rows.append((qpos[rollout.qpos_of_dof], qvel, given + now.qfrc_actuator - needed))
+        place = np.where(turning(model), 0.0, qpos[rollout.qpos_of_dof])  # it turns about many axes
+        rows.append((place, qvel, given + now.qfrc_actuator - needed))
     position, speed, missing = (np.array(part) for part in zip(*rows, strict=True))
     degrees = any(column.unit == "deg" for column in robot.measured.values())
     found = []

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from robotcast.robots.logs import Log
-from robotcast.robots.names import coordinates, turning
+from robotcast.robots.names import coordinates, loose, turning
 from robotcast.robots.windows import StartStates
 
 MOST_STATES = 200
@@ -80,7 +80,10 @@ def inverse_states(
 
 
 def sizes_of(model: mujoco.MjModel, logs: Sequence[Log], starts: StartStates) -> Sizes:
-    """Measure them by inverse dynamics on states that are spread over the logs."""
+    """Measure them by inverse dynamics on states that are spread over the logs.
+
+    A free body counts without what touches it: at a pose that is measured that may be any force.
+    """
     data = mujoco.MjData(model)
     qpos_of = coordinates(model)
     rows, touches = [], False
@@ -90,8 +93,8 @@ def sizes_of(model: mujoco.MjModel, logs: Sequence[Log], starts: StartStates) ->
         mujoco.mj_inverse(model, data)
         touches |= data.ncon > 0
         mujoco.mj_fullM(model, data, mass)
-        own = np.diag(mass)
-        rows.append((np.hypot(own * qacc, data.qfrc_inverse), qvel, qpos[qpos_of], own.copy()))
+        own, moves = np.diag(mass), data.qfrc_inverse + loose(model) * data.qfrc_constraint
+        rows.append((np.hypot(own * qacc, moves), qvel, qpos[qpos_of], own.copy()))
     if not rows:
         raise ValueError("no state can be taken from the logs: too many samples are missing")
     torque, speed, position, inertia = (np.array(part) for part in zip(*rows, strict=True))

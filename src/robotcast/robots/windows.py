@@ -131,7 +131,7 @@ class StartStates:
         """Return positions (nv,) by the time since a sample: through states a margin apart."""
         times_s, model = self._logs[log].times_s, self._robot.model
         later = takewhile(
-            lambda row: row < len(times_s) and times_s[row] - times_s[first] < LATEST_S,
+            lambda row: row < len(times_s) and times_s[row] - times_s[first] < 0.99 * LATEST_S,
             count(first, self.margin),
         )
         found = list(takewhile(lambda one: one[1], ((row, self.at(log, row)) for row in later)))
