@@ -23,7 +23,8 @@ import robotcast  # noqa: F401 # before NumPy: it settles how processors round
 import mujoco
 import mujoco.rollout
 import numpy as np
-from robot_truth import CASES, Hidden, draw, drawn, log_next, make
+from robot_draws import draw, drawn
+from robot_truth import CASES, Hidden, log_next, make
 
 from robotcast.diagnosis.diagnose import diagnose, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base, held_out
@@ -247,7 +248,7 @@ DRAW = """# Robots with an effect that nobody picked
 robots of [the benchmark](robots.md) with cases drawn at random from a seed: mechanism, effect,
 place, size, motions and noise. One in six hides nothing, one in six two effects of different
 kinds, one in twelve a torque law that the library lacks (ripple, a soft stop on one side). Sizes
-are log-uniform in units of what is usual on the mechanism (`DRAWN` in benchmarks/robot_truth.py),
+are log-uniform in units of what is usual on the mechanism (`DRAWN` in benchmarks/robot_draws.py),
 and drawn again until the logs with and without the effect differ by more than five times the
 encoders' noise within two seconds and every joint stays within twice its usual range.
 

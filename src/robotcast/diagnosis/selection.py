@@ -161,10 +161,12 @@ class Selection:
     def simplify(self) -> None:
         """Judge special cases in the place of chosen effects: those with some of their parameters.
 
-        Of several the one is judged that the slopes promise most of.
+        Where effects act on parts of a robot, they act on the same one. Of several the one is
+        judged that fits the beginnings best.
         """
-        library, tried = self._library, {self.found.chosen}
-        own = {n: {p.name for p in e.parameters} for n, e in self._inquiry.model.effects.items()}
+        tried, effects = {self.found.chosen}, self._inquiry.model.effects
+        own = {n: {p.name for p in e.parameters} for n, e in effects.items()}
+        part = {n: getattr(e, "where", None) for n, e in effects.items()}
         while True:
             chosen = self.found.chosen
             for name in self.found.named:
@@ -173,12 +175,15 @@ class Selection:
                     for other in self._candidates
                     if other not in chosen
                     and own[other] < own[name]
+                    and part[other] == part[name]
                     and self._strengths((other,)) < self._strengths((name,))
                 }
-                best = min(swaps, key=library.loss, default=chosen)
-                if best not in tried:
-                    tried.add(best)
-                    self._refit_in_place(best, name, swaps[best])
+                for one, other in swaps.items():
+                    if one not in tried:
+                        tried.add(one)
+                        self._begin_in_place(one, name, other)
+                if swaps:
+                    self._refit(min(swaps, key=lambda one: self.found.early[one].loss))
             self._choose()
             if self.found.chosen in (chosen, self._fixed):
                 return
@@ -197,8 +202,8 @@ class Selection:
         together = bool(parts) and not any(some > least * base for some in saved)
         self.found = replace(self.found, inseparable=together)
 
-    def _refit_in_place(self, effects: Effects, name: str, other: str) -> None:
-        """Refit with one effect in another's place, from what they have in common."""
+    def _begin_in_place(self, effects: Effects, name: str, other: str) -> None:
+        """Fit the beginnings with one effect in another's place, from what they have in common."""
         inquiry, chosen = self._inquiry, self.found.chosen
         fitted = self.found.judged[chosen].revision.fit.vector
         start = inquiry.carried(effects, chosen, fitted)
@@ -206,7 +211,6 @@ class Selection:
         at = [[p.name for p in held].index(p.name) for p in new]
         start[inquiry.entries(effects, other)] = fitted[inquiry.entries(chosen, name)][at]
         self.early.fit(effects, start)
-        self._refit(effects)
 
     def refit_singles(self, own: np.ndarray) -> Found:
         """Judge single effects, and choose none: a field has shown that something is missing.
