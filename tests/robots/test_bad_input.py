@@ -57,6 +57,7 @@ AXIS = "joint[axis].position"
         (key("model", value="none.xml"), "there is no such model"),
         (key("colour", value=1), "no key is called 'colour'; there are model"),
         (key("measured", value=None), "'measured' is missing"),
+        (lambda said: said.pop("drive"), "'drive' is missing: .*if nothing does, say drive: {}"),
         (key("drive", "actuator[motor]", "unit", value="mA"), "a torque_constant"),
         (key("repeats", value=[["log0.csv", "other.csv"]]), "other.csv is none of the logs"),
         (key("windows", "length_s", value=9.0), "no window of 9 s fits"),

@@ -108,7 +108,7 @@ def test_what_brakes_a_thrown_box_is_named_where_nothing_drives_it(tmp_path: Pat
 def test_a_pose_that_shows_late_is_predicted(late: RobotCase) -> None:
     model, tau = late.model, LATE * PERIOD_S
     path = model.predict(model.records, ["encoder_latency_root"], np.array([[tau]]))[0]
-    assert model.usual_miss(model.misses(path)) < Rule().at_floor * late.floor_percent
+    assert model.usual_miss(model.misses(path)) < 1.2 * late.floor_percent
 
 
 @pytest.mark.parametrize(

@@ -32,15 +32,7 @@ WORDS = {
 }
 KINDS = {kind: set(words.split()) for kind, words in WORDS.items()}  # the first that fits
 TURNS = {"quat", "quaternion", "orientation", "rotation", "rot", *(f"q{a}" for a in AXES)}
-RATES = {
-    *KINDS["velocity"],
-    *KINDS["command"],
-    *KINDS["torque"],
-    "linear",
-    "angular",
-    "acc",
-    "gyro",
-}
+RATES = {"linear", "angular", "acc", "gyro"}.union(*(KINDS[k] for k in KINDS if k != "position"))
 FAR, FAST = 13.0, 150.0  # radians, and radians per second, that are looked at twice
 TOO_MUCH = 30.0  # times the energy that gravity and drives can give: the angle is in degrees
 SPELLED = {  # SI unit → how a column's name has a unit of its kind → the unit

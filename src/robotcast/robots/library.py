@@ -34,7 +34,7 @@ def candidates(robot: RobotFile, sizes: Sizes) -> tuple[RobotEffect, ...]:
     parts = parts_of(robot)
     found: list[RobotEffect] = []
     for name, entry in library().items():
-        for where in (*parts[entry["part"]], *parts[entry.get("also", "nothing")]):
+        for where in (*parts[entry["part"]], *parts.get(entry.get("also", ""), ())):
             effect = _made(robot.model, name, entry, where, sizes)
             if effect is not None and not _tuned(robot, effect):
                 found.append(effect)
@@ -79,7 +79,7 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     driven = tuple(dict.fromkeys(dof for one in drives for dof in one.dofs))
     several = sum(bool(one.dofs) for one in drives) > 1
     every = [_where(robot, "every_joint", driven)] if several else []
-    return {**found, **_free_parts(robot), "every drive": every, "nothing": []}
+    return {**found, **_free_parts(robot), "every drive": every}
 
 
 def _free_parts(robot: RobotFile) -> dict[str, list[Where]]:

@@ -206,7 +206,7 @@ def read_robot(folder: Path) -> RobotFile:
     model = compiled(spec, model_path)
     measured = _columns(said.part("measured"), signal, model)
     _refuse_unseen(model, measured, path)
-    if said.get("drive") is None and "drive" not in said.values and model.nu:
+    if model.nu and "drive" not in said.values:
         raise ValueError(
             f"{path}: 'drive' is missing: it names what the columns drive; if nothing "
             "does, say drive: {}"
