@@ -254,10 +254,10 @@ class LoadFriction(RobotEffect):
 
 
 class ConstantTorque(RobotEffect):
-    """A torque that is always there."""
+    """A torque that is always there: one on all joints, or one on each axis of a free motion."""
 
-    def force(self, motion: Motion, *, torque: np.ndarray) -> np.ndarray:
-        return torque + 0.0 * motion.qpos
+    def force(self, motion: Motion, **torques: np.ndarray) -> np.ndarray:
+        return np.hstack(list(torques.values())) + 0.0 * motion.qpos
 
 
 class Spring(RobotEffect):
@@ -329,7 +329,8 @@ class EncoderScale(Encoder):
 class TorqueField(RobotEffect):
     """A flexible field: any torque that depends on one quantity, piecewise linear between knots.
 
-    It is a field `of` "position", "speed", "torque" or "time", with a parameter at each knot (n,).
+    It is a field `of` "position", "speed", "torque" or "time", with a parameter at each knot (n,):
+    of one curve for all joints, or of one after the other for each.
     """
 
     def __init__(self, *args: Any, of: str, knots: np.ndarray, **more: Any) -> None:
@@ -343,9 +344,9 @@ class TorqueField(RobotEffect):
             "torque": motion.torque,
             "time": np.broadcast_to(motion.log_time_s, motion.qpos.shape),
         }[self.of]
-        table = np.hstack(list(values.values()))  # (n_sim, n)
+        table = np.hstack(list(values.values())).reshape(len(at), -1, len(self.knots))
         place = np.interp(at, self.knots, np.arange(len(self.knots)))
         left = np.minimum(place.astype(int), len(self.knots) - 2)
         share = place - left
-        row = np.arange(len(table))[:, None]
-        return (1 - share) * table[row, left] + share * table[row, left + 1]
+        of = np.arange(len(table))[:, None], np.arange(table.shape[1])
+        return (1 - share) * table[*of, left] + share * table[*of, left + 1]

@@ -38,7 +38,7 @@ def candidates(robot: RobotFile, sizes: Sizes) -> tuple[RobotEffect, ...]:
             effect = _made(robot.model, name, entry, where, sizes)
             if effect is not None and not _tuned(robot, effect):
                 found.append(effect)
-    return (*found, *_fields(robot.model, (*parts["joint"], *parts["free axis"]), sizes))
+    return (*found, *_fields(robot.model, (*parts["joint"], *parts["free motion"]), sizes))
 
 
 def within(robot: RobotFile, sizes: Sizes, effect: RobotEffect) -> tuple[RobotEffect, ...]:
@@ -83,20 +83,15 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
 
 
 def _free_parts(robot: RobotFile) -> dict[str, list[Where]]:
-    """Return the parts of free and ball joints: their axes, and those along and about which alike.
-
-    Effects that act on them in the same way along all axes act on the "free motion".
-    """
+    """Return free and ball joints: each as a whole, and the motions of its path and its turn."""
     model, turns = robot.model, turning(robot.model)
-    free = np.flatnonzero(loose(model)).tolist()
-    axes = [_where(robot, name_of_dof(model, dof), (dof,)) for dof in free]
     whole, motions = [], []
-    for joint in dict.fromkeys(int(model.dof_jntid[one.dofs[0]]) for one in axes):
+    for joint in np.unique(model.dof_jntid[loose(model)]).tolist():
         own, name = np.flatnonzero(model.dof_jntid == joint), names_of(model, "joint")[joint]
         whole.append(_where(robot, name, tuple(own.tolist())))
         for what, some in (("path", own[~turns[own]]), ("turn", own[turns[own]])):
             motions += [_where(robot, f"{name}_{what}", tuple(some.tolist()))] if len(some) else []
-    return {"free axis": axes, "free joint": whole, "free motion": motions}
+    return {"free joint": whole, "free motion": motions}
 
 
 def _groups(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
@@ -224,10 +219,11 @@ def _tuned(robot: RobotFile, effect: RobotEffect) -> bool:
 
 
 def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:
-    """Make the flexible fields of every joint: a torque that depends on this or that."""
+    """Make the flexible fields of every joint, with a curve for each axis of a free motion."""
     found: list[RobotEffect] = []
     for where in joints:
         torque, unit = sizes.of("torque", where.dofs, ())
+        curves = len(where.dofs) if loose(model)[list(where.dofs)].any() else 1
         speed, _ = sizes.of("speed", where.dofs, ())
         at, joint = list(where.dofs), where.name.replace("_", " ")
         span = np.linspace(sizes.lowest[at].min(), sizes.highest[at].max(), PLACES)
@@ -244,7 +240,7 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
             bound, probes = BOUND * torque, (PROBE * torque,)
             own = [
                 Parameter(f"c{k}", unit, -bound, bound, 0.0, null=0.0, probes=probes)
-                for k in range(len(places))
+                for k in range(curves * len(places))
             ]
             what = {"time": "the time into the log", "torque": "the torque it carries"}
             text = f"a torque on {joint} that depends on {what.get(of, f'its {of}')}"

@@ -161,7 +161,7 @@ def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:
         "axes": [f"{field.of} [{unit}]"],
         "unit": torque,
         "points": [[knot] for knot in field.knots],
-        "values": [[value] for value in strengths(inquiry, left)],
+        "values": strengths(inquiry, left).reshape(-1, len(field.knots)).T.tolist(),
     }
 
 
