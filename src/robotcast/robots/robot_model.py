@@ -91,7 +91,7 @@ class RobotModel:
         self.units = units or Units.of(list(robot.measured), logs, windows, noise)
         self.scale = self.units.scale
         self.rollout = Rollout(robot, logs, windows, threads)
-        self._gains: dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        self._gains: dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray]] = {}
 
     @cached_property
     def records(self) -> tuple[Record, ...]:
@@ -149,7 +149,7 @@ class RobotModel:
         rng = np.random.default_rng(seed)
         missed = []
         for record in records:
-            slopes, *_ = self._gain(record)
+            slopes, _ = self._gain(record)
             shape = (DRAWS, *record.measured.shape)
             left = rng.normal(size=shape) * self.units.noise
             left += (rng.normal(size=(DRAWS, slopes.shape[1])) @ slopes.T).reshape(shape)
@@ -196,14 +196,13 @@ class RobotModel:
         self, record: Record, missed: np.ndarray, start: np.ndarray | float = 0.0
     ) -> np.ndarray:
         """Return by how much a better start moves signals that miss by (n, k, d) from `start`."""
-        slopes, gain, hold = self._gain(record)
-        flat = np.nan_to_num(missed).reshape(len(missed), -1)
+        slopes, gain = self._gain(record)
+        flat = np.nan_to_num(missed).reshape(len(missed), -1) + (slopes * start).sum(axis=1)
         # not by BLAS, whose sums depend on how many rows there are
-        moved = np.einsum("nk,sk->ns", flat, gain) - hold @ (start + np.zeros(len(hold)))
-        moved = np.clip(moved, -MOST_SD - start, MOST_SD - start)
-        return np.einsum("ns,ks->nk", moved, slopes).reshape(missed.shape)
+        better = np.clip(np.einsum("nk,sk->ns", flat, gain), -MOST_SD, MOST_SD)
+        return np.einsum("ns,ks->nk", better - start, slopes).reshape(missed.shape)
 
-    def _gain(self, record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _gain(self, record: Record) -> tuple[np.ndarray, np.ndarray]:
         """Return slopes (k d, 2 nv) by the start's deviations, and what estimates those."""
         key = (record.trial, record.times_s.tobytes())
         if key not in self._gains:
@@ -211,13 +210,11 @@ class RobotModel:
             times_s = self.records[record.trial].times_s
             at = np.searchsorted(times_s, record.times_s - 1e-12)
             slopes = slopes[at].reshape(-1, slopes.shape[2])
-            self._gains[key] = slopes, *self._estimate(record, slopes)
+            self._gains[key] = slopes, self._estimate(record, slopes)
         return self._gains[key]
 
-    def _estimate(
-        self, record: Record, slopes: np.ndarray, scatter: float = 1.0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return what a start's deviations are estimated with from misses, and what holds them.
+    def _estimate(self, record: Record, slopes: np.ndarray, scatter: float = 1.0) -> np.ndarray:
+        """Return what a start's deviations are estimated with from misses, (2 nv, k d).
 
         A start is as likely as its samples say, a priori, and every sample is off by its noise, of
         a variance that is `scatter` times as large.
@@ -225,7 +222,7 @@ class RobotModel:
         seen = np.isfinite(record.measured).ravel()
         precision = np.tile(self.units.noise**-2 / scatter, len(record.times_s)) * seen
         hold = slopes.T @ (slopes * precision[:, None]) + np.eye(slopes.shape[1])
-        return np.linalg.solve(hold, slopes.T * precision), np.linalg.inv(hold)
+        return np.linalg.solve(hold, slopes.T * precision)
 
     @cached_property
     def _starts(self) -> tuple[np.ndarray, np.ndarray]:
@@ -245,9 +242,9 @@ class RobotModel:
             k = len(record.times_s)
             flat = by[:k].reshape(-1, by.shape[2])
             missed = np.nan_to_num(record.measured - path[:k])
-            left = missed.ravel() - flat @ (self._estimate(record, flat)[0] @ missed.ravel())
+            left = missed.ravel() - flat @ (self._estimate(record, flat) @ missed.ravel())
             scatter = np.mean((left.reshape(missed.shape) / self.units.noise) ** 2)
-            gain, _ = self._estimate(record, flat, max(1.0, float(scatter)))
+            gain = self._estimate(record, flat, max(1.0, float(scatter)))
             own[:] = np.clip(gain @ missed.ravel(), -MOST_SD, MOST_SD)
         return start, self._sloped(start)[1]
 
