@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
+from scipy.spatial.transform import Rotation
 
 from robotcast.robots.names import Address, field_of
 
@@ -103,16 +104,14 @@ def load(of_sim: Sequence[Sequence[Payload]], fields: ModelFields) -> None:
     for sim, payloads in enumerate(of_sim):
         for one in payloads:
             b, own = one.body, mass[sim, one.body]
-            axes = np.empty(9)
-            mujoco.mju_quat2Mat(axes, iquat[sim, b])
-            turn = axes.reshape(3, 3)
+            turn = Rotation.from_quat(iquat[sim, b], scalar_first=True).as_matrix()
             whole, off = own + one.mass_kg, np.array(one.place_m) - ipos[sim, b]
             reduced = own * one.mass_kg / max(whole, 1e-12)
             full = turn * inertia[sim, b] @ turn.T
             full += reduced * (off @ off * np.eye(3) - np.outer(off, off))
             moments, turn = np.linalg.eigh(full)
             turn = turn * np.sign(np.linalg.det(turn))
-            mujoco.mju_mat2Quat(iquat[sim, b], turn.ravel())
+            iquat[sim, b] = Rotation.from_matrix(turn).as_quat(scalar_first=True)
             inertia[sim, b], mass[sim, b] = moments, whole
             ipos[sim, b] += one.mass_kg / max(whole, 1e-12) * off
 
