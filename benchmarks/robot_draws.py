@@ -12,7 +12,7 @@ from robot_truth import FINER, MECHANISMS, PERIOD_S, Hidden, Truth, make, rng_of
 
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import ModelField
-from robotcast.robots.library import candidates, library, within
+from robotcast.robots.library import alone, candidates, library, parts_of
 from robotcast.robots.logs import read_logs
 from robotcast.robots.names import address, name_of_dof
 from robotcast.robots.robot_file import RobotFile, read_robot
@@ -135,9 +135,10 @@ class _Draw:
     ) -> None:
         self._robot, self._usual, self._rng = robot, usual, rng
         self._mechanism, self._entries = mechanism, library()
-        whole = [e for e in candidates(robot, usual) if e.depends_on is None]
-        self._effects = {e.name: e for one in whole for e in (one, *within(robot, usual, one))}
-        self._whole = [e.name for e in whole]
+        parts = (parts_of(robot), alone(robot))
+        whole, single = (candidates(robot, usual, some) for some in parts)
+        self._effects = {e.name: e for e in (*whole, *single) if e.depends_on is None}
+        self._whole = [e.name for e in whole if e.depends_on is None]
 
     def kind(self, name: str) -> str:
         """Return an effect's entry in the library."""

@@ -18,7 +18,7 @@ from robotcast.robots.effects import (
     SpeedLimit,
     Stribeck,
 )
-from robotcast.robots.library import parts_of, within
+from robotcast.robots.library import alone, candidates, parts_of
 from robotcast.robots.robot_case import diagnose_by_joint, read_case
 from tests.robots.made_up_robot import ARM, PERIOD_S, rewrite, write_folder
 
@@ -116,11 +116,11 @@ def test_joints_that_are_alike_share_effects_until_one_is_named(tmp_path: Path) 
     parts = {where.name: where.dofs for where in parts_of(case.robot)["joint"]}
     assert parts == {"hip_joint": (0, 2, 4), "knee_joint": (1, 3, 5)}
     whole = case.model.effects["dry_friction_knee_joint"]
-    alone = within(case.robot, case.sizes, whole)
-    assert [one.name for one in alone] == [
+    single = {e.name: e for e in candidates(case.robot, case.sizes, alone(case.robot))}
+    assert [name for name, one in single.items() if one.is_part_of(whole)] == [
         f"dry_friction_{side}_knee_joint" for side in ("left", "right", "third")
     ]
-    assert within(case.robot, case.sizes, alone[0]) == ()
+    assert not whole.is_part_of(single["dry_friction_left_knee_joint"])
     assert "elastic_joint_knee_joint" not in case.model.effects  # one has no drive
 
 

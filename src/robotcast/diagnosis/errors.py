@@ -31,7 +31,7 @@ class Floor:
     typical : the repeats' typical error (see `typical`), % of the scale; 0 when not known.
     is_least : whether repeats may differ by more, and only the sensors' noise is known.
     numerical : what the model errs by because its step is no shorter, % of the scale; an effect
-        that takes away less makes up for the step.
+        that takes away less, in squares, makes up for the step.
     """
 
     percent: float | None
@@ -66,6 +66,11 @@ class Floor:
     def reach(self) -> float:
         """The least typical error that a model can be expected to reach, % of the scale."""
         return max(self.typical, self.unit)
+
+    def is_step(self, worse: float, better: float) -> bool:
+        """Tell whether the model's own step may be all that parts two typical errors, squared."""
+        step = self.numerical
+        return worse**2 - max(better, step) ** 2 < step**2
 
     def above(self, errors: np.ndarray, times: float) -> bool:
         """Tell whether errors (n_trials,) lie so many times above the floor.
@@ -142,8 +147,7 @@ class Scales:
         first, second = (typical(one, self.floor.unit) for one in missed)
         groups = np.unique(self.groups[self.usual], return_inverse=True)[1]
         p_value = worse(missed[0] - missed[1], groups, self.rule.far)
-        step = self.floor.numerical  # below what it errs by, an effect makes up for it
-        if first - max(second, step) < step:
+        if self.floor.is_step(first, second):
             return Gain(0.0, 0.0, p_value)
         above = self.floor.percent is not None and first > self.rule.at_floor * self.floor.reach
         rest = (first - second) / (first - self.floor.reach) if above else 0.0

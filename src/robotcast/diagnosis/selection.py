@@ -334,13 +334,13 @@ class Selection:
         """
         cost = {r.effects: self._inquiry.expected_loss(r.effects, r.revision.fit) for r in rungs}
         best = min(rungs, key=lambda rung: cost[rung.effects])
-        error, step = self.found.typical, self._floor.numerical
-        level = [
-            r
-            for r in rungs
-            if r is best or self._undecided(best, r) or abs(error(r) - error(best)) < step
-        ]
+        level = [r for r in rungs if r is best or self._undecided(best, r) or self._step(best, r)]
         return min(level, key=lambda r: (self._strengths(r.effects), cost[r.effects])).effects
+
+    def _step(self, one: Rung, other: Rung) -> bool:
+        """Tell whether the model's own step may be all that parts two models."""
+        errors = [self.found.typical(rung) for rung in (one, other)]
+        return self._floor.is_step(max(errors), min(errors))
 
     def _strengths(self, effects: Effects) -> int:
         return sum(p.null is not None for p in self._inquiry.parameters(effects))
@@ -371,7 +371,7 @@ class Selection:
             before, best, worse = (self.early.expected_error(e) for e in sets)
             alike = self.early.level(chosen, other)
         matters = self._rule.material * min(worse, before - best)
-        return alike or worse - best < max(matters, self._floor.numerical)
+        return alike or worse - best < matters or self._floor.is_step(worse, best)
 
     def _undecided(self, best: Rung, other: Rung) -> bool:
         fits = (best.revision.fit, other.revision.fit)

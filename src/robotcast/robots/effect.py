@@ -76,6 +76,17 @@ class RobotEffect:
         if not any(p.null is not None for p in self.parameters):
             raise ValueError(f"effect {name}: one of its parameters needs a null value")
 
+    @property
+    def kind(self) -> str:
+        """Its name in the library."""
+        return self.name.removesuffix(f"_{self.where.name}")
+
+    def is_part_of(self, other: "RobotEffect") -> bool:
+        """Tell whether another effect does the same to more joints, links or drives."""
+        own, more = (({*e.dofs}, {*e.bodies}, {*e.channels}) for e in (self.where, other.where))
+        within = all(some <= others for some, others in zip(own, more, strict=True))
+        return self.kind == other.kind and within and own != more
+
     def write(self, fields: ModelFields, **values: np.ndarray) -> None:
         """Change fields of the model, before the first step."""
         raise NotImplementedError

@@ -1,6 +1,6 @@
 """The candidates for one robot: every entry of conf/robot_effects.yaml on every part it fits."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -29,36 +29,38 @@ def library() -> dict[str, dict[str, Any]]:
     return yaml.safe_load((CONFIGURATION / "robot_effects.yaml").read_text(encoding="utf-8"))
 
 
-def candidates(robot: RobotFile, sizes: Sizes) -> tuple[RobotEffect, ...]:
-    """Make every effect of the library on every part, and the fields that stand for anything."""
-    parts = parts_of(robot)
+def candidates(
+    robot: RobotFile, sizes: Sizes, parts: Mapping[str, Sequence[Where]]
+) -> tuple[RobotEffect, ...]:
+    """Make every effect of the library on these parts, and the fields that stand for anything."""
     found: list[RobotEffect] = []
     for name, entry in library().items():
-        for where in (*parts[entry["part"]], *parts.get(entry.get("also", ""), ())):
+        for where in (*parts.get(entry["part"], ()), *parts.get(entry.get("also", ""), ())):
             effect = _made(robot.model, name, entry, where, sizes)
             if effect is not None and not _tuned(robot, effect):
                 found.append(effect)
-    return (*found, *_fields(robot.model, (*parts["joint"], *parts["free motion"]), sizes))
+    joints = (*parts["joint"], *parts.get("free motion", ()))
+    return (*found, *_fields(robot.model, joints, sizes))
 
 
-def within(robot: RobotFile, sizes: Sizes, effect: RobotEffect) -> tuple[RobotEffect, ...]:
-    """Make an effect of a group of joints or drives on each alone; of a single one nothing."""
-    whole, model = effect.where, robot.model
-    if max(len(whole.dofs), len(whole.channels)) < 2 or effect.part not in ("joint", "drive"):
-        return ()
-    name = effect.name.removesuffix(f"_{whole.name}")
-    if library()[name].get("also") == "free joint" and loose(model)[list(whole.dofs)].any():
-        return ()  # a pose is late as a whole
-    parts = [_where(robot, name_of_dof(model, dof), (dof,)) for dof in whole.dofs]
-    parts = parts or [_drive(robot, c) for c in whole.channels]
-    made = (_made(model, name, library()[name], where, sizes) for where in parts)
-    return tuple(one for one in made if one is not None)
+def alone(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
+    """Return the joints, links and drives that are parts of groups, or none, each alone."""
+    model, parts = robot.model, parts_of(robot)
+    dofs = [dof for one in parts["joint"] if len(one.dofs) > 1 for dof in one.dofs]
+    joints = [_where(robot, name_of_dof(model, dof), (dof,)) for dof in dofs]
+    others = [c for one in parts["drive"] if not one.dofs for c in one.channels]
+    known = {b for one in parts["body"] for b in one.bodies}
+    return {
+        "joint": joints,
+        "drive": [*(one for one in joints if one.channels), *(_drive(robot, c) for c in others)],
+        "body": [one for one in _links(model, model.dof_bodyid) if not known & {*one.bodies}],
+    }
 
 
 def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     """Return the joints, links and drives that effects act on: each alone, or groups of them."""
     model, groups = robot.model, dict(robot.groups) or _groups(robot.model)
-    channels, names = list(robot.drive), names_of(model, "body")
+    channels = list(robot.drive)
     joints = [_where(robot, name, dofs) for name, dofs in groups.items()]
     drives = [one for one in joints if one.channels]
     known = {c for one in joints for c in one.channels}
@@ -69,17 +71,27 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     if model.nv > FEW_JOINTS:  # loads hang on the last bodies, or on what moves freely
         free = {int(model.dof_bodyid[dof]) for dof in np.flatnonzero(loose(model))}
         bodies = [b for b in bodies if b in free or not (model.body_parentid == b).any()]
-    links = [Where(names[b], (), (b,), (), ()) for b in dict.fromkeys(bodies)]
     pairs = [
         _where(robot, "_and_".join(pair), tuple(int(model.joint(j).dofadr[0]) for j in pair), ())
         for pair in coupled(model)
     ]
     whole = _where(robot, "", tuple(range(model.nv)), range(len(channels)))
-    found = {"joint": joints, "pair": pairs, "body": links, "drive": drives, "robot": [whole]}
+    found = {
+        "joint": joints,
+        "pair": pairs,
+        "body": _links(model, bodies),
+        "drive": drives,
+        "robot": [whole],
+    }
     driven = tuple(dict.fromkeys(dof for one in drives for dof in one.dofs))
     several = sum(bool(one.dofs) for one in drives) > 1
     every = [_where(robot, "every_joint", driven)] if several else []
     return {**found, **_free_parts(robot), "every drive": every}
+
+
+def _links(model: mujoco.MjModel, bodies: Iterable[int]) -> list[Where]:
+    names = names_of(model, "body")
+    return [Where(names[b], (), (int(b),), (), ()) for b in dict.fromkeys(bodies)]
 
 
 def _free_parts(robot: RobotFile) -> dict[str, list[Where]]:

@@ -19,7 +19,7 @@ from robotcast.diagnosis.library import library_at
 from robotcast.diagnosis.model import Axis, Wording
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.robots.effects import TorqueField
-from robotcast.robots.library import candidates, within
+from robotcast.robots.library import alone, candidates, parts_of
 from robotcast.robots.logs import Log, periods, read_logs
 from robotcast.robots.names import to_si
 from robotcast.robots.next_motions import Motions, motions
@@ -124,7 +124,7 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
     length_s = robot.length_s or _length(robot, logs, starts, noise, threads)
     windows = cut(robot, logs, starts, length_s)
     sizes = sizes_of(robot.model, logs, starts)
-    effects = candidates(robot, sizes)
+    effects = candidates(robot, sizes, parts_of(robot))
     model = RobotModel(robot, logs, windows, noise, effects, threads)
     missed = _nominal_miss(robot, model)
     repeated = _repeated_miss(robot, logs, model)
@@ -256,51 +256,68 @@ def diagnose_by_joint(
 
     Where an effect of a whole group is named, it competes with those of its joints: it is as simple
     as one of them, and stays where all joints have it. Whatever else was named is tried beside
-    them. Where nothing is named, of the effects of all joints those are tried that the slopes
-    promise most of.
+    them. Where more is missing, of the effects of all single joints and links those are tried that
+    the slopes promise most of, beside what was named, and fields of single joints.
     """
     found = diagnose(question, tell, progress)
-    effects, named = case.model.effects, found["verdict"]
-    wanted = [n for n in named if n in effects]
-    done = found["code"] == "none" and not found["unexplained"]
-    whole = wanted if wanted or done else question.candidates
-    single = [one for name in whole for one in within(case.robot, case.sizes, effects[name])]
-    if not single:
+    effects, tried = case.model.effects, question.candidates
+    left_out = [e for n, e in effects.items() if n not in tried and e.depends_on is None]
+    single = candidates(case.robot, case.sizes, alone(case.robot))
+    single = [e for e in single if e.name not in effects and not any(map(e.is_part_of, left_out))]
+    laws = {one.name: one for one in single if one.depends_on is None}
+    named = [n for n in found["verdict"] if n in effects]
+    if own := [n for n, e in laws.items() if any(e.is_part_of(effects[name]) for name in named)]:
+        effects.update(laws)
+        note = f"First {' + '.join(named)} was named, of a group; then its joints were told apart."
+        asked = replace(question, candidates=[*named, *own])
+        found = _ask_again(asked, found, note, tell, progress)
+    if not laws or (found["code"] in ("none", "named") and not found["unexplained"]):
         return found
     effects.update({one.name: one for one in single})
-    names, rule = [one.name for one in single], question.rule
-    if not wanted:
-        rule = replace(rule, level=rule.level * LOOKED_INTO / max(len(names), LOOKED_INTO))
-        names = _promising(case, question, found, names)
-    asked = replace(question, candidates=[*wanted, *names], rule=rule)
-    again = diagnose(asked, tell, progress)
-    if again["code"] != "named" or set(again["verdict"]) == set(named):
-        tell(found)
-        return found
+    named = [n for n in found["verdict"] if n in effects]
+    others = [n for n in laws if n not in named]
+    promising = _promising(case, question, found, named, others)
+    level = question.rule.level * len([*named, *promising]) / len([*named, *others])
     note = (
-        f"First {' + '.join(wanted)} was named, of a group; then its joints were told apart."
-        if wanted
-        else "No effect of a group of joints explains the logs; of "
-        f"{len(single)} effects of single joints the {len(names)} that promise most were tried."
+        f"{' + '.join(named) or 'No effect of a group of joints'} explains too little; of "
+        f"{len(others)} effects of single joints and links the {len(promising)} that promise most "
+        "were tried."
     )
-    again["notes"] = [note, *again["notes"]]
-    tell(again)
-    return again
+    rule = replace(question.rule, level=level)
+    asked = replace(question, candidates=[*named, *promising], rule=rule)
+    return _ask_again(asked, found, note, tell, progress)
+
+
+def _ask_again(
+    question: Case, found: dict[str, Any], note: str, tell: Tell, progress: Progress
+) -> dict[str, Any]:
+    """Return another diagnosis if it knows what is missing and says something else."""
+    again = diagnose(question, tell, progress)
+    if again["code"] in ("named", "unknown") and {*again["verdict"]} != {*found["verdict"]}:
+        found = {**again, "notes": [note, *again["notes"]]}
+    tell(found)
+    return found
 
 
 def _promising(
-    case: RobotCase, question: Case, found: dict[str, Any], names: Sequence[str]
+    case: RobotCase,
+    question: Case,
+    found: dict[str, Any],
+    named: Sequence[str],
+    others: Sequence[str],
 ) -> list[str]:
-    """Return the effects that promise most beside the tuned model, by their slopes there."""
-    effort, fixed, model = question.effort, question.fixed, case.model
-    early = Inquiry(model, question.records, floor_and_noise(question)[1]).beginnings(
+    """Return which of the others promise most beside the model found, by their slopes there."""
+    effort, acting, own = question.effort, (*question.fixed, *named), case.model.parameters
+    early = Inquiry(case.model, question.records, floor_and_noise(question)[1]).beginnings(
         effort.early, effort.some
     )
-    known = found["base"]["parameters"]
+    known = (found["model"] or found["base"])["parameters"]
+    names = [p.name for p in own]
+    names += [f"{e}.{p.name}" for e in acting for p in case.model.effects[e].parameters]
     tuned = [
-        float(p.to_unit(np.asarray(known[p.name]["value"] if p.name in known else p.nominal)))
-        for p in early.parameters(fixed)
+        float(p.to_unit(np.asarray(known[name]["value"] if name in known else p.nominal)))
+        for name, p in zip(names, early.parameters(acting), strict=True)
     ]
-    begun = early.fit(fixed, np.array(tuned), 0)
-    best = library_at(early, fixed, names, begun).best(1, LOOKED_INTO, fixed)
+    begun = early.fit(acting, np.array(tuned), 0)
+    best = library_at(early, acting, others, begun).best(1, LOOKED_INTO, acting)
     return [effects[-1] for effects in best]
