@@ -69,8 +69,7 @@ class Floor:
 
     def is_step(self, worse: float, better: float) -> bool:
         """Tell whether the model's own step may be all that parts two typical errors, squared."""
-        step = self.numerical
-        return worse**2 - max(better, step) ** 2 < step**2
+        return worse**2 - max(better, self.numerical) ** 2 < self.numerical**2
 
     def above(self, errors: np.ndarray, times: float) -> bool:
         """Tell whether errors (n_trials,) lie so many times above the floor.
@@ -145,6 +144,7 @@ class Scales:
         """Compare two models' errors (n_trials,)."""
         missed = [misses(errors[self.usual], self.floor.unit) for errors in (before, after)]
         first, second = (typical(one, self.floor.unit) for one in missed)
+        second = max(second, self.floor.numerical)  # below, an effect makes up for the step
         groups = np.unique(self.groups[self.usual], return_inverse=True)[1]
         p_value = worse(missed[0] - missed[1], groups, self.rule.far)
         if self.floor.is_step(first, second):
