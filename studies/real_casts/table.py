@@ -10,7 +10,7 @@ from matplotlib.ticker import NullFormatter, NullLocator
 from omegaconf import DictConfig
 
 from robotcast.files import write_text
-from robotcast.reporting.names import dataset_name, math_text, policy_name
+from robotcast.reporting.names import math_text, name_of, policy_name
 from robotcast.reporting.page import markdown
 from robotcast.reporting.results import read_evaluation
 from robotcast.reporting.style import BLUE, VERMILION, style, svg
@@ -39,7 +39,7 @@ def errors_figure(points: Sequence[Point]) -> Figure:
         of = sorted((p for p in points if p.group == group), key=lambda p: p.place)
         numbers = np.array([p.numbers for p in of])
         places = [p.place for p in of]
-        name = f"{policy_name('nn', group)} on {dataset_name(group)}"
+        name = f"{policy_name('nn', group)} on {name_of(group)}"
         axes.plot(places, numbers[:, 0], "o-", color=color, label=math_text(name))
         axes.vlines(places, numbers[:, 1], numbers[:, 2], color=color, lw=1.2)
     places = sorted({p.place for p in points})
@@ -65,8 +65,7 @@ def table(config: DictConfig) -> None:
         raise ValueError(f"{settings.folder} holds no evaluation: run the study's other stages")
     points.sort(key=lambda p: (p.group, p.place))
     rows = [
-        (policy_name("nn", p.group), dataset_name(p.group), int(p.place), *p.numbers)
-        for p in points
+        (policy_name("nn", p.group), name_of(p.group), int(p.place), *p.numbers) for p in points
     ]
     columns = ("Policy", "Dataset", "Real casts", *HEAD)
     folder = output_folder(settings.reports)

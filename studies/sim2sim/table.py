@@ -7,7 +7,7 @@ import polars as pl
 from omegaconf import DictConfig
 
 from robotcast.files import write_text
-from robotcast.reporting.names import optimizer_name, simulator_name, thousands
+from robotcast.reporting.names import name_of, thousands
 from robotcast.reporting.page import markdown
 from robotcast.reporting.tables import SIM2SIM, SIM2SIM_CASTS
 from robotcast.stage import output_folder, stage, tell
@@ -67,10 +67,10 @@ def rows(outcomes: pl.DataFrame, told_percent: float) -> list[tuple[str, ...]]:
         worst = told.group_by("model", "start").max()["error_percent"].to_numpy()
         found.append(
             (
-                simulator_name(simulator),
+                name_of(simulator),
                 f"{'paper’s' if parameters == 'paper' else 'ours'}, {of['parameter'].n_unique()}",
                 str(casts),
-                optimizer_name(optimizer),
+                name_of(optimizer),
                 str(len(tunings)),
                 f"{len(told)} of {len(of)}",
                 _number(np.median(worst) if len(worst) else np.nan),

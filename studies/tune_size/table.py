@@ -8,7 +8,7 @@ import polars as pl
 from omegaconf import DictConfig
 
 from robotcast.files import write_text
-from robotcast.reporting.names import cable_name, rig_names, simulator_name
+from robotcast.reporting.names import cable_name, name_of, rig_names
 from robotcast.reporting.page import markdown
 from robotcast.reporting.results import Tuning, read_tuning
 from robotcast.stage import output_folder, stage, tell
@@ -49,7 +49,7 @@ def size_rows(tunings: Sequence[Tuning]) -> list[tuple[object, ...]]:
                     "judged on the same ones: tune both anew"
                 )
             change = (errors["percent"] - fewest["percent"]).to_numpy()
-            facts = (simulator_name(simulator), _casts(tuning), tuning.facts["simulated_casts"])
+            facts = (name_of(simulator), _casts(tuning), tuning.facts["simulated_casts"])
             on_them, held_out = (tuning.error(on, "waypoint_percent") for on in ("tune", "test"))
             final = tuning.error("test", "final_percent")
             against = ("–",) * 3 if tuning is of[0] else _mean_and_interval(change)

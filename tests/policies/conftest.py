@@ -17,7 +17,7 @@ from robotcast.policies.datasets import Dataset, Examples, real_dataset, simulat
 class World:
     """Endpoints as a smooth function of actions, on the right half of the board."""
 
-    def actions(self, count: int, seed: int = 0) -> np.ndarray:
+    def actions(self, count: int, seed: int | np.random.Generator = 0) -> np.ndarray:
         """Draw actions (count, 6)."""
         rng = np.random.default_rng(seed)
         r2 = rng.uniform(0.55, 0.75, count)

@@ -14,30 +14,10 @@ from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.measurements.reader import write_measurement_set
 from robotcast.reporting.results import Results, read_results
 from tests.good_casts import good_trial
+from tests.policies.conftest import World
 
 LENGTHS_M = {"cable1": 0.63, "cable2": 0.65, "cable3": 0.65}
-
-
-def smooth_endpoints(actions: np.ndarray) -> np.ndarray:
-    """A smooth map from actions (n, 6) to endpoints (n, 2) on the right half of the board."""
-    theta1, _, theta2, r2, alpha, vmax = actions.T
-    angle = theta2 - 0.25 * theta1 * vmax / 2 - 0.12 * alpha
-    reach = r2 + 0.55 * np.cos(0.8 * alpha + 0.5 * theta1)
-    return np.stack([reach * np.cos(angle), reach * np.sin(angle)], axis=1)
-
-
-def random_actions(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Actions (count, 6) in ranges like those of the real grid."""
-    r2 = rng.uniform(0.55, 0.75, count)
-    columns = (
-        rng.uniform(0.3, 1.0, count),
-        0.5 * (0.6 + r2),
-        rng.uniform(-0.9, -0.1, count),
-        r2,
-        rng.uniform(0.0, 1.5, count),
-        rng.choice([1.5, 2.5], count),
-    )
-    return np.stack(columns, axis=1)
+WORLD = World()
 
 
 @pytest.fixture(scope="session")
@@ -75,7 +55,7 @@ def optimizers(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> R
 
 
 def _measured(cable: str, length_m: float, rng) -> MeasurementSet:
-    actions = random_actions(50, rng)
+    actions = WORLD.actions(50, rng)
     action_ids = np.concatenate([np.arange(50), np.arange(10)])
     details = Cable(cable, length_m, 0.03, 0.01, 0.02)
     trials = tuple(
@@ -113,9 +93,9 @@ def _write_tuned(data: Path, measured: MeasurementSet, rng) -> None:
 
 def _write_simulated(folder: Path, rng) -> None:
     folder.mkdir(parents=True)
-    actions = random_actions(2500, rng)
+    actions = WORLD.actions(2500, rng)
     columns = dict(zip(ACTION_COLUMNS, actions.T, strict=True))
-    ends = smooth_endpoints(actions)
+    ends = WORLD.endpoints(actions)
     pl.DataFrame({**columns, "x": ends[:, 0], "y": ends[:, 1]}).write_parquet(
         folder / "casts.parquet"
     )
@@ -138,7 +118,7 @@ def _write_policy(folder: Path, dataset: str) -> None:
 def _write_evaluation(data: Path, measured: MeasurementSet, dataset: str, rng) -> None:
     cable = measured.cable
     far = {"real": 0.08, "simulated": 0.06, "mixed": 0.03}[dataset]
-    targets = smooth_endpoints(random_actions(16, np.random.default_rng(7)))
+    targets = WORLD.endpoints(WORLD.actions(16, 7))
     number, repeat = (k.ravel() for k in np.indices((len(targets), 5)))
     centres = targets + rng.normal(0, far, targets.shape)
     scatter = rng.normal(0, 0.015, (len(number), 2)) @ np.array([[1.0, 0.5], [0.0, 0.6]])
@@ -149,7 +129,7 @@ def _write_evaluation(data: Path, measured: MeasurementSet, dataset: str, rng) -
         "target_x": target_x,
         "target_y": target_y,
         "repeat": repeat,
-        **dict(zip(ACTION_COLUMNS, random_actions(len(number), rng).T, strict=True)),
+        **dict(zip(ACTION_COLUMNS, WORLD.actions(len(number), rng).T, strict=True)),
         "predicted_x": target_x,
         "predicted_y": target_y,
         "x": x,

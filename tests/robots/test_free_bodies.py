@@ -1,6 +1,8 @@
 """Bodies that move freely: how quaternions turn, and a thrown box beside a slider."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -31,7 +33,9 @@ POSE = ["x", "y", "z", "qw", "qx", "qy", "qz"]
 PERIOD_S, LATE = 0.004, 5  # samples
 
 
-def throw(folder: Path, more: str = "", drag: float = 0.0, late: int = 0) -> Path:
+def throw(
+    folder: Path, more: str = "", drag: float = 0.0, push: Sequence[float] = (0,) * 3, late: int = 0
+) -> Path:
     """Write a model and logs of throws; quaternions have any sign, and poses may show late."""
     xml = BOX.format(more)
     (folder / "box.xml").write_text(xml)
@@ -49,7 +53,7 @@ def throw(folder: Path, more: str = "", drag: float = 0.0, late: int = 0) -> Pat
             sign = rng.choice([-1, 1])
             rows.append([*place, *(sign * turned), *(data.qpos[7:] + 1e-4 * rng.normal())])
             for _ in range(10):
-                data.qfrc_applied[:3] = -drag * data.qvel[:3]
+                data.qfrc_applied[:3] = push - drag * data.qvel[:3]
                 mujoco.mj_step(model, data)
         seen = np.array(rows)[late:]
         seen[:, :7] = np.array(rows)[: len(seen), :7]
@@ -95,12 +99,21 @@ def test_coordinates_move_as_mujocos_do() -> None:
     np.testing.assert_allclose(rates(model, path, 1e-4)[:, 1], by, atol=1e-5)
 
 
-def test_what_brakes_a_thrown_box_is_named_where_nothing_drives_it(tmp_path: Path) -> None:
-    case = read_case(throw(tmp_path, drag=0.06))
+@pytest.mark.parametrize(
+    ("acts", "name", "parameter", "size"),
+    [
+        ({"drag": 0.06}, "viscous_friction_root_path", "damping", 0.06),
+        ({"push": (0.25, 0.0, -0.1)}, "constant_force_root_path", "x", 0.25),
+    ],
+)
+def test_what_acts_on_a_thrown_box_is_named_where_nothing_drives_it(
+    tmp_path: Path, acts: dict[str, Any], name: str, parameter: str, size: float
+) -> None:
+    case = read_case(throw(tmp_path, **acts))
     found = diagnose_by_joint(case, case.question((), (), Rule(), Effort()), lambda _: None)
-    assert found["verdict"] == ["viscous_friction_root_path"]
-    damping = found["model"]["parameters"]["viscous_friction_root_path.damping"]
-    assert damping["low"] < 0.06 < damping["high"]
+    assert found["verdict"] == [name]
+    given = found["model"]["parameters"][f"{name}.{parameter}"]
+    assert given["low"] < size < given["high"]
     assert found["ladder"][-1]["heldout_typical_error_percent"] < 1.5 * case.floor_percent
     assert not found["next_actions"]
 

@@ -124,13 +124,15 @@ def _curves(field: Field) -> Figure:
     at, values = points[order, 0], values[order]
     figure, axes = canvas(640, 296, 64, 12, 12, 46)
     axes.axhline(0, color=GREY, lw=1)
-    for curve, color in zip(values.T, CYCLE, strict=False):
-        axes.plot(at, curve, color=color, lw=2)
+    for curve, color, name in zip(values.T, CYCLE, "xyz", strict=False):
+        axes.plot(at, curve, color=color, lw=2, label=name)
         links = [
             hint(f"{field['axes'][0]}: {number(a)}; {quantity(v, field['unit'])}")
             for a, v in zip(at, curve, strict=True)
         ]
         axes.scatter(at, curve, 36, color, lw=0, urls=links, zorder=3)
+    if values.shape[1] > 1:
+        axes.legend()
     axes.set(xlabel=field["axes"][0], ylabel=f"missing force [{field['unit']}]")
     return figure
 

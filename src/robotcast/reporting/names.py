@@ -4,9 +4,11 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 
-_SIMULATORS = {"bullet": "PyBullet", "hybrid": "Hybrid", "segmented": "Segmented"}
-_OPTIMIZERS = {"de": "DE", "bo": "BO", "gn": "Gauss–Newton"}
-_DATASETS = {"real": "D_real", "simulated": "D_sim", "mixed": "D_real ∪ D_sim", "none": "N/A"}
+_NAMES = {
+    **{"bullet": "PyBullet", "hybrid": "Hybrid", "segmented": "Segmented"},
+    **{"de": "DE", "bo": "BO", "gn": "Gauss–Newton"},
+    **{"real": "D_real", "simulated": "D_sim", "mixed": "D_real ∪ D_sim", "none": "N/A"},
+}
 _POLICIES = {
     ("cast_and_pull", "none"): "Cast and Pull",
     ("gp", "real"): "Gaussian Proc.",
@@ -39,25 +41,15 @@ def cable_name(cable: str) -> str:
     return f"Cable {number}" if number.isdigit() else cable
 
 
-def simulator_name(simulator: str) -> str:
-    """segmented → Segmented."""
-    return _SIMULATORS.get(simulator, simulator)
-
-
-def optimizer_name(optimizer: str) -> str:
-    """de → DE."""
-    return _OPTIMIZERS.get(optimizer, optimizer)
+def name_of(part: str) -> str:
+    """Name a simulator, an optimizer or a dataset: segmented → Segmented, mixed → D_real …"""
+    return _NAMES.get(part, part)
 
 
 def method_name(simulator: str, optimizer: str, effects: Iterable[str] = ()) -> str:
     """Return what was tuned by what: Segmented, DE + board tilt."""
     added = "".join(f" + {effect_name(effect)}" for effect in effects)
-    return f"{simulator_name(simulator)}, {optimizer_name(optimizer)}{added}"
-
-
-def dataset_name(dataset: str) -> str:
-    """mixed → D_real ∪ D_sim."""
-    return _DATASETS.get(dataset, dataset)
+    return f"{name_of(simulator)}, {name_of(optimizer)}{added}"
 
 
 def policy_name(policy: str, dataset: str) -> str:
@@ -68,7 +60,7 @@ def policy_name(policy: str, dataset: str) -> str:
 def policy_label(policy: str, dataset: str) -> str:
     """Return the policy's name with its dataset where the name does not tell it."""
     name = policy_name(policy, dataset)
-    return f"{name}, {dataset_name(dataset)}" if policy == "gp" else name
+    return f"{name}, {name_of(dataset)}" if policy == "gp" else name
 
 
 def rig_name(rig: str) -> str:

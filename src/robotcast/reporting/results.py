@@ -19,7 +19,7 @@ from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.datasets import Examples, read_simulated
 from robotcast.policies.targets import ErrorParts, error_parts, median_interval
-from robotcast.reporting.names import cable_name, dataset_name, method_name, policy_name
+from robotcast.reporting.names import cable_name, method_name, name_of, policy_name
 from robotcast.tuning.tuned import ModelRevision, comparable_revisions
 
 One = TypeVar("One")
@@ -106,7 +106,7 @@ class Evaluation:
     def named(self) -> tuple[str, str, str]:
         """The cable, the policy and what it learned from, as people call them."""
         policy = policy_name(self.policy, self.dataset)
-        return cable_name(self.cable), policy, dataset_name(self.dataset)
+        return cable_name(self.cable), policy, name_of(self.dataset)
 
     @property
     def errors_percent(self) -> np.ndarray:

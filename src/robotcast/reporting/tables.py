@@ -15,8 +15,8 @@ import polars as pl
 
 from robotcast.reporting.names import (
     cable_name,
-    dataset_name,
     method_name,
+    name_of,
     policy_name,
     rig_names,
 )
@@ -265,7 +265,7 @@ def policies_table(results: Results) -> Table:
         pairs = [p for p in POLICIES if cable == "cable1" or p in evaluated]
         for pair in [*pairs, *sorted(evaluated - set(pairs))]:
             paper = POLICIES.get(pair, _NO_QUARTILES) if cable == "cable1" else _NO_QUARTILES
-            labels = (cable_name(cable), policy_name(*pair), dataset_name(pair[1]))
+            labels = (cable_name(cable), policy_name(*pair), name_of(pair[1]))
             rows.append((*labels, *_numbers(results.evaluation(cable, *pair)), *paper))
     shown = [e for cable in blocks for e in of[cable]]
     contests = tuple(row[0] for row in rows)

@@ -7,6 +7,7 @@ its null an effect must change no bit: add 0, multiply by 1.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -89,49 +90,39 @@ class RobotEffect:
 
     def write(self, fields: ModelFields, **values: np.ndarray) -> None:
         """Change fields of the model, before the first step."""
-        raise NotImplementedError
 
     def closes(self, model: mujoco.MjModel, bias: np.ndarray, **values: np.ndarray) -> None:
         """Change what servos see of the joints whose loops they close, when all else is written.
 
         That is `bias`, `actuator_biasprm` of every simulation, (n_sim, nu, n), in place.
         """
-        raise NotImplementedError
 
-    def delay_s(self, **values: np.ndarray) -> np.ndarray:
+    def delay_s(self, **values: np.ndarray) -> Any:
         """Return by how much the channels' commands come late, (n_sim, 1)."""
-        raise NotImplementedError
 
-    def command(self, drive: np.ndarray, step_s: float, **values: np.ndarray) -> np.ndarray:
+    def command(self, drive: np.ndarray, step_s: float, **values: np.ndarray) -> Any:
         """Return what becomes of the channels' commands (n_sim, n_steps, n_channels)."""
-        raise NotImplementedError
 
-    def force(self, motion: Motion, **values: np.ndarray) -> np.ndarray:
+    def force(self, motion: Motion, **values: np.ndarray) -> Any:
         """Return a further torque on the joints, (n_sim, n_dofs)."""
-        raise NotImplementedError
 
-    def friction(self, motion: Motion, **values: np.ndarray) -> np.ndarray:
+    def friction(self, motion: Motion, **values: np.ndarray) -> Any:
         """Return further dry friction of the joints, (n_sim, n_dofs), solved by MuJoCo."""
-        raise NotImplementedError
 
-    def transmission(self, **values: np.ndarray) -> tuple[np.ndarray, ...]:
+    def transmission(self, **values: np.ndarray) -> Any:
         """Return what lies between drives and links (see `Transmission`), (n_sim, 1) each.
 
         Compliance, retardation time [s], half a gap, and how much teeth may yield at least.
         """
-        raise NotImplementedError
 
-    def latency_s(self, **values: np.ndarray) -> np.ndarray:
+    def latency_s(self, **values: np.ndarray) -> Any:
         """Return by how much the joints' encoders show late, (n_sim, 1)."""
-        raise NotImplementedError
 
-    def seen(self, qpos: np.ndarray, **values: np.ndarray) -> np.ndarray:
+    def seen(self, qpos: np.ndarray, **values: np.ndarray) -> Any:
         """Return what the joints' encoders show of true positions (n_sim, n, n_dofs)."""
-        raise NotImplementedError
 
-    def unseen(self, qpos: np.ndarray, **values: np.ndarray) -> np.ndarray:
+    def unseen(self, qpos: np.ndarray, **values: np.ndarray) -> Any:
         """Return the true positions (n_sim, n, n_dofs) where encoders show these."""
-        raise NotImplementedError
 
     def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, **values: float) -> bool:
         """Write into a model what MuJoCo can do of the effect beyond `write`; False if nothing."""

@@ -14,7 +14,6 @@ from typing import Any, Literal
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 OBJECTS = {"joint": "njnt", "body": "nbody", "actuator": "nu", "geom": "ngeom", "sensor": "nsensor"}
 FIELDS = {  # what may be set of each: a field of MjModel, most of them called as in MJCF
@@ -322,8 +321,11 @@ def rates(model: Any, qpos: np.ndarray, step_s: float) -> np.ndarray:
 
 def turned(q: np.ndarray, by: np.ndarray) -> np.ndarray:
     """Return quaternions (…, 4) turned by vectors (…, 3) in their own axes."""
-    found = Rotation.from_quat(q, scalar_first=True) * Rotation.from_rotvec(by)
-    return found.as_quat(scalar_first=True)
+    half = np.linalg.norm(by, axis=-1, keepdims=True) / 2
+    vector = by / 2 * np.sinc(half / np.pi)
+    w, v = q[..., :1], q[..., 1:]
+    real = w * np.cos(half) - (v * vector).sum(axis=-1, keepdims=True)
+    return np.concatenate([real, w * vector + v * np.cos(half) + np.cross(v, vector)], axis=-1)
 
 
 def turn(q: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -31,41 +31,6 @@ AIR_KG_M3 = 1.2
 SMOOTH_BALL = 0.5  # drag coefficient
 
 
-MECHANISMS: dict[str, tuple[str, Callable[..., Any]]] = {
-    # a waypoint is stamped tau after it was seen
-    "camera_latency": ("stamps", lambda stamp_s, *, tau: stamp_s - tau),
-    # the camera's second is 1 / (1 + k) of a second
-    "camera_clock": ("stamps", lambda stamp_s, *, k: stamp_s / (1 + k)),
-    # the camera shows every place 1 + k times as far from the robot's base, or shifted
-    "camera_scale": ("places", lambda place_m, *, k: (1 + k) * place_m),
-    "camera_offset": ("places", lambda place_m, *, dx, dy: place_m + np.array([dx, dy])),
-    # the cable leaves the gripper at an angle to its logged yaw
-    "wrist_offset": ("hold", lambda path, step_s, *, beta: path + beta * np.eye(5)[3]),
-    # a film of oil on the board holds every piece back by c m v
-    "viscous_friction": ("force", lambda p, *, c: -c * p.mass_kg[:, None] * p.velocity_m_s),
-    # the ball at the end is of another material: its friction is 1 + k times the cable's
-    "endpoint_friction": ("friction", lambda p, *, k: 1 + k * (p.length_m == 0)),
-    # what creeps grips more, one step late, which keeps a cable at rest at rest
-    "stribeck_friction": (
-        "friction",
-        lambda p, *, k, vs: 1 + k * np.exp(-np.sum(p.velocity_m_s**2, axis=1) / vs**2),
-    ),
-    # in casts faster than v the cable has slid out of the gripper by s
-    "cable_slip": (
-        "cable",
-        lambda c, cast, *, s, v: replace(c, length_m=c.length_m + s * (cast.action.vmax_m_s > v)),
-    ),
-    # the board wears: friction grows by k over a session of so many casts
-    "friction_drift": ("friction", lambda p, *, k, casts: 1 + k * (p.cast / max(casts - 1, 1))),
-    # rubbing warms the board: in the course of a cast friction nears 1 + k times its first
-    "warming_board": (
-        "friction",
-        lambda p, *, k, time: 1 + k * (1 - np.exp(-max(p.t_s, 0.0) / time)),
-    ),
-}
-"""Name → where it acts, its function; `_acts` enters the longer ones."""
-
-
 @dataclass(frozen=True)
 class HiddenEffect:
     """One of `MECHANISMS` with its numbers, such as `("board_tilt", {"sx": 0.0, "sy": -0.03})`.
@@ -99,14 +64,6 @@ def changed(effects: Sequence[HiddenEffect], where: str, value: Any, *given: Any
     for effect in acting(effects, where):
         value = effect(value, *given)
     return value
-
-
-def _acts(where: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    def enter(mechanism: Callable[..., Any]) -> Callable[..., Any]:
-        MECHANISMS[mechanism.__name__] = where, mechanism
-        return mechanism
-
-    return enter
 
 
 @dataclass(frozen=True)
@@ -164,21 +121,18 @@ class Disturbance:
         return Pieces(place[:, :2], velocity[:, :2], *self._made, float(data.time), self._cast)
 
 
-@_acts("model")
 def board_tilt(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, sx: float, sy: float):
     """The board is not level: gravity leans by `sx`, `sy` times g along x and y."""
     g = float(np.linalg.norm(spec.option.gravity))
     spec.option.gravity = [g * sx, g * sy, -g * float(np.sqrt(1 - sx**2 - sy**2))]
 
 
-@_acts("friction")
 def friction_patch(pieces: Pieces, *, k: float, x0: float, y0: float, w: float) -> np.ndarray:
     """A stain: the friction is 1 + k exp(−d²/w²) times as strong at the distance d from it."""
     away = pieces.place_m - np.array([x0, y0])
     return 1 + k * np.exp(-np.sum(away**2, axis=1) / w**2)
 
 
-@_acts("model")
 def anisotropic_friction(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, a: float):
     """The cable slides 1 + a times as hard across as along itself; the ball at its end does not.
 
@@ -199,21 +153,18 @@ def anisotropic_friction(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *
         spec.add_pair(**touching, friction=friction, solref=solref)
 
 
-@_acts("places")
 def camera_rotation(place_m: np.ndarray, *, phi: float) -> np.ndarray:
     """The camera shows every place turned about the robot's base."""
     c, s = np.cos(phi), np.sin(phi)
     return place_m @ np.array([[c, s], [-s, c]])
 
 
-@_acts("places")
 def lens_distortion(place_m: np.ndarray, *, x0: float, y0: float, k: float) -> np.ndarray:
     """The camera shows every place 1 + k ρ² times as far from the middle of its picture."""
     apart = place_m - np.array([x0, y0])
     return place_m + k * np.sum(apart**2, axis=1, keepdims=True) * apart
 
 
-@_acts("hold")
 def tool_lag(path: np.ndarray, step_s: float, *, tau: float) -> np.ndarray:
     """The held end follows the logged tool as a first-order lag of `tau`."""
     decay = np.exp(-step_s / tau)
@@ -222,7 +173,6 @@ def tool_lag(path: np.ndarray, step_s: float, *, tau: float) -> np.ndarray:
     return path[0] + lagged(weights, past, path - path[0])
 
 
-@_acts("hold")
 def tool_offset(path: np.ndarray, step_s: float, *, dx: float, dy: float) -> np.ndarray:
     """The cable is held beside the logged point, in the tool's frame."""
     c, s = np.cos(path[:, 3]), np.sin(path[:, 3])
@@ -232,7 +182,6 @@ def tool_offset(path: np.ndarray, step_s: float, *, dx: float, dy: float) -> np.
     return shifted
 
 
-@_acts("model")
 def mass_gradient(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, k: float):
     """Mass per length is 1 + k s times the mean, s from −1 at the hand to 1 at the end."""
     for index in range(truth.segments):
@@ -242,7 +191,6 @@ def mass_gradient(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, k: fl
         body.inertia = body.inertia * factor
 
 
-@_acts("model")
 def resting_curvature(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, kappa: float):
     """The cable was stored on a drum: at rest it curves by κ, to the left where κ > 0."""
     length = cable.length_m / truth.segments
@@ -252,7 +200,6 @@ def resting_curvature(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, k
         spec.body(f"segment_{index}").first_joint().springref = kappa * bent
 
 
-@_acts("rest")
 def plastic_bending(
     bend_rad: np.ndarray, rest_rad: np.ndarray, length_m: float, *, softness: float
 ) -> np.ndarray:
@@ -263,7 +210,6 @@ def plastic_bending(
     return np.clip(rest_rad, bend_rad - most, bend_rad + most)
 
 
-@_acts("force")
 def air_drag(pieces: Pieces, *, C: float) -> np.ndarray:
     """Drag ½ ρ C A v² on every piece of a fuzzy cable, whatever its heading, A = 2 r l.
 
@@ -277,21 +223,18 @@ def air_drag(pieces: Pieces, *, C: float) -> np.ndarray:
     return -0.5 * AIR_KG_M3 * (area * speed)[:, None] * pieces.velocity_m_s
 
 
-@_acts("force")
 def sticky_zone(pieces: Pieces, *, c: float, x0: float, y0: float, radius: float) -> np.ndarray:
     """Spilt syrup: within a disc every piece is held back by c m v."""
     inside = np.linalg.norm(pieces.place_m - np.array([x0, y0]), axis=1) < radius
     return -(c * pieces.mass_kg * inside)[:, None] * pieces.velocity_m_s
 
 
-@_acts("force")
 def draught(pieces: Pieces, *, a: float, heading: float, from_y: float, side: float) -> np.ndarray:
     """A fan beyond y = `from_y` (below it, if `side` is −1) accelerates all by `a` to `heading`."""
     blown = pieces.mass_kg * (side * (pieces.place_m[:, 1] - from_y) > 0)
     return a * blown[:, None] * np.array([np.cos(heading), np.sin(heading)])
 
 
-@_acts("model")
 def rubber_band(
     spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, stiffness: float, x0: float, y0: float
 ):
@@ -303,7 +246,6 @@ def rubber_band(
     band.wrap_site("band_end")
 
 
-@_acts("model")
 def swinging_end(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, share: float, arm: float):
     """A share of the end's mass hangs from it on an arm that swings freely over the board."""
     end = spec.body("endpoint")
@@ -313,3 +255,53 @@ def swinging_end(spec: mujoco.MjSpec, cable: Cable, truth: CableTruth, *, share:
     inertia = [0.5 * mass * truth.endpoint_radius_m**2] * 3
     bob = add_piece(end, "bob", (0.0, arm), mass, inertia, cable.radius_m)
     bob.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+
+
+MECHANISMS: dict[str, tuple[str, Callable[..., Any]]] = {
+    # a waypoint is stamped tau after it was seen
+    "camera_latency": ("stamps", lambda stamp_s, *, tau: stamp_s - tau),
+    # the camera's second is 1 / (1 + k) of a second
+    "camera_clock": ("stamps", lambda stamp_s, *, k: stamp_s / (1 + k)),
+    # the camera shows every place 1 + k times as far from the robot's base, or shifted
+    "camera_scale": ("places", lambda place_m, *, k: (1 + k) * place_m),
+    "camera_offset": ("places", lambda place_m, *, dx, dy: place_m + np.array([dx, dy])),
+    # the cable leaves the gripper at an angle to its logged yaw
+    "wrist_offset": ("hold", lambda path, step_s, *, beta: path + beta * np.eye(5)[3]),
+    # a film of oil on the board holds every piece back by c m v
+    "viscous_friction": ("force", lambda p, *, c: -c * p.mass_kg[:, None] * p.velocity_m_s),
+    # the ball at the end is of another material: its friction is 1 + k times the cable's
+    "endpoint_friction": ("friction", lambda p, *, k: 1 + k * (p.length_m == 0)),
+    # what creeps grips more, one step late, which keeps a cable at rest at rest
+    "stribeck_friction": (
+        "friction",
+        lambda p, *, k, vs: 1 + k * np.exp(-np.sum(p.velocity_m_s**2, axis=1) / vs**2),
+    ),
+    # in casts faster than v the cable has slid out of the gripper by s
+    "cable_slip": (
+        "cable",
+        lambda c, cast, *, s, v: replace(c, length_m=c.length_m + s * (cast.action.vmax_m_s > v)),
+    ),
+    # the board wears: friction grows by k over a session of so many casts
+    "friction_drift": ("friction", lambda p, *, k, casts: 1 + k * (p.cast / max(casts - 1, 1))),
+    # rubbing warms the board: in the course of a cast friction nears 1 + k times its first
+    "warming_board": (
+        "friction",
+        lambda p, *, k, time: 1 + k * (1 - np.exp(-max(p.t_s, 0.0) / time)),
+    ),
+    "board_tilt": ("model", board_tilt),
+    "friction_patch": ("friction", friction_patch),
+    "anisotropic_friction": ("model", anisotropic_friction),
+    "camera_rotation": ("places", camera_rotation),
+    "lens_distortion": ("places", lens_distortion),
+    "tool_lag": ("hold", tool_lag),
+    "tool_offset": ("hold", tool_offset),
+    "mass_gradient": ("model", mass_gradient),
+    "resting_curvature": ("model", resting_curvature),
+    "plastic_bending": ("rest", plastic_bending),
+    "air_drag": ("force", air_drag),
+    "sticky_zone": ("force", sticky_zone),
+    "draught": ("force", draught),
+    "rubber_band": ("model", rubber_band),
+    "swinging_end": ("model", swinging_end),
+}
+"""Name → where it acts, its function."""
