@@ -116,11 +116,12 @@ def _shown(hidden: Hidden, seed: Sequence[int]) -> np.ndarray:
 
 
 def _fits(mechanism: str, shown: np.ndarray, before: np.ndarray, clean: np.ndarray) -> bool:
-    """Tell whether a hidden effect shows, and whether the mechanism survives it."""
+    """Tell whether a hidden effect shows, and the mechanism survives it and moves in every log."""
     k, noise = round(SHOWN_S / PERIOD_S), np.sqrt(13 / 12) * np.array(MECHANISMS[mechanism].quantum)
     low, high = clean.min(axis=(0, 1)), clean.max(axis=(0, 1))
     away = np.abs(shown - (low + high) / 2) / ((high - low) / 2)
-    if not (away < SURVIVES).all():
+    moves = np.ptp(shown, axis=1) > SHOWS * noise
+    if not (away < SURVIVES).all() or not moves.any(axis=1).all():
         return False
     apart = (shown - before)[:, :k]
     apart -= apart.mean(axis=1, keepdims=True)  # counted from elsewhere

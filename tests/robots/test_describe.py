@@ -52,6 +52,17 @@ def test_degrees_are_seen_in_how_far_a_joint_turns_and_is_commanded(
     assert yaml.safe_load(path.read_text())[part][name]["unit"] == "deg"
 
 
+def test_what_rolls_far_because_others_push_it_turns_in_radians(tmp_path: Path) -> None:
+    ball = '<body pos="0 0 1"><joint name="ball" axis="0 1 0"/><geom size=".1"/></body></worldbody>'
+    folder = folder_with(tmp_path, {})
+    model = folder / "robot.xml"
+    model.write_text(model.read_text().replace("</worldbody>", ball))
+    for path in folder.glob("*.csv"):
+        pl.read_csv(path).with_columns((30 * pl.col("t")).alias("q_ball")).write_csv(path)
+    path, _ = describe(folder)
+    assert yaml.safe_load(path.read_text())["measured"]["joint[ball].position"]["unit"] == "rad"
+
+
 SERVO = '<position name="drive" joint="elbow" kp="25"/>'
 MOTOR = '<motor name="drive" joint="elbow"/>'
 GEARED = '<motor name="drive" joint="elbow" gear="50"/>'

@@ -279,7 +279,7 @@ def diagnose_by_joint(
     promising = _promising(case, question, found, named, others)
     level = question.rule.level * len([*named, *promising]) / len([*named, *others])
     note = (
-        f"{' + '.join(named) or 'No effect of a group of joints'} explains too little; of "
+        f"{' + '.join(named) or 'What all joints may lack'} explains too little, so of "
         f"{len(others)} effects of single joints and links the {len(promising)} that promise most "
         "were tried."
     )
