@@ -123,7 +123,12 @@ def test_a_motor_that_is_logged_by_commanded_positions_asks_for_the_gains_of_its
 
 def test_a_torque_that_looks_like_its_joints_position_is_no_command(tmp_path: Path) -> None:
     like_it = pl.col("q_elbow").alias("u_e")
-    path, _ = describe(folder_with(tmp_path, {"u_e": "elbow_torque"}, like_it))
+    path, _ = describe(folder_with(tmp_path / "named", {"u_e": "elbow_torque"}, like_it))
+    assert "servos" not in yaml.safe_load(path.read_text())
+    folder = folder_with(tmp_path / "springy", {}, like_it)
+    model, elbow = folder / "robot.xml", '<joint name="elbow"'
+    model.write_text(model.read_text().replace(elbow, f'{elbow} stiffness="1"'))
+    path, _ = describe(folder)
     assert "servos" not in yaml.safe_load(path.read_text())
 
 

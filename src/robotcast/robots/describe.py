@@ -201,7 +201,8 @@ class _Guess:
         if si == "rad":
             far = np.nanstd(commanded) > MORE * np.nanstd(measured) > 0
             return "deg" if far else "", None
-        if _tokens(column) & KINDS["torque"]:
+        springy = self._model.jnt_stiffness[self._joints.index(on)] > 0  # it follows a torque too
+        if _tokens(column) & KINDS["torque"] or springy:
             return "", None
         named = _named_unit(column, f"{name} {on}", length)
         for one in [named] if named else [unit, length, *(["deg"] * (length == "rad"))]:
