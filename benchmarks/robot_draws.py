@@ -52,6 +52,7 @@ ONE = [  # what would be one effect on many mechanisms is no pair
 ]
 SHOWS, SHOWN_S = 5.0, 2.0  # times the encoders' noise, and within how long
 SURVIVES = 2.0  # times as far from its middle as without the effect, every joint at most
+MOVES = 0.1  # times as far as without it, one joint in every log
 SIZES_TRIED = 8
 QUADRUPEDS = 3
 
@@ -120,7 +121,7 @@ def _fits(mechanism: str, shown: np.ndarray, before: np.ndarray, clean: np.ndarr
     k, noise = round(SHOWN_S / PERIOD_S), np.sqrt(13 / 12) * np.array(MECHANISMS[mechanism].quantum)
     low, high = clean.min(axis=(0, 1)), clean.max(axis=(0, 1))
     away = np.abs(shown - (low + high) / 2) / ((high - low) / 2)
-    moves = np.ptp(shown, axis=1) > SHOWS * noise
+    moves = np.ptp(shown, axis=1) > MOVES * np.ptp(clean, axis=1)
     if not (away < SURVIVES).all() or not moves.any(axis=1).all():
         return False
     apart = (shown - before)[:, :k]
