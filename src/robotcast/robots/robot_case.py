@@ -256,8 +256,8 @@ def diagnose_by_joint(
 
     Where an effect of a whole group is named, it competes with those of its joints: it is as simple
     as one of them, and stays where all joints have it. Whatever else was named is tried beside
-    them. Where more is missing, of the effects of all single joints and links those are tried that
-    the slopes promise most of, beside what was named, and fields of single joints.
+    them. For as long as more is missing and named, of the effects of all single joints and links
+    those are tried beside it that the slopes promise most of, and fields of single joints.
     """
     found = diagnose(question, tell, progress)
     effects, tried = case.model.effects, question.candidates
@@ -271,21 +271,33 @@ def diagnose_by_joint(
         note = f"First {' + '.join(named)} was named, of a group; then its joints were told apart."
         asked = replace(question, candidates=[*named, *own])
         found = _ask_again(asked, found, note, tell, progress)
-    if not laws or (found["code"] in ("none", "named") and not found["unexplained"]):
-        return found
-    effects.update({one.name: one for one in single})
-    named = [n for n in found["verdict"] if n in effects]
-    others = [n for n in laws if n not in named]
-    promising = _promising(case, question, found, named, others)
-    level = question.rule.level * len([*named, *promising]) / len([*named, *others])
-    note = (
-        f"{' + '.join(named) or 'What all joints may lack'} explains too little, so of "
-        f"{len(others)} effects of single joints and links the {len(promising)} that promise most "
-        "were tried."
-    )
-    rule = replace(question.rule, level=level)
-    asked = replace(question, candidates=[*named, *promising], rule=rule)
-    return _ask_again(asked, found, note, tell, progress)
+    for _ in range(question.rule.most_effects):
+        if not laws or not _unfinished(question, found):
+            break
+        effects.update({one.name: one for one in single})
+        named = [n for n in found["verdict"] if n in effects]
+        others = [n for n in laws if n not in named]
+        promising = _promising(case, question, found, named, others)
+        level = question.rule.level * len([*named, *promising]) / len([*named, *others])
+        note = (
+            f"{' + '.join(named) or 'What all joints may lack'} explains too little, so of "
+            f"{len(others)} effects of single joints and links the {len(promising)} that promise "
+            "most were tried."
+        )
+        rule = replace(question.rule, level=level)
+        asked = replace(question, candidates=[*named, *promising], rule=rule)
+        found = _ask_again(asked, found, note, tell, progress)
+        if found["code"] != "named" or len(found["verdict"]) <= len(named):
+            break
+    return found
+
+
+def _unfinished(question: Case, found: dict[str, Any]) -> bool:
+    """Tell whether a diagnosis leaves more than its data's noise, or says so."""
+    floor, rule = found["noise_floor_percent"], question.rule
+    left = [rung["heldout_typical_error_percent"] for rung in found["ladder"][-1:]]
+    above = any(error > rule.at_floor * floor for error in left)
+    return above or bool(found["unexplained"]) or found["code"] not in ("none", "named")
 
 
 def _ask_again(
