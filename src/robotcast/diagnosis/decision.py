@@ -8,7 +8,7 @@ import numpy as np
 
 from robotcast.diagnosis.found import Effects, Found, Rung
 from robotcast.diagnosis.inquiry import Inquiry, Revision, held_out
-from robotcast.diagnosis.library import Library
+from robotcast.diagnosis.library import Beginnings, Library
 from robotcast.diagnosis.rule import Effort
 from robotcast.fitting.least_squares import Fit
 
@@ -38,30 +38,38 @@ def look_for_the_unknown(
     effort: Effort,
     tell: Callable[[str], object],
 ) -> Unexplained:
-    """Fit the likeliest fields on top of the base model: to beginnings, and the best one to all.
+    """Fit the likeliest fields on top of the base model with the same effort as effects.
 
-    What they miss of the beginnings, and what their parameters cost, decides between them, and
-    whether the best one may do better than the chosen effects.
+    Those that promise to do better than the chosen effects, by what they miss of the beginnings
+    and what their parameters cost, are fitted to all trials; by the same the best one is taken.
     """
     if not fields:
         return Unexplained()
     base, early = found.base.effects, inquiry.beginnings(effort.early, effort.some)
+    scales = found.known_scales
+    begun = Beginnings(early, scales.floor, scales.rule, effort)
     tell("every field")
-    together = _fields_together(early, base, found.early[base], fields)
-    judged = []
+    tuned = early.fit(base, found.base.revision.fit.vector, 0)
+    together = _fields_together(early, base, tuned, fields)
     for effects in together.best(1, min(effort.finalists + 1, len(fields)), base):
         tell(inquiry.model.effects[effects[-1]].text)
         known = together.look(effects, together.start(effects))
-        fit = early.fit(effects, known.vector, effort.refit, known=known)
-        judged.append((early.expected_loss(effects, fit), effects, fit))
-    cost, effects, fit = min(judged, key=lambda one: one[0])
-    if cost > early.expected_loss(found.chosen, found.early[found.chosen]):
+        begun.fit(effects, known.vector, known)
+    least = early.expected_loss(found.chosen, found.early[found.chosen])
+    cost = {effects: early.expected_loss(effects, fit) for effects, fit in begun.fits.items()}
+    hopeful = sorted((e for e in cost if cost[e] <= least), key=cost.__getitem__)
+    revisions = []
+    for effects in hopeful[: effort.finalists]:
+        tell(inquiry.model.effects[effects[-1]].text)
+        fit = begun.fits[effects]
+        whole = inquiry.fit(effects, fit.vector, effort.refit, like=fit)
+        revisions.append(Revision(effects, whole))
+    if not revisions:
         return Unexplained()
-    tell(inquiry.model.effects[effects[-1]].text)
-    revision = Revision(effects, inquiry.fit(effects, fit.vector, effort.refit, like=fit))
-    rung = Rung(revision, held_out(inquiry, revision, effort))
-    enough = found.gain(found.base, rung).pays(found.known_scales.rule, len(fields))
-    return Unexplained(effects[-1], rung, enough, len(fields))
+    best = min(revisions, key=lambda one: inquiry.expected_loss(one.effects, one.fit))
+    rung = Rung(best, held_out(inquiry, best, effort))
+    enough = found.gain(found.base, rung).pays(scales.rule, len(fields))
+    return Unexplained(best.effects[-1], rung, enough, len(fields))
 
 
 def _fields_together(early: Inquiry, base: Effects, fit: Fit, fields: Sequence[str]) -> Library:
