@@ -138,3 +138,21 @@ def test_a_joint_is_told_apart_within_its_group(tmp_path: Path) -> None:
     torque = found["model"]["parameters"]["dry_friction_right_knee_joint.torque"]
     assert torque["value"] == pytest.approx(0.1, rel=0.1)
     assert "told apart" in found["notes"][0]
+
+
+def test_what_one_link_lacks_is_named_beside_what_a_group_lacks(tmp_path: Path) -> None:
+    def hide(model: mujoco.MjModel) -> None:
+        model.dof_damping[1::2] += 0.05  # of all knees
+        thigh = model.body("left_thigh").id
+        model.body_mass[thigh] *= 2.5
+        model.body_inertia[thigh] *= 2.5
+
+    windows = {"length_s": 0.5, "most": 12}
+    case = read_case(write_folder(tmp_path, WALKER, logs=12, windows=windows, change=hide))
+    kept = "viscous_friction_knee_joint"
+    others = [n for n, e in case.model.effects.items() if e.depends_on is None and n != kept]
+    effort = Effort(some=12, tried=3, finalists=1)
+    found = diagnose_by_joint(case, case.question(others, (), Rule(), effort), lambda known: None)
+    assert {*found["verdict"]} == {kept, "mass_left_thigh"}
+    mass = found["model"]["parameters"]["mass_left_thigh.k"]
+    assert mass["value"] == pytest.approx(1.5, abs=0.1)
