@@ -250,7 +250,8 @@ place, size, motions and noise. One in six hides nothing, one in six two effects
 kinds, one in twelve a torque law that the library lacks (ripple, a soft stop on one side). Sizes
 are log-uniform in units of what is usual on the mechanism (`DRAWN` in benchmarks/robot_draws.py),
 and drawn again until the logs with and without the effect differ by more than five times the
-encoders' noise within two seconds and every joint stays within twice its usual range.
+encoders' noise within two seconds, and every joint stays within twice its usual range and one of
+them moves a tenth of it in every log.
 
 """
 HEAD = """# Robots with a hidden effect
