@@ -37,6 +37,7 @@ class Case:
     records : in the order of the session; samples that are NaN were not measured.
     candidates : names of the effects to try, fields left out: they come when nothing else pays.
     fixed : effects that act from the start.
+    comparisons : effects that share the level, where the candidates were chosen from more.
     floor : noise floor in % of the scale where it is known from elsewhere than from repeats.
     floor_is_least : whether that is only the least: repeats may differ by more.
     numerical_error : what the model errs by because its step is no shorter, % of the scale.
@@ -48,6 +49,7 @@ class Case:
     records: Sequence[Record]
     candidates: Sequence[str]
     fixed: Sequence[str] = ()
+    comparisons: int = 0
     wording: Wording = PLAIN
     floor: float | None = None
     floor_is_least: bool = False
@@ -151,6 +153,7 @@ class _Run:
             case.rule,
             case.effort,
             self._step,
+            case.comparisons,
         )
         self._found = selection.run()
         self._base = self._found.base.revision

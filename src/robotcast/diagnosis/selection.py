@@ -21,6 +21,7 @@ class Selection:
     candidates : names of the effects to try.
     fixed : effects that act from the start.
     tell : called before each step with what is known and what comes next.
+    comparisons : effects that share the level, the candidates at least.
     """
 
     def __init__(
@@ -32,10 +33,11 @@ class Selection:
         rule: Rule,
         effort: Effort,
         tell: Callable[[Found, Step, str], object],
+        comparisons: int = 0,
     ) -> None:
         self._inquiry, self._floor, self._rule, self._effort = inquiry, floor, rule, effort
         self._candidates, self._fixed = tuple(candidates), tuple(fixed)
-        self._tell = tell
+        self._tell, self._comparisons = tell, max(comparisons, len(candidates))
         some = inquiry.beginnings(effort.early, effort.some)
         self.early = Beginnings(some, floor, rule, effort)
         self.found = Found(early=self.early.fits)
@@ -351,7 +353,7 @@ class Selection:
         The fits to beginnings see the same trials, so that their losses compare them, trial by
         trial: slopes that point the same way are not enough to confuse two effects when a refit
         tells them apart: by a part that matters of what is explained and of what is left, and by
-        more than the model's own step errs by.
+        more than the model's own step errs by, in squares.
         """
         fits, chosen = self.found.early, self.found.chosen
         rivals: dict[str, tuple[str, ...]] = {}
@@ -378,7 +380,7 @@ class Selection:
         return level(*fits, self._inquiry.groups, self._rule)
 
     def _pays(self, gain: Gain) -> bool:
-        return gain.pays(self._rule, len(self._candidates))
+        return gain.pays(self._rule, self._comparisons)
 
     def _keep(self, revision: Revision) -> None:
         errors = held_out(self._inquiry, revision, self._effort)

@@ -307,7 +307,10 @@ def _named_unit(column: str, name: str, *kinds: str) -> str:
 
 
 def _too_fast(model: mujoco.MjModel, joint: int, values: np.ndarray, times_s: np.ndarray) -> bool:
-    """Tell whether neither gravity nor drives could turn a joint like that, read in radians."""
+    """Tell whether gravity and drives could not turn a joint like that, read in radians.
+
+    Of a balanced joint nobody can tell where drives have no range.
+    """
     data, mass = mujoco.MjData(model), np.empty((model.nv, model.nv))
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, mass)

@@ -58,7 +58,8 @@ class RobotEffect:
     name : its id, as reports and `diagnosis.json` have it.
     text : what it is, in a few words.
     parameters : in the order in which they stand in parameter vectors.
-    part : what it acts on, as in conf/robot_effects.yaml: joint, pair, body, drive or robot.
+    part : what it acts on, as in conf/robot_effects.yaml: joint, free motion, pair, body, drive,
+        robot.
     depends_on : None, or of a flexible field that stands for any mechanism, what it depends on.
     """
 

@@ -348,5 +348,5 @@ class TorqueField(RobotEffect):
         place = np.interp(at, self.knots, np.arange(len(self.knots)))
         left = np.minimum(place.astype(int), len(self.knots) - 2)
         share = place - left
-        of = np.arange(len(table))[:, None], np.arange(table.shape[1])
-        return (1 - share) * table[*of, left] + share * table[*of, left + 1]
+        own = np.arange(len(table))[:, None], np.arange(table.shape[1])
+        return (1 - share) * table[*own, left] + share * table[*own, left + 1]

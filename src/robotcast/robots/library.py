@@ -44,9 +44,10 @@ def candidates(
 
 
 def alone(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
-    """Return the joints, links and drives that are parts of groups, or none, each alone."""
+    """Return the joints, links and drives that are parts of groups, or of none, each alone."""
     model, parts = robot.model, parts_of(robot)
-    dofs = [dof for one in parts["joint"] if len(one.dofs) > 1 for dof in one.dofs]
+    single = [one.dofs for one in parts["joint"]]
+    dofs = [d for d in np.flatnonzero(~loose(model)).tolist() if (d,) not in single]
     joints = [_where(robot, name_of_dof(model, dof), (dof,)) for dof in dofs]
     others = [c for one in parts["drive"] if not one.dofs for c in one.channels]
     known = {b for one in parts["body"] for b in one.bodies}

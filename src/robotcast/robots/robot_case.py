@@ -1,6 +1,6 @@
 """The question that a folder with robot.yaml asks: its model, windows, candidates and noise.
 
-It is asked for groups of joints first, and then within the group that is named.
+It is asked for groups of joints first, then within the group that is named, and for single joints.
 """
 
 from collections.abc import Callable, Sequence
@@ -35,7 +35,7 @@ MOVES = 20.0  # times the noise: what moves less stands still
 FAR_OFF = 2.0  # times the usual motion, from which a unit may be wrong
 LONGEST_S = 2.0
 LEAST_NOISE = 1e-9  # of a joint that never moves
-LOOKED_INTO = 20  # effects of single joints, where none of a group is named
+LOOKED_INTO = 20  # effects of single joints and links that are tried at once
 LIKE = 2  # times as many sets are tried as of a cable: mass, inertia and armature are alike
 LOOKED_AT = 24  # starts from which the length of windows is judged
 
@@ -261,52 +261,69 @@ def diagnose_by_joint(
     """
     found = diagnose(question, tell, progress)
     effects, tried = case.model.effects, question.candidates
-    left_out = [e for n, e in effects.items() if n not in tried and e.depends_on is None]
+    left_out = [
+        e
+        for n, e in effects.items()
+        if n not in tried and e.depends_on is None
+        if not any(effects[other].is_part_of(e) for other in tried)
+    ]
     single = candidates(case.robot, case.sizes, alone(case.robot))
     single = [e for e in single if e.name not in effects and not any(map(e.is_part_of, left_out))]
     laws = {one.name: one for one in single if one.depends_on is None}
     named = [n for n in found["verdict"] if n in effects]
+    said: list[str] = []  # of the rounds that found something
     if own := [n for n, e in laws.items() if any(e.is_part_of(effects[name]) for name in named)]:
         effects.update(laws)
-        note = f"First {' + '.join(named)} was named, of a group; then its joints were told apart."
+        said.append(f"First, of a group: {' + '.join(named)}. Then its joints were told apart.")
         asked = replace(question, candidates=[*named, *own])
-        found = _ask_again(asked, found, note, tell, progress)
-    for _ in range(question.rule.most_effects):
-        if not laws or not _unfinished(question, found):
-            break
-        effects.update({one.name: one for one in single})
+        found = _ask_again(asked, found, said, tell, progress)
+    while _unfinished(question, found):
         named = [n for n in found["verdict"] if n in effects]
         others = [n for n in laws if n not in named]
+        if not others or len(named) == question.rule.most_effects:
+            break
+        effects.update({one.name: one for one in single})
         promising = _promising(case, question, found, named, others)
-        level = question.rule.level * len([*named, *promising]) / len([*named, *others])
-        note = (
-            f"{' + '.join(named) or 'What all joints may lack'} explains too little, so of "
+        said.append(
+            f"Too little was explained by {' + '.join(named) or 'what all joints may lack'}, so of "
             f"{len(others)} effects of single joints and links the {len(promising)} that promise "
             "most were tried."
         )
-        rule = replace(question.rule, level=level)
-        asked = replace(question, candidates=[*named, *promising], rule=rule)
-        found = _ask_again(asked, found, note, tell, progress)
+        comparisons = len(named) + len(others)
+        asked = replace(question, candidates=[*named, *promising], comparisons=comparisons)
+        found = _ask_again(asked, found, said, tell, progress)
         if found["code"] != "named" or len(found["verdict"]) <= len(named):
             break
     return found
 
 
 def _unfinished(question: Case, found: dict[str, Any]) -> bool:
-    """Tell whether a diagnosis leaves more than its data's noise, or says so."""
+    """Tell whether a diagnosis leaves more than noise in the window in the middle, or says so.
+
+    That is asked of a named effect, too, which the verdict lets leave more.
+    """
     floor, rule = found["noise_floor_percent"], question.rule
     left = [rung["heldout_typical_error_percent"] for rung in found["ladder"][-1:]]
     above = any(error > rule.at_floor * floor for error in left)
-    return above or bool(found["unexplained"]) or found["code"] not in ("none", "named")
+    says_so = bool(found["unexplained"]) or found["code"] not in ("none", "named")
+    return found["conclusive"] and (above or says_so)
 
 
 def _ask_again(
-    question: Case, found: dict[str, Any], note: str, tell: Tell, progress: Progress
+    question: Case, found: dict[str, Any], said: list[str], tell: Tell, progress: Progress
 ) -> dict[str, Any]:
-    """Return another diagnosis if it knows what is missing and says something else."""
+    """Return another diagnosis if it names something else, or what is missing where nothing did.
+
+    Else the last of what is `said` is taken back.
+    """
     again = diagnose(question, tell, progress)
-    if again["code"] in ("named", "unknown") and {*again["verdict"]} != {*found["verdict"]}:
-        found = {**again, "notes": [note, *again["notes"]]}
+    other = {*again["verdict"]} != {*found["verdict"]}
+    was, now = ((one["unexplained"] or {}).get("explains", False) for one in (found, again))
+    clearer = again["code"] == "unknown" and found["code"] != "named" and (other or now > was)
+    if clearer or (again["code"] == "named" and other):
+        found = {**again, "notes": [*said, *again["notes"]]}
+    else:
+        said.pop()
     tell(found)
     return found
 
