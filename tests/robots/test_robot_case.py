@@ -251,8 +251,8 @@ def test_single_joints_are_tried_where_no_effect_of_a_group_explains_the_logs(
     def no_group_explains(question: Case, tell: object, progress: object) -> dict[str, Any]:
         asked.append(question)
         found = {"verdict": ["unknown"], "code": "unknown", "unexplained": None, "conclusive": True}
-        found |= {"base": {"parameters": {}}, "model": {}, "ladder": [], "notes": []}
-        found |= {"noise_floor_percent": 1.0}
+        found |= {"base": {"parameters": {}}, "model": {}, "notes": []}
+        found |= {"ladder": [{"heldout_typical_error_percent": 1.0}], "noise_floor_percent": 1.0}
         named = {"code": "named", "verdict": question.candidates[:1]}
         return found | named if len(asked) == 2 else found
 

@@ -302,11 +302,10 @@ def _unfinished(question: Case, found: dict[str, Any]) -> bool:
 
     That is asked of a named effect, too, which the verdict lets leave more.
     """
-    floor, rule = found["noise_floor_percent"], question.rule
-    left = [rung["heldout_typical_error_percent"] for rung in found["ladder"][-1:]]
-    above = any(error > rule.at_floor * floor for error in left)
-    says_so = bool(found["unexplained"]) or found["code"] not in ("none", "named")
-    return found["conclusive"] and (above or says_so)
+    if not found["conclusive"] or found["unexplained"] or found["code"] not in ("none", "named"):
+        return found["conclusive"]
+    left, floor = found["ladder"][-1]["heldout_typical_error_percent"], found["noise_floor_percent"]
+    return left > question.rule.at_floor * floor
 
 
 def _ask_again(
