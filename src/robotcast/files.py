@@ -1,6 +1,7 @@
 """Writing to disk so that a reader, or a rerun after a kill, never meets half a file.
 
-And answers that nobody shall read by accident, and the fingerprint of the code.
+And YAML as people write it, answers that nobody shall read by accident, and the fingerprint of
+the code.
 """
 
 import base64
@@ -18,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 
 @contextmanager
@@ -36,6 +38,22 @@ def write_text(path: Path, text: str) -> None:
     """Write `text` to `path` in one step."""
     with atomic_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def read_mapping(path: Path, expected: str) -> dict[str, Any]:
+    """Read a YAML file of keys; a ValueError names the line where it is none, or what it needs."""
+    try:
+        found = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: is not text in UTF-8") from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f"{path} line {mark.line + 1}" if mark else f"{path}"
+        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+        raise ValueError(f"{place}: is not YAML ({problem})") from None
+    if not isinstance(found, dict):
+        raise ValueError(f"{path}: expected {expected}, got {found!r}")
+    return found
 
 
 @contextmanager

@@ -25,7 +25,7 @@ import yaml
 
 from robotcast.casts.action import ACTION_COLUMNS, Action, ToolMotion, action_factors
 from robotcast.casts.table import RANGES, TABLE_COLUMNS, Table, read_table
-from robotcast.files import atomic_folder, discard_unfinished, write_text
+from robotcast.files import atomic_folder, discard_unfinished, read_mapping, write_text
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
 
@@ -319,15 +319,9 @@ def _action(numbers: Mapping[str, Any]) -> Action:
 
 
 def _load(path: Path) -> dict[str, Any]:
-    try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ValueError(f"{path}: is missing; collect writes it with every cast") from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ValueError(f"{path}: cannot be read ({str(error).splitlines()[0]})") from None
-    if not isinstance(values, dict):
-        raise ValueError(f"{path}: is cut or empty")
-    return values
+    if not path.exists():
+        raise ValueError(f"{path}: is missing; collect writes it with every cast")
+    return read_mapping(path, "what collect writes, whole")
 
 
 @contextmanager

@@ -118,7 +118,7 @@ def clock_again(cast: Path) -> None:
     ("spoil", "said"),
     [
         (holds("request.yaml", "number: 8\n"), "request.yaml: is cut"),
-        (holds("request.yaml", ""), "request.yaml: is cut or empty"),
+        (holds("request.yaml", ""), "request.yaml: expected what collect writes"),
         (name_a_copy, r"\(copy\): holds cast_00007; a copy is no cast"),
         (
             holds("tool.csv", "t,x,y,yaw\n0,0.6,0,0\n0.008,0.6,"),

@@ -50,6 +50,7 @@ class Selection:
             size = self.shortlist()
             self.judge(size)
             self.simplify()
+            self.look_beside()
             self.take_apart()
         return self.choose(self.found.chosen)
 
@@ -189,6 +190,29 @@ class Selection:
             self._choose()
             if self.found.chosen in (chosen, self._fixed):
                 return
+
+    def look_beside(self) -> None:
+        """Judge what promises to do as well in the place of one of several chosen effects.
+
+        The library's own slopes are of a fit in which all effects act: one that they passed over
+        may stand beside the others better than the chosen one.
+        """
+        chosen, named, early = self.found.chosen, self.found.named, self.early
+        if len(named) < 2:
+            return
+        self._next(Step.BEGINNINGS, "1 effect in the place of another")
+        others = [name for name in self._candidates if name not in named]
+        beside = library_at(early.inquiry, chosen, others, early.fits[chosen])
+        for name in named:
+            rest = tuple(e for e in chosen if e != name)
+            least, most = beside.loss(chosen), beside.loss(rest)
+            for some in beside.best(1, 1 + self._effort.finalists, rest):
+                as_well = beside.loss(some) - least < self._rule.material * (most - least)
+                if as_well and set(some) != set(chosen):
+                    effects = (*self._fixed, *(e for e in self._candidates if e in some))
+                    start = early.inquiry.carried(effects, some, beside.start(some))
+                    early.fit(effects, start)
+        self._judge_finalists(len(named))
 
     def take_apart(self) -> None:
         """See whether a part of the chosen effects does anything on the beginnings.

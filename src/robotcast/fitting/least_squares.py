@@ -198,14 +198,14 @@ def slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def steady_slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the slopes, each trial's as far as it can be trusted.
+    """Return the slopes, each difference of a trial taken as far as it can be trusted.
 
-    A trial that tips over or diverges at one of the vectors has no slope that a fit could follow:
-    it weighs by its mean square over all of them, not at the first.
+    A trial that tips over or diverges at one of the vectors has no slope there that a fit could
+    follow: what moved it counts by its mean square at the first vector over that at this one.
     """
     mean_square = (values**2).sum(axis=-1)
-    trust = np.minimum(np.sqrt((1 + mean_square[0]) / (1 + mean_square.mean(axis=0))), 1.0)
-    return slopes(vectors, values) * trust[:, None, None]
+    trust = np.sqrt(np.minimum((1 + mean_square[0]) / (1 + mean_square), 1.0))
+    return slopes(vectors, values[0] + trust[..., None] * (values - values[0]))
 
 
 def noise_axes(fit: Fit, free: np.ndarray, nearer: float = Stepping.nearer) -> np.ndarray:

@@ -15,7 +15,7 @@ import yaml
 from robotcast.casts.action import ACTION_COLUMNS, Action, ToolMotion
 from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.casts.table import TABLE_COLUMNS, Table, find_table, read_table
-from robotcast.files import atomic_folder
+from robotcast.files import atomic_folder, read_mapping
 from robotcast.measurements.logs import Logs
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
 from robotcast.measurements.rows import Say, tidy_actions, tidy_log, unwrapped
@@ -32,7 +32,7 @@ MAY_BE_ZERO = ("cable.endpoint_mass_kg", "camera.noise_m")
 
 def _rig_file(path: Path) -> MeasurementSet:
     """Read and check rig.yaml: a set without casts yet. Messages name the key of the short file."""
-    facts = _mapping(path)
+    facts = read_mapping(path, "the keys cable, robot and camera")
     names = ("length_m", "mass_kg", "radius_m", "endpoint_mass_kg")
     sizes = {name: _number(path, facts, f"cable.{name}") for name in names}
     if sizes["radius_m"] >= sizes["length_m"]:
@@ -60,21 +60,6 @@ def _rig_file_text(measured: MeasurementSet) -> str:
     robot = {"r0_m": float(measured.r0_m)}
     content = {"rig": measured.rig, "cable": cable, "robot": robot, "camera": camera}
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
-
-
-def _mapping(path: Path) -> dict[str, Any]:
-    try:
-        facts = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: is not text in UTF-8") from None
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f"{path} line {mark.line + 1}" if mark else f"{path}"
-        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise ValueError(f"{place}: is not YAML ({problem})") from None
-    if not isinstance(facts, dict):
-        raise ValueError(f"{path}: expected the keys cable, robot and camera, got {facts!r}")
-    return facts
 
 
 def _find(facts: dict[str, Any], key: str) -> Any:

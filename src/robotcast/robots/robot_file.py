@@ -11,7 +11,7 @@ from typing import Any
 import mujoco
 import yaml
 
-from robotcast.files import write_text
+from robotcast.files import read_mapping, write_text
 from robotcast.robots.couplings import WORLD, couple, moved_by, serve
 from robotcast.robots.model_fields import Payload
 from robotcast.robots.names import (
@@ -191,10 +191,7 @@ def read_robot(folder: Path) -> RobotFile:
     if not path.is_file():
         write = f"python stages/describe.py robot={folder}"
         raise ValueError(f"{folder} has no {FILE}: {write} writes one")
-    try:
-        said = _Said(path, "", yaml.safe_load(path.read_text(encoding="utf-8")))
-    except yaml.YAMLError as error:
-        raise ValueError(f"{path}: not YAML: {_one_line(error)}") from None
+    said = _Said(path, "", read_mapping(path, "`key: value` lines"))
     said.allow(*KEYS.split())
     for key, what in NEEDED.items():
         if not said.get(key):
@@ -406,12 +403,12 @@ def read_parameters(path: Path) -> dict[str, dict[str, Any]]:
         raise ValueError(f"{path}: there is no such file; ParameterDict.save_to_disk writes it")
     found = {}
     try:
-        for name, one in yaml.safe_load(path.read_text(encoding="utf-8")).items():
+        for name, one in read_mapping(path, "parameters").items():
             if len(one["value"]) == 1:
                 lower, upper, start = (one[k][0] for k in ("min_value", "max_value", "value"))
                 numbers = {"lower": float(lower), "upper": float(upper), "start": float(start)}
                 found[name] = {**numbers, "frozen": bool(one["frozen"])}
-    except (AttributeError, KeyError, TypeError, ValueError, yaml.YAMLError):
+    except (KeyError, TypeError, ValueError):
         raise ValueError(f"{path}: not a ParameterDict of mujoco.sysid") from None
     return found
 
