@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -151,12 +152,12 @@ class Selection:
         for smaller in range(size, 0, -1):
             self._judge_finalists(smaller)
             if self._promises(smaller):
+                self._polish(smaller)
                 if not rematched:
                     n = len(self._fixed) + smaller
                     fits = [r.revision.fit for e, r in self.found.judged.items() if len(e) == n]
-                    self._rematch(min(fits, key=lambda fit: fit.loss))
+                    self._rematch(min(fits, key=attrgetter("loss")))
                 rematched = True
-                self._polish(smaller)
                 self._choose()
             if len(self.found.named) >= smaller and not self._needless(smaller):
                 break  # else one of them was needless, or none helps
@@ -210,8 +211,7 @@ class Selection:
                 as_well = beside.loss(some) - least < self._rule.material * (most - least)
                 if as_well and set(some) != set(chosen):
                     effects = (*self._fixed, *(e for e in self._candidates if e in some))
-                    start = early.inquiry.carried(effects, some, beside.start(some))
-                    early.fit(effects, start)
+                    early.fit(effects, beside.start(effects))
         self._judge_finalists(len(named))
 
     def take_apart(self) -> None:
@@ -295,22 +295,27 @@ class Selection:
         self._keep(Revision(effects, fit))
 
     def _polish(self, size: int) -> None:
-        """Go on with the models of one size where that decides: between rivals, above the floor."""
+        """Go on with the models of one size where that decides: between rivals, above the floor.
+
+        Each starts from where it is, and from the nominal parameters: it may be in a valley.
+        """
         found, fixed = self.found, len(self._fixed)
         rivals = [r for e, r in found.judged.items() if len(e) == fixed + size]
         best = min(rivals, key=lambda r: r.revision.fit.loss)
         level = [r.effects for r in rivals if self._undecided(best, r)]
         if len(level) < 2 and not found.above(best, 1 + self._rule.material):
             return
+        nominal, effort, by_loss = self._inquiry.nominal(()), self._effort, attrgetter("loss")
         for effects in level:
             self._next(Step.REFIT, " + ".join(effects[fixed:]))
             fit = found.judged[effects].revision.fit
-            early = self.early.inquiry.fit(effects, fit.vector, self._effort.refit)
-            again = self._inquiry.fit(effects, early.vector, self._effort.refit + 1, like=early)
-            if early.loss < found.early[effects].loss:
-                self.found.early[effects] = early
-            if again.loss < fit.loss:
-                self._keep(Revision(effects, again))
+            anew = np.concatenate([nominal, fit.vector[len(nominal) :]])
+            starts = [fit.vector, anew] if (anew != fit.vector).any() else [anew]
+            begun = [self.early.inquiry.fit(effects, start, effort.refit) for start in starts]
+            whole = [self._inquiry.fit(effects, e.vector, effort.refit + 1, like=e) for e in begun]
+            self.found.early[effects] = min(found.early[effects], *begun, key=by_loss)
+            if (best := min(fit, *whole, key=by_loss)) is not fit:
+                self._keep(Revision(effects, best))
 
     def _promises(self, size: int) -> bool:
         """Tell whether any judged set of one size may turn out to be worth naming."""

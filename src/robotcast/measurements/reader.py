@@ -77,19 +77,14 @@ def _name(path: Path, facts: dict[str, Any], key: str) -> str:
 
 
 def _number(path: Path, facts: dict[str, Any], key: str) -> float:
-    value, number = _find(facts, key), math.nan
-    # YAML 1.1 reads 1e-3, without a dot, as a word.
-    if isinstance(value, int | float | str) and not isinstance(value, bool):
-        try:
-            number = float(value)
-        except (ValueError, OverflowError):
-            number = math.nan
-    if not math.isfinite(number):
-        raise ValueError(f"{path}: {key} must be a finite number, got {_said(value)}")
-    if number < 0:
-        raise ValueError(f"{path}: {key} must not be negative, got {number:g}")
-    if number == 0 and key not in MAY_BE_ZERO:
-        raise ValueError(f"{path}: {key} must be above zero, got 0")
+    value, zero = _find(facts, key), key in MAY_BE_ZERO
+    try:  # YAML 1.1 reads 1e-3, without a dot, as a word
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not (math.isfinite(number) and number >= 0 and (number or zero)):
+        wanted = "a number, zero or above" if zero else "a number above zero"
+        raise ValueError(f"{path}: {key} must be {wanted}, got {_said(value)}")
     if number > MOST:
         mistaken = MISTAKEN[key.rpartition("_")[2]]
         raise ValueError(f"{path}: {key} is {number:g}, beyond {MOST:g}; {mistaken} are expected?")
