@@ -88,6 +88,21 @@ class Inquiry:
         first = len(self.parameters(active[: active.index(name)]))
         return slice(first, first + len(self.model.effects[name].parameters))
 
+    def special_cases(self, name: str, others: Sequence[str]) -> list[str]:
+        """Return which others have some of an effect's parameters, fewer strengths, and its part.
+
+        That part is of a robot, where effects act on parts of one.
+        """
+
+        def known(n: str) -> tuple[set[str], int, object]:
+            effect = self.model.effects[n]
+            strengths = sum(p.null is not None for p in effect.parameters)
+            return {p.name for p in effect.parameters}, strengths, getattr(effect, "where", None)
+
+        own, most, part = known(name)
+        among = [(n, *known(n)) for n in others]
+        return [n for n, some, fewer, at in among if some < own and fewer < most and at == part]
+
     def carried(
         self,
         active: Sequence[str],

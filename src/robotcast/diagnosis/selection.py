@@ -163,33 +163,30 @@ class Selection:
                 break  # else one of them was needless, or none helps
 
     def simplify(self) -> None:
-        """Judge special cases in the place of chosen effects: those with some of their parameters.
+        """Judge special cases in the place of chosen effects, and in larger sets that come near.
 
-        Where effects act on parts of a robot, they act on the same one. Of several the one is
-        judged that fits the beginnings best.
+        Of several the one is judged that fits the beginnings best.
         """
-        tried, effects = {self.found.chosen}, self._inquiry.model.effects
-        own = {n: {p.name for p in e.parameters} for n, e in effects.items()}
-        part = {n: getattr(e, "where", None) for n, e in effects.items()}
-        while True:
-            chosen = self.found.chosen
-            for name in self.found.named:
-                swaps = {
-                    tuple(other if e == name else e for e in chosen): other
-                    for other in self._candidates
-                    if other not in chosen
-                    and own[other] < own[name]
-                    and part[other] == part[name]
-                    and self._strengths((other,)) < self._strengths((name,))
-                }
-                for one, other in swaps.items():
-                    if one not in tried:
-                        tried.add(one)
-                        self._begin_in_place(one, name, other)
-                if swaps:
-                    self._refit(min(swaps, key=lambda one: self.found.early[one].loss))
+        tried = {self.found.chosen}
+        while self.found.named:
+            chosen, judged, top = self.found.chosen, self.found.judged, self.found.top
+            larger = [e for e in judged if len(e) > len(chosen)]
+            near = [e for e in larger if self.found.gain(top, judged[e]).promises(self._rule)]
+            for effects in (chosen, *near):
+                for name in effects[len(self._fixed) :]:
+                    others = [n for n in self._candidates if n not in effects]
+                    swaps = {
+                        tuple(other if e == name else e for e in effects): other
+                        for other in self._inquiry.special_cases(name, others)
+                    }
+                    for one, other in swaps.items():
+                        if one not in tried:
+                            tried.add(one)
+                            self._begin_in_place(one, effects, name, other)
+                    if swaps:
+                        self._refit(min(swaps, key=lambda one: self.found.early[one].loss))
             self._choose()
-            if self.found.chosen in (chosen, self._fixed):
+            if self.found.chosen == chosen:
                 return
 
     def look_beside(self) -> None:
@@ -228,14 +225,14 @@ class Selection:
         together = bool(parts) and not any(some > least * base for some in saved)
         self.found = replace(self.found, inseparable=together)
 
-    def _begin_in_place(self, effects: Effects, name: str, other: str) -> None:
+    def _begin_in_place(self, effects: Effects, of: Effects, name: str, other: str) -> None:
         """Fit the beginnings with one effect in another's place, from what they have in common."""
-        inquiry, chosen = self._inquiry, self.found.chosen
-        fitted = self.found.judged[chosen].revision.fit.vector
-        start = inquiry.carried(effects, chosen, fitted)
+        inquiry = self._inquiry
+        fitted = self.found.judged[of].revision.fit.vector
+        start = inquiry.carried(effects, of, fitted)
         held, new = (inquiry.model.effects[e].parameters for e in (name, other))
         at = [[p.name for p in held].index(p.name) for p in new]
-        start[inquiry.entries(effects, other)] = fitted[inquiry.entries(chosen, name)][at]
+        start[inquiry.entries(effects, other)] = fitted[inquiry.entries(of, name)][at]
         self.early.fit(effects, start)
 
     def refit_singles(self, own: np.ndarray) -> Found:

@@ -348,4 +348,6 @@ def _promising(
     ]
     begun = early.fit(acting, np.array(tuned), 0)
     best = library_at(early, acting, others, begun).best(1, LOOKED_INTO, acting)
-    return [effects[-1] for effects in best]
+    names = [effects[-1] for effects in best]
+    cases = [one for name in names for one in early.special_cases(name, others)]
+    return list(dict.fromkeys([*names, *cases]))
