@@ -46,13 +46,13 @@ def read_mapping(path: Path, expected: str) -> dict[str, Any]:
         found = yaml.safe_load(path.read_text(encoding="utf-8"))
     except UnicodeDecodeError:
         raise ValueError(f"{path}: is not text in UTF-8") from None
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, AttributeError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         place = f"{path} line {mark.line + 1}" if mark else f"{path}"
         problem = getattr(error, "problem", None) or str(error).splitlines()[0]
         raise ValueError(f"{place}: is not YAML ({problem})") from None
     if not isinstance(found, dict):
-        raise ValueError(f"{path}: expected {expected}, got {found!r}")
+        raise ValueError(f"{path}: expected {expected}, got {found!r:.40}")
     return found
 
 

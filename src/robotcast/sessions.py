@@ -319,9 +319,12 @@ def _action(numbers: Mapping[str, Any]) -> Action:
 
 
 def _load(path: Path) -> dict[str, Any]:
-    if not path.exists():
-        raise ValueError(f"{path}: is missing; collect writes it with every cast")
-    return read_mapping(path, "what collect writes, whole")
+    try:
+        return read_mapping(path, "what collect writes; it is cut or empty")
+    except FileNotFoundError:
+        raise ValueError(f"{path}: is missing; collect writes it with every cast") from None
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
 
 
 @contextmanager

@@ -16,7 +16,6 @@ from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.next_trials import Further, NextTrial, _added
 from robotcast.diagnosis.report import next_rows
 from robotcast.diagnosis.selection import Selection
-from robotcast.fitting.parameter import Parameter
 from robotcast.reporting.diagnosis_page import diagnosis_page
 from tests.diagnosis.sliding_puck import (
     DEAD,
@@ -49,16 +48,6 @@ def diagnosed(
     model = Puck(*effects, ignored=ignored)
     case = Case(model, records, [e.name for e in effects], wording=WORDS, **given)
     return diagnose(case, lambda said: None)
-
-
-def searching(case: Case) -> tuple[Selection, Inquiry]:
-    """Return a search that has fitted the base model."""
-    floor, noise = floor_and_noise(case)
-    inquiry = Inquiry(case.model, case.records, noise)
-    told = (case.candidates, (), floor, case.rule, case.effort, lambda *told: None)
-    selection = Selection(inquiry, *told)
-    selection.fit_base()
-    return selection, inquiry
 
 
 def row_of(said: dict[str, Any], effect: str) -> dict[str, Any]:
@@ -215,52 +204,19 @@ def test_two_effects_that_act_together_are_both_named() -> None:
 
 
 def test_what_would_do_as_well_in_the_place_of_one_of_two_effects_is_judged() -> None:
-    chosen, other = ("tilt", "shear"), ("tilt", "turn")
+    best, other = ("tilt", "shear"), ("tilt", "turn")
     records = pushes(heading=(-0.08, 0.08), tilt=TILTED, turn=(0.05,))
     case = Case(Puck(TILT, SHIFT, TURN, SHEAR), records, ["tilt", "shift", "turn", "shear"])
-    selection, inquiry = searching(case)
-    selection.early.fit(chosen, inquiry.nominal(chosen))
-    selection.found = replace(selection.found, chosen=chosen)
-    selection.look_beside()
-    assert other in selection.found.judged
-    assert selection.choose(chosen).rivals == {"shear": ("turn",)}
-
-
-class Swing:
-    """x(t) = sin(w t), seen shifted: a wrong w has a valley for every turn that it is off by."""
-
-    scale, error_unit = 1.0, "% of a metre"
-
-    def __init__(self) -> None:
-        self.parameters = (Parameter("w", "rad/s", 2.0, 14.0, 5.0),)
-        self.effects = {"shift": SHIFT}
-
-    def predict(
-        self, records: Sequence[Record], active: Sequence[str], vectors: np.ndarray
-    ) -> np.ndarray:
-        times_s = np.array([r.times_s for r in records])
-        x = np.sin(vectors[:, :1, None] * times_s)
-        off = vectors[:, 1:3] if active else np.zeros((len(vectors), 2))
-        return np.stack([x, np.zeros_like(x)], axis=-1) + off[:, None, None]
-
-
-def test_a_set_that_ended_in_a_valley_is_fitted_anew_before_it_is_judged() -> None:
-    rng, true = np.random.default_rng(0), np.array([[5.3, 0.1, 0.0]])
-    bare = [Record(k, k // 2, TIMES_S + 0.01 * k, np.zeros((len(TIMES_S), 2))) for k in range(20)]
-    paths = Swing().predict(bare, ("shift",), true)[0]
-    records = [
-        replace(r, measured=path + rng.normal(0, NOISE_M, path.shape))
-        for r, path in zip(bare, paths, strict=True)
-    ]
-    case = Case(Swing(), records, ["shift"], floor=0.5)
-    selection, inquiry = searching(case)
-    selection.early.fit(("shift",), np.array([0.85, 0.6, 0.5]))
-    selection._refit(("shift",))
-    stuck = selection.found.judged["shift",].revision.fit
-    selection._polish(1)
-    found = selection.found.judged["shift",].revision.fit
-    assert found.loss < 0.5 * stuck.loss
-    np.testing.assert_allclose(inquiry.values(("shift",), found.vector)[0], true[0], atol=0.02)
+    floor, noise = floor_and_noise(case)
+    inquiry = Inquiry(case.model, case.records, noise)
+    told = (case.candidates, (), floor, case.rule, case.effort, lambda *told: None)
+    selection = Selection(inquiry, *told)
+    selection.fit_base()
+    selection.fit_library()
+    selection.early.fit(best, inquiry.nominal(best))
+    selection.judge(2)
+    assert {best, other} <= set(selection.found.judged)
+    assert selection.choose(best).rivals["shear"] == ("turn",)
 
 
 def test_a_small_effect_beside_a_large_one_comes_near() -> None:

@@ -141,7 +141,7 @@ def decide(
         the unit vector (n,) of the model's parameters beside it.
     """
     floor, rule = found.known_scales.floor, found.known_scales.rule
-    named, near = found.named, _near(found)
+    named, near = found.named, found.near
     if not named and floor.percent is None:
         return Verdict(Code.CANNOT_TELL, (), near)
     if not found.above(found.top, 1 + rule.material) and not found.inseparable:
@@ -163,7 +163,7 @@ def decide(
         known = _name_for(more, left)
         if known:
             return _named(known)
-        near = near if imitated else _near(more)
+        near = near if imitated else more.near
     far, unfinished = (found.above(found.base, times) for times in (rule.beyond, rule.at_floor))
     shown = left.enough if far else unfinished and _is_like_it(found, left)
     if shown or (far and (imitated or not floor.is_least)):
@@ -243,11 +243,3 @@ def _best(found: Found) -> tuple[Rung, ...]:
     """Return the judged model with effects that predicts best."""
     others = [rung for rung in found.judged.values() if rung is not found.base]
     return (min(others, key=found.typical),)
-
-
-def _near(found: Found) -> tuple[Rung, ...]:
-    """Return judged models that promise to pay over the chosen one, the best first."""
-    larger = [r for effects, r in found.judged.items() if len(effects) > len(found.chosen)]
-    rule = found.known_scales.rule
-    hopeful = [rung for rung in larger if found.gain(found.top, rung).promises(rule)]
-    return tuple(sorted(hopeful, key=found.typical))

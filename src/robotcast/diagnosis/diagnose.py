@@ -244,6 +244,7 @@ class _Run:
         )
         held = [report.unjudged(inquiry, name, "held at its null") for name in self._held]
         top = found.top if decided and found.judged else None
+        folds = found.base.errors.vectors if found.judged else None
         return {
             "verdict": verdict.words,
             "code": verdict.code.value,
@@ -255,7 +256,7 @@ class _Run:
             "ladder": report.ladder(found),
             "ranking": [*ranked, *held],
             "next_actions": report.next_rows(inquiry, self._next, case.wording),
-            "base": self._base_parameters(base),
+            "base": report.base_parameters(inquiry, base, folds, case.rule) if base else {},
             "model": report.fitted(inquiry, top.revision, top.errors.vectors, case.rule)
             if top
             else {},
@@ -269,12 +270,6 @@ class _Run:
         top = self._explained.comparison(found.top.revision)
         where = top.findings[0].slice.name if top.findings else ""
         return report.sentence(self.inquiry, found, self._verdict, words, where)
-
-    def _base_parameters(self, base: Revision | None) -> dict[str, Any]:
-        if base is None:
-            return {}
-        vectors = self._found.base.errors.vectors if self._found.judged else None
-        return report.base_parameters(self.inquiry, base, vectors, self._case.rule)
 
     def _notes(self, base: Revision | None) -> list[str]:
         inquiry, found, words = self.inquiry, self._found, self._case.wording

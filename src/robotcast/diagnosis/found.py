@@ -91,6 +91,14 @@ class Found:
         return self.chosen[len(self.base.effects) :]
 
     @property
+    def near(self) -> tuple[Rung, ...]:
+        """Judged models that promise to pay over the chosen one, the best first."""
+        larger = [r for effects, r in self.judged.items() if len(effects) > len(self.chosen)]
+        rule = self.known_scales.rule
+        hopeful = [rung for rung in larger if self.gain(self.top, rung).promises(rule)]
+        return tuple(sorted(hopeful, key=self.typical))
+
+    @property
     def ladder(self) -> tuple[Rung, ...]:
         """The base model, the best judged model on the way, and the chosen one."""
         if not self.judged:

@@ -4,6 +4,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -94,10 +95,11 @@ class Inquiry:
         That part is of a robot, where effects act on parts of one.
         """
 
-        def known(n: str) -> tuple[set[str], int, object]:
+        def known(n: str) -> tuple[set[Any], int, Any]:
             effect = self.model.effects[n]
             strengths = sum(p.null is not None for p in effect.parameters)
-            return {p.name for p in effect.parameters}, strengths, getattr(effect, "where", None)
+            names = {(p.name, p.unit, p.null) for p in effect.parameters}
+            return names, strengths, getattr(effect, "where", None)
 
         own, most, part = known(name)
         among = [(n, *known(n)) for n in others]

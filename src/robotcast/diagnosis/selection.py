@@ -1,8 +1,7 @@
 """Which effects are missing: the smallest set beside which the library has nothing to add."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from operator import attrgetter
 
 import numpy as np
 
@@ -51,7 +50,6 @@ class Selection:
             size = self.shortlist()
             self.judge(size)
             self.simplify()
-            self.look_beside()
             self.take_apart()
         return self.choose(self.found.chosen)
 
@@ -150,14 +148,15 @@ class Selection:
             self._choose()
         rematched = False
         for smaller in range(size, 0, -1):
+            self._look_beside(smaller)
             self._judge_finalists(smaller)
             if self._promises(smaller):
-                self._polish(smaller)
                 if not rematched:
                     n = len(self._fixed) + smaller
                     fits = [r.revision.fit for e, r in self.found.judged.items() if len(e) == n]
-                    self._rematch(min(fits, key=attrgetter("loss")))
+                    self._rematch(min(fits, key=lambda fit: fit.loss))
                 rematched = True
+                self._polish(smaller)
                 self._choose()
             if len(self.found.named) >= smaller and not self._needless(smaller):
                 break  # else one of them was needless, or none helps
@@ -169,47 +168,21 @@ class Selection:
         """
         tried = {self.found.chosen}
         while self.found.named:
-            chosen, judged, top = self.found.chosen, self.found.judged, self.found.top
-            larger = [e for e in judged if len(e) > len(chosen)]
-            near = [e for e in larger if self.found.gain(top, judged[e]).promises(self._rule)]
-            for effects in (chosen, *near):
+            chosen, near = self.found.chosen, self.found.near
+            for effects in (chosen, *(rung.effects for rung in near)):
                 for name in effects[len(self._fixed) :]:
                     others = [n for n in self._candidates if n not in effects]
-                    swaps = {
-                        tuple(other if e == name else e for e in effects): other
-                        for other in self._inquiry.special_cases(name, others)
-                    }
-                    for one, other in swaps.items():
+                    cases = self._inquiry.special_cases(name, others)
+                    swaps = {other: self._ordered({*effects, other} - {name}) for other in cases}
+                    for other, one in swaps.items():
                         if one not in tried:
                             tried.add(one)
-                            self._begin_in_place(one, effects, name, other)
+                            self._begin_in_place(one, other, effects, name)
                     if swaps:
-                        self._refit(min(swaps, key=lambda one: self.found.early[one].loss))
+                        self._refit(min(swaps.values(), key=lambda e: self.found.early[e].loss))
             self._choose()
             if self.found.chosen == chosen:
                 return
-
-    def look_beside(self) -> None:
-        """Judge what promises to do as well in the place of one of several chosen effects.
-
-        The library's own slopes are of a fit in which all effects act: one that they passed over
-        may stand beside the others better than the chosen one.
-        """
-        chosen, named, early = self.found.chosen, self.found.named, self.early
-        if len(named) < 2:
-            return
-        self._next(Step.BEGINNINGS, "1 effect in the place of another")
-        others = [name for name in self._candidates if name not in named]
-        beside = library_at(early.inquiry, chosen, others, early.fits[chosen])
-        for name in named:
-            rest = tuple(e for e in chosen if e != name)
-            least, most = beside.loss(chosen), beside.loss(rest)
-            for some in beside.best(1, 1 + self._effort.finalists, rest):
-                as_well = beside.loss(some) - least < self._rule.material * (most - least)
-                if as_well and set(some) != set(chosen):
-                    effects = (*self._fixed, *(e for e in self._candidates if e in some))
-                    early.fit(effects, beside.start(effects))
-        self._judge_finalists(len(named))
 
     def take_apart(self) -> None:
         """See whether a part of the chosen effects does anything on the beginnings.
@@ -225,14 +198,15 @@ class Selection:
         together = bool(parts) and not any(some > least * base for some in saved)
         self.found = replace(self.found, inseparable=together)
 
-    def _begin_in_place(self, effects: Effects, of: Effects, name: str, other: str) -> None:
-        """Fit the beginnings with one effect in another's place, from what they have in common."""
-        inquiry = self._inquiry
-        fitted = self.found.judged[of].revision.fit.vector
+    def _begin_in_place(self, effects: Effects, new: str, of: Effects, old: str) -> None:
+        """Fit beginnings with a special case in the place of an effect, from where that is."""
+        inquiry, fitted = self._inquiry, self.found.judged[of].revision.fit.vector
         start = inquiry.carried(effects, of, fitted)
-        held, new = (inquiry.model.effects[e].parameters for e in (name, other))
-        at = [[p.name for p in held].index(p.name) for p in new]
-        start[inquiry.entries(effects, other)] = fitted[inquiry.entries(of, name)][at]
+        held, own = (inquiry.model.effects[name].parameters for name in (old, new))
+        values = zip(held, fitted[inquiry.entries(of, old)], strict=True)
+        known = {p.name: p.from_unit(unit) for p, unit in values}
+        at = [np.clip(p.to_unit(np.asarray(known[p.name])), 0.0, 1.0) for p in own]
+        start[inquiry.entries(effects, new)] = at
         self.early.fit(effects, start)
 
     def refit_singles(self, own: np.ndarray) -> Found:
@@ -257,6 +231,30 @@ class Selection:
         self.found = replace(self.found, judged=kept)
         self._judge_finalists(1)
         return self.choose(self._fixed)
+
+    def _look_beside(self, size: int) -> None:
+        """Fit to beginnings what promises to do as well in the place of one of several effects.
+
+        The library's own slopes are of a fit in which all effects act: one that they passed over
+        may stand beside the others better than the one in the best set of this size.
+        """
+        if size < 2:
+            return
+        early, best = self.early, self.early.best(len(self._fixed) + size)
+        self._next(Step.BEGINNINGS, "1 effect in the place of another")
+        others = [name for name in self._candidates if name not in best]
+        beside = library_at(early.inquiry, best, others, early.fits[best])
+        for name in best[len(self._fixed) :]:
+            rest = tuple(e for e in best if e != name)
+            least, most = beside.loss(best), beside.loss(rest)
+            for some in beside.best(1, 1 + self._effort.finalists, rest):
+                as_well = beside.loss(some) - least < self._rule.material * (most - least)
+                if as_well and set(some) != set(best):
+                    effects = self._ordered(some)
+                    early.fit(effects, beside.start(effects))
+
+    def _ordered(self, some: Collection[str]) -> Effects:
+        return (*self._fixed, *(name for name in self._candidates if name in some))
 
     def _judge_finalists(self, size: int) -> None:
         """Judge the best set of effects of one size on the beginnings, and those level with it."""
@@ -292,27 +290,22 @@ class Selection:
         self._keep(Revision(effects, fit))
 
     def _polish(self, size: int) -> None:
-        """Go on with the models of one size where that decides: between rivals, above the floor.
-
-        Each starts from where it is, and from the nominal parameters: it may be in a valley.
-        """
+        """Go on with the models of one size where that decides: between rivals, above the floor."""
         found, fixed = self.found, len(self._fixed)
         rivals = [r for e, r in found.judged.items() if len(e) == fixed + size]
         best = min(rivals, key=lambda r: r.revision.fit.loss)
         level = [r.effects for r in rivals if self._undecided(best, r)]
         if len(level) < 2 and not found.above(best, 1 + self._rule.material):
             return
-        nominal, effort, by_loss = self._inquiry.nominal(()), self._effort, attrgetter("loss")
         for effects in level:
             self._next(Step.REFIT, " + ".join(effects[fixed:]))
             fit = found.judged[effects].revision.fit
-            anew = np.concatenate([nominal, fit.vector[len(nominal) :]])
-            starts = [fit.vector, anew] if (anew != fit.vector).any() else [anew]
-            begun = [self.early.inquiry.fit(effects, start, effort.refit) for start in starts]
-            whole = [self._inquiry.fit(effects, e.vector, effort.refit + 1, like=e) for e in begun]
-            self.found.early[effects] = min(found.early[effects], *begun, key=by_loss)
-            if (best := min(fit, *whole, key=by_loss)) is not fit:
-                self._keep(Revision(effects, best))
+            early = self.early.inquiry.fit(effects, fit.vector, self._effort.refit)
+            again = self._inquiry.fit(effects, early.vector, self._effort.refit + 1, like=early)
+            if early.loss < found.early[effects].loss:
+                self.found.early[effects] = early
+            if again.loss < fit.loss:
+                self._keep(Revision(effects, again))
 
     def _promises(self, size: int) -> bool:
         """Tell whether any judged set of one size may turn out to be worth naming."""

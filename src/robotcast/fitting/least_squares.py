@@ -201,10 +201,12 @@ def steady_slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the slopes, each difference of a trial taken as far as it can be trusted.
 
     A trial that tips over or diverges at one of the vectors has no slope there that a fit could
-    follow: what moved it counts by its mean square at the first vector over that at this one.
+    follow: that difference counts by the trial's mean square at the first vector over what the
+    mean of all would be if only this one moved it.
     """
     mean_square = (values**2).sum(axis=-1)
-    trust = np.sqrt(np.minimum((1 + mean_square[0]) / (1 + mean_square), 1.0))
+    beyond = np.maximum(mean_square - mean_square[0], 0.0) / len(vectors)
+    trust = 1 / (1 + beyond / (1 + mean_square[0]))
     return slopes(vectors, values[0] + trust[..., None] * (values - values[0]))
 
 

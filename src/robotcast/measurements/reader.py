@@ -83,7 +83,7 @@ def _number(path: Path, facts: dict[str, Any], key: str) -> float:
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not (math.isfinite(number) and number >= 0 and (number or zero)):
-        wanted = "a number, zero or above" if zero else "a number above zero"
+        wanted = "a finite number, zero or above" if zero else "a finite number above zero"
         raise ValueError(f"{path}: {key} must be {wanted}, got {_said(value)}")
     if number > MOST:
         mistaken = MISTAKEN[key.rpartition("_")[2]]

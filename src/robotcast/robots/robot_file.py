@@ -401,14 +401,14 @@ def read_parameters(path: Path) -> dict[str, dict[str, Any]]:
     """
     if not path.is_file():
         raise ValueError(f"{path}: there is no such file; ParameterDict.save_to_disk writes it")
-    found = {}
+    found, parameters = {}, read_mapping(path, "parameters")
     try:
-        for name, one in read_mapping(path, "parameters").items():
+        for name, one in parameters.items():
             if len(one["value"]) == 1:
                 lower, upper, start = (one[k][0] for k in ("min_value", "max_value", "value"))
                 numbers = {"lower": float(lower), "upper": float(upper), "start": float(start)}
                 found[name] = {**numbers, "frozen": bool(one["frozen"])}
-    except (KeyError, TypeError, ValueError):
+    except (LookupError, TypeError, ValueError):
         raise ValueError(f"{path}: not a ParameterDict of mujoco.sysid") from None
     return found
 
