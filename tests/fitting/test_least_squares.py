@@ -51,9 +51,7 @@ def test_one_trial_far_off_does_not_decide(measured: np.ndarray) -> None:
     assert found.weights[-1] < 1e-3 * np.median(found.weights)
 
 
-def test_a_trial_that_diverges_beside_the_point_loses_that_slope_alone(
-    measured: np.ndarray,
-) -> None:
+def test_a_trial_that_diverges_beside_the_point_hardly_has_a_slope(measured: np.ndarray) -> None:
     smooth = residuals(measured)
 
     def cliff(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
@@ -63,9 +61,8 @@ def test_a_trial_that_diverges_beside_the_point_loses_that_slope_alone(
 
     found = fit(cliff)
     np.testing.assert_allclose(found.vector, TRUE, atol=0.005)
-    found, true = (fit(one, iterations=1).jacobian[4] for one in (cliff, smooth))
-    assert np.abs(found[:, 0]).max() < np.abs(true[:, 0]).max()
-    np.testing.assert_allclose(found[:, 1], true[:, 1], rtol=0.05)
+    first = fit(cliff, iterations=1)
+    assert np.abs(first.jacobian[4]).max() < 1e-2 * 1e4 / 0.02
 
 
 def test_what_is_frozen_and_what_is_out_of_bounds_stays(measured: np.ndarray) -> None:

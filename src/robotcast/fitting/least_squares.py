@@ -198,16 +198,14 @@ def slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def steady_slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Return the slopes, each difference of a trial taken as far as it can be trusted.
+    """Return the slopes, each trial's as far as it can be trusted.
 
-    A trial that tips over or diverges at one of the vectors has no slope there that a fit could
-    follow: that difference counts by the trial's mean square at the first vector over what the
-    mean of all would be if only this one moved it.
+    A trial that tips over or diverges at one of the vectors has no slope that a fit could follow:
+    it weighs by its mean square over all of them, not at the first.
     """
     mean_square = (values**2).sum(axis=-1)
-    beyond = np.maximum(mean_square - mean_square[0], 0.0) / len(vectors)
-    trust = 1 / (1 + beyond / (1 + mean_square[0]))
-    return slopes(vectors, values[0] + trust[..., None] * (values - values[0]))
+    trust = np.minimum(np.sqrt((1 + mean_square[0]) / (1 + mean_square.mean(axis=0))), 1.0)
+    return slopes(vectors, values) * trust[:, None, None]
 
 
 def noise_axes(fit: Fit, free: np.ndarray, nearer: float = Stepping.nearer) -> np.ndarray:
