@@ -1,6 +1,6 @@
 """Which effects are missing: the smallest set beside which the library has nothing to add."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -148,7 +148,6 @@ class Selection:
             self._choose()
         rematched = False
         for smaller in range(size, 0, -1):
-            self._look_beside(smaller)
             self._judge_finalists(smaller)
             if self._promises(smaller):
                 if not rematched:
@@ -172,8 +171,10 @@ class Selection:
             for effects in (chosen, *(rung.effects for rung in near)):
                 for name in effects[len(self._fixed) :]:
                     others = [n for n in self._candidates if n not in effects]
-                    cases = self._inquiry.special_cases(name, others)
-                    swaps = {other: self._ordered({*effects, other} - {name}) for other in cases}
+                    swaps = {}  # in the library's order, as all sets are
+                    for other in self._inquiry.special_cases(name, others):
+                        kept = {*effects, other} - {name}
+                        swaps[other] = (*self._fixed, *(e for e in self._candidates if e in kept))
                     for other, one in swaps.items():
                         if one not in tried:
                             tried.add(one)
@@ -231,30 +232,6 @@ class Selection:
         self.found = replace(self.found, judged=kept)
         self._judge_finalists(1)
         return self.choose(self._fixed)
-
-    def _look_beside(self, size: int) -> None:
-        """Fit to beginnings what promises to do as well in the place of one of several effects.
-
-        The library's own slopes are of a fit in which all effects act: one that they passed over
-        may stand beside the others better than the one in the best set of this size.
-        """
-        if size < 2:
-            return
-        early, best = self.early, self.early.best(len(self._fixed) + size)
-        self._next(Step.BEGINNINGS, "1 effect in the place of another")
-        others = [name for name in self._candidates if name not in best]
-        beside = library_at(early.inquiry, best, others, early.fits[best])
-        for name in best[len(self._fixed) :]:
-            rest = tuple(e for e in best if e != name)
-            least, most = beside.loss(best), beside.loss(rest)
-            for some in beside.best(1, 1 + self._effort.finalists, rest):
-                as_well = beside.loss(some) - least < self._rule.material * (most - least)
-                if as_well and set(some) != set(best):
-                    effects = self._ordered(some)
-                    early.fit(effects, beside.start(effects))
-
-    def _ordered(self, some: Collection[str]) -> Effects:
-        return (*self._fixed, *(name for name in self._candidates if name in some))
 
     def _judge_finalists(self, size: int) -> None:
         """Judge the best set of effects of one size on the beginnings, and those level with it."""
