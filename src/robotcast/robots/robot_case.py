@@ -286,8 +286,8 @@ def diagnose_by_joint(
         promising = _promising(case, question, found, named, others)
         said.append(
             f"Too little was explained by {' + '.join(named) or 'what all joints may lack'}, so of "
-            f"{len(others)} effects of single joints and links the {len(promising)} that promise "
-            "most were tried."
+            f"{len(others)} effects of single joints and links {len(promising)} were tried: those "
+            "that promise most, and their special cases."
         )
         comparisons = len(named) + len(others)
         asked = replace(question, candidates=[*named, *promising], comparisons=comparisons)
@@ -334,7 +334,7 @@ def _promising(
     named: Sequence[str],
     others: Sequence[str],
 ) -> list[str]:
-    """Return which of the others promise most beside the model found, by their slopes there."""
+    """Return which of the others promise most beside the model found, then their special cases."""
     effort, acting, own = question.effort, (*question.fixed, *named), case.model.parameters
     early = Inquiry(case.model, question.records, floor_and_noise(question)[1]).beginnings(
         effort.early, effort.some
@@ -347,7 +347,7 @@ def _promising(
         for name, p in zip(names, early.parameters(acting), strict=True)
     ]
     begun = early.fit(acting, np.array(tuned), 0)
-    best = library_at(early, acting, others, begun).best(1, LOOKED_INTO, acting)
-    names = [effects[-1] for effects in best]
-    cases = [one for name in names for one in early.special_cases(name, others)]
-    return list(dict.fromkeys([*names, *cases]))
+    some = library_at(early, acting, others, begun).best(1, LOOKED_INTO, acting)
+    best = [effects[-1] for effects in some]
+    cases = (one for name in best for one in early.special_cases(name, others))
+    return list(dict.fromkeys([*best, *cases]))
