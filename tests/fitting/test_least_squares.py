@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robotcast.fitting.least_squares import Fit, Prior, Stepping, fit_robustly
+from robotcast.fitting.least_squares import LOST, Fit, Prior, Stepping, fit_robustly
 
 TIMES_S = np.linspace(0.0, 2.0, 21)
 STARTS_M = np.linspace(0.5, 2.0, 12)
@@ -63,6 +63,23 @@ def test_a_trial_that_diverges_beside_the_point_hardly_has_a_slope(measured: np.
     np.testing.assert_allclose(found.vector, TRUE, atol=0.005)
     first = fit(cliff, iterations=1)
     assert np.abs(first.jacobian[4]).max() < 1e-2 * 1e4 / 0.02
+
+
+@pytest.mark.parametrize("central", [True, False])
+def test_a_run_that_is_lost_at_one_difference_keeps_the_slopes_of_the_others(
+    measured: np.ndarray, central: bool
+) -> None:
+    smooth = residuals(measured)
+
+    def broken(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        values = smooth(vectors, trials)
+        values[vectors[:, 1] > 0.21, 4] = np.eye(1, len(TIMES_S)) * LOST
+        return values
+
+    looked = {"iterations": 0, "stepping": Stepping(central=central)}
+    whole, found = fit(smooth, **looked).jacobian, fit(broken, **looked).jacobian
+    whole[4, :, 1] *= central  # without the other side nothing is known of the gain
+    np.testing.assert_allclose(found, whole, rtol=0.01, atol=1e-6)
 
 
 def test_what_is_frozen_and_what_is_out_of_bounds_stays(measured: np.ndarray) -> None:

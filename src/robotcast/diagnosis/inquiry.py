@@ -12,6 +12,7 @@ from robotcast.diagnosis.misfit import padded
 from robotcast.diagnosis.model import Model, Record
 from robotcast.diagnosis.rule import Effort
 from robotcast.fitting.least_squares import (
+    LOST,
     Fit,
     Prior,
     Residuals,
@@ -26,7 +27,6 @@ from robotcast.fitting.parameter import Parameter
 from robotcast.fitting.starts import ensemble_start, hypercube, spread
 from robotcast.running import Progress, silent
 
-LOST = 100.0  # of the scale: by how much a run that diverged misses in a fit
 EXPECTED = 4.0  # times its largest probe: how strong an effect may be before any trial is seen
 
 STEPPING = Stepping(most=2)  # a second step for each Jacobian costs little beside it
@@ -151,10 +151,10 @@ class Inquiry:
             present = np.isfinite(self.measured[trials])
             counts = present.all(axis=-1).sum(axis=1)
             lost = (np.isnan(difference) & present).any(axis=(2, 3))
-            weighed = np.nan_to_num(difference) / np.sqrt(counts)[:, None, None]
+            weighed = np.nan_to_num(difference) / (np.sqrt(counts)[:, None, None] * self.noise)
             weighed[lost] = 0
-            weighed[lost, 0, 0] = LOST * self.model.scale
-            return weighed.reshape(len(vectors), len(trials), -1) / self.noise
+            weighed[lost, 0, 0] = LOST
+            return weighed.reshape(len(vectors), len(trials), -1)
 
         return evaluate
 
@@ -199,6 +199,16 @@ class Inquiry:
             prior=Prior(self.nominal(active), self.expected(active)),
             stepping=stepping,
         )
+
+    def fit_whole(self, active: Sequence[str], begun: Sequence[Fit], iterations: int) -> Fit:
+        """Fit all trials from fits to their beginnings: an iteration from each, then from the best.
+
+        Beginnings do not tell which of their valleys the whole trials share: of two fits that
+        miss them alike one may lead to half of what the other misses.
+        """
+        fits = [self.fit(active, fit.vector, 1, like=fit) for fit in begun]
+        best = min(fits, key=lambda fit: fit.loss)
+        return self.fit(active, best.vector, iterations - 1, like=best)
 
     def expected_loss(self, active: Sequence[str], fit: Fit) -> float:
         """Return the mean loss that a fit to all trials will have on others of the same kind."""
@@ -331,8 +341,8 @@ def fit_base(
     """Fit from where an ensemble finds a start, to beginnings of some trials first, then to all.
 
     What a chaotic model does late in a trial has a valley for every way in which it tips over;
-    the beginnings lead smoothly to the right one. A start from the nominal parameters stands
-    beside the ensemble's.
+    the beginnings lead smoothly to a good one. A start from the nominal parameters stands beside
+    the ensemble's.
 
     Parameters
     ----------
@@ -345,16 +355,14 @@ def fit_base(
     free[len(early.model.parameters) :] = False
     if not free.any():
         begun = early.fit(effects, nominal, EARLY_ITERATIONS)
-        return Revision(effects, inquiry.fit(effects, begun.vector, effort.base, like=begun))
+        return Revision(effects, inquiry.fit_whole(effects, [begun], effort.base))
     members = np.where(free, hypercube(nominal, ALL_OVER, MEMBERS, effort.seed), nominal)
     members[0] = nominal
     few = spread(early.everything, max(1, round(FEW * effort.some)))
     centre = ensemble_start(early.residuals(effects), members, few, UPDATES, effort.seed)
     starts = (np.where(free, centre, nominal), nominal)
-    begun = [early.fit(effects, start, 1) for start in starts]
-    best = min(begun, key=lambda fit: fit.loss)
-    best = early.fit(effects, best.vector, EARLY_ITERATIONS, known=best)
-    return Revision(effects, inquiry.fit(effects, best.vector, effort.base, like=best))
+    begun = [early.fit(effects, start, 1 + EARLY_ITERATIONS) for start in starts]
+    return Revision(effects, inquiry.fit_whole(effects, begun, effort.base))
 
 
 def folds(groups: np.ndarray, n_folds: int, seed: int) -> list[np.ndarray]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -140,6 +141,35 @@ class Selection:
         for effects in sorted(begun, key=lambda e: begun[e].loss)[: most - 1]:
             fit = begun[effects]
             self.early.fit(effects, fit.vector, fit)
+        if size > 1:
+            self.fit_twins(self.early.best(len(self._fixed) + size))
+
+    def fit_twins(self, best: Effects) -> None:
+        """Fit beginnings with what alone does the same as an effect of the best set in its place.
+
+        Slopes promise one of two that are nearly alike a little more, and only a fit tells.
+        """
+        inquiry, fits, fixed = self._inquiry, self.found.early, len(self._fixed)
+        parts = self.early.parts(self._fixed, best[fixed:], 1)
+        others = [e for e in fits if len(e) == fixed + 1 and e not in parts]
+        for part, other in product(parts, others):
+            if self._alike(part, other):
+                twin = self._swapped(best, part[-1], other[-1])
+                start = inquiry.carried(twin, other, fits[other].vector)
+                self.early.fit(twin, inquiry.carried(twin, best, fits[best].vector, start))
+
+    def _alike(self, one: Effects, other: Effects) -> bool:
+        """Tell whether two sets change the beginnings alike, but for little, in squares."""
+        base, *fits = (self.found.early[e] for e in (self._fixed, one, other))
+        root = np.sqrt(base.weights)[:, None]
+        changed = [root * (fit.residual - base.residual) for fit in fits]
+        apart, *whole = ((c**2).sum() for c in (changed[0] - changed[1], *changed))
+        return bool(apart < self._rule.distinct * min(whole))
+
+    def _swapped(self, effects: Effects, old: str, new: str) -> Effects:
+        """Return effects with another one in the place of one, in the library's order."""
+        kept = {*effects, new} - {old}
+        return (*self._fixed, *(e for e in self._candidates if e in kept))
 
     def judge(self, size: int) -> None:
         """Fit the finalists to whole trials, judge them on trials held out, and choose."""
@@ -171,10 +201,8 @@ class Selection:
             for effects in (chosen, *(rung.effects for rung in near)):
                 for name in effects[len(self._fixed) :]:
                     others = [n for n in self._candidates if n not in effects]
-                    swaps = {}  # in the library's order, as all sets are
-                    for other in self._inquiry.special_cases(name, others):
-                        kept = {*effects, other} - {name}
-                        swaps[other] = (*self._fixed, *(e for e in self._candidates if e in kept))
+                    cases = self._inquiry.special_cases(name, others)
+                    swaps = {other: self._swapped(effects, name, other) for other in cases}
                     for other, one in swaps.items():
                         if one not in tried:
                             tried.add(one)
@@ -257,14 +285,19 @@ class Selection:
         return len(self.found.named) < size
 
     def _refit(self, effects: Effects) -> None:
-        """Fit a model to whole trials and judge it on trials held out."""
+        """Fit a model to whole trials and judge it on trials held out.
+
+        As the base model, it starts from the nominal parameters as well.
+        """
         if effects in self.found.judged:
             return
-        early = self.found.early[effects]
         self._next(Step.REFIT, " + ".join(effects[len(self._fixed) :]))
-        inquiry, effort = self._inquiry, self._effort
-        fit = inquiry.fit(effects, early.vector, effort.refit, like=early)
-        self._keep(Revision(effects, fit))
+        inquiry, begun = self._inquiry, [self.found.early[effects]]
+        start, own = inquiry.nominal(effects), len(inquiry.model.parameters)
+        if inquiry.free(())[:own].any():
+            start[own:] = begun[0].vector[own:]
+            begun.append(self.early.inquiry.fit(effects, start, self._effort.refit))
+        self._keep(Revision(effects, inquiry.fit_whole(effects, begun, self._effort.refit)))
 
     def _polish(self, size: int) -> None:
         """Go on with the models of one size where that decides: between rivals, above the floor."""

@@ -23,6 +23,7 @@ REACH = 0.15  # of a parameter's range: no difference is taken over more
 LEAST = 1e-3  # of the noise, that a difference moves the residuals by
 PAYS = 0.02  # of the loss, that a step must shed for another one by the same Jacobian
 ENOUGH = 1e-3  # two steps that lower the loss by less than this share end the fit
+LOST = 1e5  # noises, by which a run that diverged misses in a fit
 
 Residuals = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(unit vectors (n_vectors, n), numbers of trials (m,)) → (n_vectors, m, D) residuals.
@@ -200,12 +201,20 @@ def slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
 def steady_slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the slopes, each trial's as far as it can be trusted.
 
-    A trial that tips over or diverges at one of the vectors has no slope that a fit could follow:
-    it weighs by its mean square over all of them, not at the first.
+    A trial that tips over at one of the vectors has no slope that a fit could follow: it weighs
+    by its mean square over all of them, not at the first. One whose run is lost at one of them
+    says nothing there, and of the others what it would say without.
     """
     mean_square = (values**2).sum(axis=-1)
-    trust = np.minimum(np.sqrt((1 + mean_square[0]) / (1 + mean_square.mean(axis=0))), 1.0)
-    return slopes(vectors, values) * trust[:, None, None]
+    lost = mean_square >= LOST**2
+    lost[:, lost[0]] = False
+    found = slopes(vectors, values)
+    for trial in np.flatnonzero(lost.any(axis=0)):
+        kept = ~lost[:, trial]
+        found[trial] = slopes(vectors[kept], values[kept, trial : trial + 1])[0]
+    mean = np.where(lost, 0.0, mean_square).sum(axis=0) / (~lost).sum(axis=0)
+    trust = np.minimum(np.sqrt((1 + mean_square[0]) / (1 + mean)), 1.0)
+    return found * trust[:, None, None]
 
 
 def noise_axes(fit: Fit, free: np.ndarray, nearer: float = Stepping.nearer) -> np.ndarray:

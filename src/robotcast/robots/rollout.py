@@ -251,6 +251,7 @@ class Rollout:
         path[lost] = np.nan
         return path.swapaxes(0, 1)
 
+    @np.errstate(over="ignore", invalid="ignore")  # of a run that diverges, until that is seen
     def _stepped(
         self, batch: Batch, windows: Sequence[Window], acting: Acting, drive: np.ndarray
     ) -> np.ndarray:

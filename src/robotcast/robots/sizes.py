@@ -11,6 +11,8 @@ from robotcast.robots.names import coordinates, loose, turning
 from robotcast.robots.windows import StartStates
 
 MOST_STATES = 200
+OFTEN = 0.9  # of the states: forces of contacts and stops count up to what these stay below
+STILL = 1e-3  # of the fastest joint, that one is taken to move by at least
 SIZES: dict[str, tuple[str, str, Callable[["Sizes"], np.ndarray]]] = {
     # its unit, of a hinge and of a slide, and what it is of each joint
     "torque": ("N m", "N", lambda usual: usual.torque),
@@ -82,7 +84,8 @@ def inverse_states(
 def sizes_of(model: mujoco.MjModel, logs: Sequence[Log], starts: StartStates) -> Sizes:
     """Measure them by inverse dynamics on states that are spread over the logs.
 
-    A free body counts without what touches it: at a pose that is measured that may be any force.
+    At a pose that is measured, what touches and what stops a joint may give any force: no more
+    of it counts than nine of ten states stay below, of a free body none.
     """
     data = mujoco.MjData(model)
     qpos_of = coordinates(model)
@@ -93,23 +96,29 @@ def sizes_of(model: mujoco.MjModel, logs: Sequence[Log], starts: StartStates) ->
         mujoco.mj_inverse(model, data)
         touches |= data.ncon > 0
         mujoco.mj_fullM(model, data, mass)
-        own, moves = np.diag(mass), data.qfrc_inverse + loose(model) * data.qfrc_constraint
-        rows.append((np.hypot(own * qacc, moves), qvel, qpos[qpos_of], own.copy()))
+        own, held = np.diag(mass).copy(), data.qfrc_constraint.copy()
+        rows.append((own * qacc, data.qfrc_inverse + held, held, qvel, qpos[qpos_of], own))
     if not rows:
         raise ValueError("no state can be taken from the logs: too many samples are missing")
-    torque, speed, position, inertia = (np.array(part) for part in zip(*rows, strict=True))
+    parts = (np.array(part) for part in zip(*rows, strict=True))
+    inertial, freely, held, speed, position, inertia = parts
+    most = np.where(loose(model), 0.0, np.quantile(np.abs(held), OFTEN, axis=0))
+    torque = np.hypot(inertial, freely - np.clip(held, -most, most))
+    own = inertia.mean(axis=0)
+
+    def usual(values: np.ndarray) -> np.ndarray:
+        return np.sqrt((values**2).mean(axis=0))
 
     def size(values: np.ndarray) -> np.ndarray:
-        found = np.sqrt((values**2).mean(axis=0))
-        return np.maximum(found, 1e-3 * found.max() + 1e-12)
+        return np.maximum(usual(values), STILL * usual(values).max() + 1e-12)
 
     kinds = model.jnt_type[model.dof_jntid]
     reach_m = np.linalg.norm(model.body_ipos[1:], axis=1)
     return Sizes(
-        torque=size(torque),
+        torque=np.maximum(usual(torque), own * size(torque / own)),
         speed=size(speed),
         position=size(position - position.mean(axis=0)),
-        inertia=inertia.mean(axis=0),
+        inertia=own,
         lowest=position.min(axis=0),
         highest=position.max(axis=0),
         hinge=turning(model) | (kinds == int(mujoco.mjtJoint.mjJNT_HINGE)),
