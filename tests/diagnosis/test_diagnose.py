@@ -274,7 +274,7 @@ def test_two_effects_that_make_one_run_diverge_still_have_a_step() -> None:
     both = ("turn", "shear")
     inquiry = Inquiry(Puck(TURN, SHEAR), pushes(), NOISE_M)
     fit = inquiry.fit(both, inquiry.nominal(both), 1)
-    fit.jacobian[:], fit.jacobian[0, 0, -2:] = 0.0, 1e10  # as differences to a lost run are
+    fit.jacobian[:], fit.jacobian[0, 0, -2:] = 0.0, 1e10  # as differences to a lost run may be
     assert np.isfinite(Library(inquiry, both, fit).step(both)).all()
 
 

@@ -82,6 +82,19 @@ def test_a_run_that_is_lost_at_one_difference_keeps_the_slopes_of_the_others(
     np.testing.assert_allclose(found, whole, rtol=0.01, atol=1e-6)
 
 
+def test_a_difference_at_which_most_runs_are_lost_is_taken_shorter(measured: np.ndarray) -> None:
+    smooth = residuals(measured)
+
+    def broken(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        values = smooth(vectors, trials)
+        values[vectors[:, 1] > 0.21] = np.eye(1, len(TIMES_S)) * LOST
+        return values
+
+    one_sided = {"iterations": 0, "stepping": Stepping(central=False)}
+    whole, found = fit(smooth, **one_sided).jacobian, fit(broken, **one_sided).jacobian
+    np.testing.assert_allclose(found, whole, rtol=0.01, atol=1e-6)
+
+
 def test_what_is_frozen_and_what_is_out_of_bounds_stays(measured: np.ndarray) -> None:
     found = fit(residuals(measured), start=(0.8, 0.65), free=np.array([True, False]))
     assert found.vector[1] == 0.65

@@ -61,8 +61,7 @@ def look_for_the_unknown(
     revisions = []
     for effects in hopeful[: effort.finalists]:
         tell(inquiry.model.effects[effects[-1]].text)
-        fit = begun.fits[effects]
-        whole = inquiry.fit(effects, fit.vector, effort.refit, like=fit)
+        whole = inquiry.fit_whole(effects, begun.begun(effects), effort.refit)
         revisions.append(Revision(effects, whole))
     if not revisions:
         return Unexplained()

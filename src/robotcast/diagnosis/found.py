@@ -120,10 +120,10 @@ class Found:
 class Step(Enum):
     """What a diagnosis does, one after another: its text, and the runs that a trial takes."""
 
-    BASE = ("fitting the model as it is", 130)
+    BASE = ("fitting the model as it is", 180)
     LIBRARY = ("fitting all effects at once", 170)
     BEGINNINGS = ("fitting beginnings with {}", 90)
-    REFIT = ("refitting with {}", 50)
+    REFIT = ("refitting with {}", 75)
     REMATCH = ("refitting the model as it is", 40)
     FIELDS = ("looking for a force of no name", 120)
     NEXT = ("choosing the next {}", 20)

@@ -152,6 +152,7 @@ class Inquiry:
             counts = present.all(axis=-1).sum(axis=1)
             lost = (np.isnan(difference) & present).any(axis=(2, 3))
             weighed = np.nan_to_num(difference) / (np.sqrt(counts)[:, None, None] * self.noise)
+            lost |= (weighed**2).sum(axis=(2, 3)) >= LOST**2
             weighed[lost] = 0
             weighed[lost, 0, 0] = LOST
             return weighed.reshape(len(vectors), len(trials), -1)
@@ -301,7 +302,7 @@ def _expected(parameter: Parameter) -> float:
 FEW = 0.5  # of the trials whose beginnings a fit sees: those that an ensemble sees
 MEMBERS, UPDATES = 40, 4
 ALL_OVER = 0.8  # of every range: where an ensemble's members lie about the nominal vector
-EARLY_ITERATIONS = 3
+EARLY_ITERATIONS = 4
 
 
 @dataclass(frozen=True)
@@ -351,17 +352,15 @@ def fit_base(
     effects = tuple(effects)
     early = inquiry.beginnings(effort.early, effort.some)
     nominal = early.nominal(effects) if about is None else about
-    free = early.free(effects)
+    free, starts = early.free(effects), [nominal]
     free[len(early.model.parameters) :] = False
-    if not free.any():
-        begun = early.fit(effects, nominal, EARLY_ITERATIONS)
-        return Revision(effects, inquiry.fit_whole(effects, [begun], effort.base))
-    members = np.where(free, hypercube(nominal, ALL_OVER, MEMBERS, effort.seed), nominal)
-    members[0] = nominal
-    few = spread(early.everything, max(1, round(FEW * effort.some)))
-    centre = ensemble_start(early.residuals(effects), members, few, UPDATES, effort.seed)
-    starts = (np.where(free, centre, nominal), nominal)
-    begun = [early.fit(effects, start, 1 + EARLY_ITERATIONS) for start in starts]
+    if free.any():
+        members = np.where(free, hypercube(nominal, ALL_OVER, MEMBERS, effort.seed), nominal)
+        members[0] = nominal
+        few = spread(early.everything, max(1, round(FEW * effort.some)))
+        centre = ensemble_start(early.residuals(effects), members, few, UPDATES, effort.seed)
+        starts.append(np.where(free, centre, nominal))
+    begun = [early.fit(effects, start, EARLY_ITERATIONS) for start in starts]
     return Revision(effects, inquiry.fit_whole(effects, begun, effort.base))
 
 

@@ -230,7 +230,7 @@ class Beginnings:
         self.inquiry, self._floor, self._rule, self._effort = inquiry, floor, rule, effort
         self.fits: dict[tuple[str, ...], Fit] = {}
 
-    def fit(self, effects: tuple[str, ...], start: np.ndarray, known: Fit | None = None) -> None:
+    def fit(self, effects: tuple[str, ...], start: np.ndarray, known: Fit | None = None) -> Fit:
         """Fit a model for as long as that pays, and keep the fit if it is the best one."""
         effort, fit = self._effort, known
         for _ in range(1 + effort.rounds):
@@ -242,6 +242,19 @@ class Beginnings:
         before = self.fits.get(effects)
         if before is None or fit.loss < before.loss:
             self.fits[effects] = fit
+        return fit
+
+    def begun(self, effects: tuple[str, ...]) -> list[Fit]:
+        """Return where a fit to whole trials starts: the best fit, and one from the nominal model.
+
+        That has the strengths of the best one.
+        """
+        inquiry, best = self.inquiry, self.fits[effects]
+        own = inquiry.free(())
+        if not own.any():
+            return [best]
+        start = np.concatenate([inquiry.nominal(()), best.vector[len(own) :]])
+        return [best, self.fit(effects, start)]
 
     def best(self, size: int) -> tuple[str, ...]:
         """Return the set of so many effects that fits best."""

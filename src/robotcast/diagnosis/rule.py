@@ -58,8 +58,7 @@ class Rule:
     least_noise : of the distance that the signal moves: less noise is not believed.
     enough_power : chance of being noticed from which an effect that was not is called absent.
     faint : of the noise: an effect that moves every trial by less touches nothing.
-    distinct : of an effect's sensitivity that the model's own parameters must not imitate; and of
-        what an effect changes, that what another one changes must be apart, in squares.
+    distinct : of an effect's sensitivity that the model's own parameters must not imitate.
     far : standard deviations beyond which a group's gain is drawn in before it is tested.
     stray : times the repeats' usual deviation: so far away, a trial is no repeat.
     discrepancy : of what a model misses in a usual trial, that may be the same in all of them

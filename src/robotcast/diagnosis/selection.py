@@ -159,12 +159,12 @@ class Selection:
                 self.early.fit(twin, inquiry.carried(twin, best, fits[best].vector, start))
 
     def _alike(self, one: Effects, other: Effects) -> bool:
-        """Tell whether two sets change the beginnings alike, but for little, in squares."""
+        """Tell whether two sets change the beginnings alike, but for less than what matters."""
         base, *fits = (self.found.early[e] for e in (self._fixed, one, other))
-        root = np.sqrt(base.weights)[:, None]
+        root = np.sqrt(np.min([fit.weights for fit in (base, *fits)], axis=0))[:, None]
         changed = [root * (fit.residual - base.residual) for fit in fits]
-        apart, *whole = ((c**2).sum() for c in (changed[0] - changed[1], *changed))
-        return bool(apart < self._rule.distinct * min(whole))
+        apart, *whole = (np.linalg.norm(c) for c in (changed[0] - changed[1], *changed))
+        return bool(apart < self._rule.material * min(whole))
 
     def _swapped(self, effects: Effects, old: str, new: str) -> Effects:
         """Return effects with another one in the place of one, in the library's order."""
@@ -242,7 +242,7 @@ class Selection:
         """Judge single effects, and choose none: a field has shown that something is missing.
 
         Those that were tried may have ended in a valley, as the library's fit may have. So they
-        start from the parameters beside which the field explains it, and from nowhere else.
+        start from the parameters beside which the field explains it.
 
         Parameters
         ----------
@@ -285,19 +285,12 @@ class Selection:
         return len(self.found.named) < size
 
     def _refit(self, effects: Effects) -> None:
-        """Fit a model to whole trials and judge it on trials held out.
-
-        As the base model, it starts from the nominal parameters as well.
-        """
+        """Fit a model to whole trials and judge it on trials held out."""
         if effects in self.found.judged:
             return
         self._next(Step.REFIT, " + ".join(effects[len(self._fixed) :]))
-        inquiry, begun = self._inquiry, [self.found.early[effects]]
-        start, own = inquiry.nominal(effects), len(inquiry.model.parameters)
-        if inquiry.free(())[:own].any():
-            start[own:] = begun[0].vector[own:]
-            begun.append(self.early.inquiry.fit(effects, start, self._effort.refit))
-        self._keep(Revision(effects, inquiry.fit_whole(effects, begun, self._effort.refit)))
+        fit = self._inquiry.fit_whole(effects, self.early.begun(effects), self._effort.refit)
+        self._keep(Revision(effects, fit))
 
     def _polish(self, size: int) -> None:
         """Go on with the models of one size where that decides: between rivals, above the floor."""
@@ -330,11 +323,8 @@ class Selection:
         """
         self._next(Step.REMATCH)
         start = other.vector[: len(self.found.base.revision.fit.vector)]
-        early = self.early.inquiry.fit(self._fixed, start, self._effort.refit)
-        if early.loss > self.found.early[self._fixed].loss:
-            return
-        self.found.early[self._fixed] = early
-        again = self._inquiry.fit(self._fixed, early.vector, self._effort.refit, like=early)
+        early = self.early.fit(self._fixed, start)
+        again = self._inquiry.fit_whole(self._fixed, [early], self._effort.refit)
         if again.loss < self.found.base.revision.fit.loss:
             self._keep(Revision(self._fixed, again))
 

@@ -29,7 +29,8 @@ Residuals = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """(unit vectors (n_vectors, n), numbers of trials (m,)) → (n_vectors, m, D) residuals.
 
 Residuals are in units of the noise and divided by the root of the number of samples, so that
-the sum of squares of a trial is its mean square; 0 past its samples. All are finite.
+the sum of squares of a trial is its mean square; 0 past its samples. All are finite: a run that
+diverged misses by `LOST` in one sample.
 """
 
 
@@ -117,8 +118,8 @@ def fit_robustly(
     """Minimise the loss over the numbered trials (m,) from `start` (n,), inside [0, 1].
 
     The `steps` (n,) are the differences of the first Jacobian, unless a fit of these trials that
-    ended at the start is `known`, or a fit of other trials is `like` it: its curvature tells how
-    far to take them. All parameters are `free` (n,) by default, the prior is about the start, as
+    ended at the start is `known`, or another fit is `like` it: its curvature tells how far to take
+    them. All parameters are `free` (n,) by default, the prior is about the start, as
     wide as the ranges. No iterations only look at the start, and take its slopes.
     """
     free = np.ones(len(start), bool) if free is None else free
@@ -170,6 +171,10 @@ def _differentiated(
     """Return a fit with the slopes about the first of `rows` (m, n), at the best of them."""
     rows = np.clip(rows, 0.0, 1.0)
     values = residuals(rows, trials)
+    wild = _lost(values).mean(axis=1) > 0.5  # where most runs are lost, a tenth as far
+    if wild.any():
+        rows[wild] = rows[0] + (rows[wild] - rows[0]) / 10
+        values[wild] = residuals(rows[wild], trials)
     losses = _whole_loss(values, rows, prior, miss_unit(values[0], stepping.least_unit))
     chosen = int(np.argmin(losses))
     return Fit(rows[chosen], values[chosen], steady_slopes(rows, values))
@@ -202,12 +207,10 @@ def steady_slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the slopes, each trial's as far as it can be trusted.
 
     A trial that tips over at one of the vectors has no slope that a fit could follow: it weighs
-    by its mean square over all of them, not at the first. One whose run is lost at one of them
-    says nothing there, and of the others what it would say without.
+    by its mean square over all of them, not at the first. One whose run is lost at one of them,
+    not at the first, says nothing there, and of the others what it would say without.
     """
-    mean_square = (values**2).sum(axis=-1)
-    lost = mean_square >= LOST**2
-    lost[:, lost[0]] = False
+    mean_square, lost = (values**2).sum(axis=-1), _lost(values)
     found = slopes(vectors, values)
     for trial in np.flatnonzero(lost.any(axis=0)):
         kept = ~lost[:, trial]
@@ -215,6 +218,12 @@ def steady_slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
     mean = np.where(lost, 0.0, mean_square).sum(axis=0) / (~lost).sum(axis=0)
     trust = np.minimum(np.sqrt((1 + mean_square[0]) / (1 + mean)), 1.0)
     return found * trust[:, None, None]
+
+
+def _lost(values: np.ndarray) -> np.ndarray:
+    """Return which runs of `values` (n_vectors, n_trials, D) are lost that the first is not."""
+    lost = (values**2).sum(axis=-1) >= LOST**2
+    return lost & ~lost[0]
 
 
 def noise_axes(fit: Fit, free: np.ndarray, nearer: float = Stepping.nearer) -> np.ndarray:

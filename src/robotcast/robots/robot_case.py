@@ -283,11 +283,13 @@ def diagnose_by_joint(
         if not others or len(named) == question.rule.most_effects:
             break
         effects.update({one.name: one for one in single})
+        parts = [n for n in others if any(laws[n].is_part_of(effects[name]) for name in named)]
         promising = _promising(case, question, found, named, others)
+        promising += [n for n in parts if n not in promising]
         said.append(
             f"Too little was explained by {' + '.join(named) or 'what all joints may lack'}, so of "
             f"{len(others)} effects of single joints and links {len(promising)} were tried: those "
-            "that promise most, and their special cases."
+            "that promise most, their special cases, and what a named group may come down to."
         )
         comparisons = len(named) + len(others)
         asked = replace(question, candidates=[*named, *promising], comparisons=comparisons)

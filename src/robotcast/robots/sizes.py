@@ -106,16 +106,14 @@ def sizes_of(model: mujoco.MjModel, logs: Sequence[Log], starts: StartStates) ->
     torque = np.hypot(inertial, freely - np.clip(held, -most, most))
     own = inertia.mean(axis=0)
 
-    def usual(values: np.ndarray) -> np.ndarray:
-        return np.sqrt((values**2).mean(axis=0))
-
     def size(values: np.ndarray) -> np.ndarray:
-        return np.maximum(usual(values), STILL * usual(values).max() + 1e-12)
+        found = np.sqrt((values**2).mean(axis=0))
+        return np.maximum(found, STILL * found.max() + 1e-12)
 
     kinds = model.jnt_type[model.dof_jntid]
     reach_m = np.linalg.norm(model.body_ipos[1:], axis=1)
     return Sizes(
-        torque=np.maximum(usual(torque), own * size(torque / own)),
+        torque=own * size(torque / own),
         speed=size(speed),
         position=size(position - position.mean(axis=0)),
         inertia=own,
