@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robotcast.diagnosis.diagnose import Case, diagnose, floor_and_noise
+from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.library import Library
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.next_trials import Further, NextTrial, _added
 from robotcast.diagnosis.report import next_rows
-from robotcast.diagnosis.selection import Selection
 from robotcast.reporting.diagnosis_page import diagnosis_page
 from tests.diagnosis.sliding_puck import (
     DEAD,
@@ -201,21 +200,6 @@ def test_two_effects_that_act_together_are_both_named() -> None:
     assert set(said["verdict"]) == {"tilt", "late_clock"}
     sizes = said["model"]["parameters"]
     assert sizes["late_clock.tau"]["low"] < 0.1 < sizes["late_clock.tau"]["high"]
-
-
-def test_what_does_the_same_as_one_of_two_effects_is_fitted_in_its_place() -> None:
-    records = pushes(heading=(-0.08, 0.08), tilt=TILTED, turn=(0.05,))
-    case = Case(Puck(TILT, SHIFT, TURN, SHEAR), records, ["tilt", "shift", "turn", "shear"])
-    floor, noise = floor_and_noise(case)
-    inquiry = Inquiry(case.model, records, noise)
-    told = (case.candidates, (), floor, case.rule, case.effort, lambda *told: None)
-    selection = Selection(inquiry, *told)
-    selection.fit_base()
-    for effects in (("shift",), ("turn",), ("tilt", "shear")):
-        selection.early.fit(effects, inquiry.nominal(effects))
-    selection.fit_twins(("tilt", "shear"))
-    pairs = {effects for effects in selection.found.early if len(effects) == 2}
-    assert pairs == {("tilt", "shear"), ("tilt", "turn")}
 
 
 def test_a_small_effect_beside_a_large_one_comes_near() -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 
@@ -141,30 +140,6 @@ class Selection:
         for effects in sorted(begun, key=lambda e: begun[e].loss)[: most - 1]:
             fit = begun[effects]
             self.early.fit(effects, fit.vector, fit)
-        if size > 1:
-            self.fit_twins(self.early.best(len(self._fixed) + size))
-
-    def fit_twins(self, best: Effects) -> None:
-        """Fit beginnings with what alone does the same as an effect of the best set in its place.
-
-        Slopes promise one of two that are nearly alike a little more, and only a fit tells.
-        """
-        inquiry, fits, fixed = self._inquiry, self.found.early, len(self._fixed)
-        parts = self.early.parts(self._fixed, best[fixed:], 1)
-        others = [e for e in fits if len(e) == fixed + 1 and e not in parts]
-        for part, other in product(parts, others):
-            if self._alike(part, other):
-                twin = self._swapped(best, part[-1], other[-1])
-                start = inquiry.carried(twin, other, fits[other].vector)
-                self.early.fit(twin, inquiry.carried(twin, best, fits[best].vector, start))
-
-    def _alike(self, one: Effects, other: Effects) -> bool:
-        """Tell whether two sets change the beginnings alike, but for less than what matters."""
-        base, *fits = (self.found.early[e] for e in (self._fixed, one, other))
-        root = np.sqrt(np.min([fit.weights for fit in (base, *fits)], axis=0))[:, None]
-        changed = [root * (fit.residual - base.residual) for fit in fits]
-        apart, *whole = (np.linalg.norm(c) for c in (changed[0] - changed[1], *changed))
-        return bool(apart < self._rule.material * min(whole))
 
     def _swapped(self, effects: Effects, old: str, new: str) -> Effects:
         """Return effects with another one in the place of one, in the library's order."""
