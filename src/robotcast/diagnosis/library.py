@@ -35,10 +35,9 @@ def fit_library(
     fixed : effects of the base model.
     base : fit of the base model to them, where the other start is.
     """
-    tuned = library_at(early, fixed, candidates, base)
-    effects, places = tuned.effects, tuned.fit.vector[len(base.vector) :]
-    nominal = _slopes(early, effects, np.concatenate([early.nominal(fixed), places]))
-    starts = (nominal, tuned)
+    begun = (early.fit(fixed, early.nominal(fixed), 0), base)
+    starts = tuple(library_at(early, fixed, candidates, fit) for fit in begun)
+    effects = starts[0].effects
     fits = [early.fit(effects, some.fit.vector, 2, known=some.fit) for some in starts]
     best = min(fits, key=lambda fit: fit.loss)
     best = early.fit(effects, best.vector, iterations - 2, known=best)
@@ -254,7 +253,7 @@ class Beginnings:
         if not own.any():
             return [best]
         start = np.concatenate([inquiry.nominal(()), best.vector[len(own) :]])
-        return [best, self.fit(effects, start)]
+        return [best, inquiry.fit(effects, start, self._effort.refit)]
 
     def best(self, size: int) -> tuple[str, ...]:
         """Return the set of so many effects that fits best."""
