@@ -64,7 +64,7 @@ def trends(records: Sequence[Record], found: Misfit) -> dict[str, dict[str, np.n
     """Return the error [% of scale] against every factor that all trials have and that varies.
 
     With it comes its running median: the middle of the errors of neighbouring trials along the
-    factor, empty for fewer than eight trials.
+    factor, empty for fewer than eight trials; where some stand at one place, their mean.
     """
     errors = found.sample_percent
     factors = shared_factors(records).items()
@@ -76,7 +76,9 @@ def _trend(values: np.ndarray, errors: np.ndarray) -> dict[str, np.ndarray]:
     running = [np.empty(0), np.empty(0)]
     if len(values) >= FEWEST_FOR_A_TREND:
         along = (sliding_window_view(some[order], window) for some in (values, errors))
-        running = [np.median(windows, axis=-1) for windows in along]
+        places, medians = (np.median(windows, axis=-1) for windows in along)
+        at, place = np.unique(places, return_inverse=True)
+        running = [at, np.bincount(place, medians) / np.bincount(place)]
     return {
         "values": values,
         "errors": errors,

@@ -168,7 +168,7 @@ def _course_figure(comparison: Comparison) -> Figure:
     course = {name: np.array(v, dtype=float) for name, v in comparison["over_time"].items()}
     times = course["times_s"]
     step = times[1] - times[0] if len(times) > 1 else 1.0
-    figure, axes = canvas(760, 300, 52, 10, 40, 42)
+    figure, axes = canvas(760, 300, 52, 10, 40 if comparison["phases"] else 12, 42)
     end = max(times[-1], times[0] + step)
     top = 1.08 * max(np.nanmax(course["mean"]), np.nanmax(course["upper"])) or 1.0
     axes.set(xlim=(times[0], end), ylim=(0, top), xlabel="time [s]")
@@ -213,7 +213,7 @@ def _factor_figure(comparison: Comparison, name: str) -> Figure:
     axes.set(ylim=(0, top), xlabel=_factor_label(comparison, name))
     axes.tick_params(labelsize=10.5)
     axes.grid(axis="x", visible=False)
-    axes.xaxis.set_major_locator(MaxNLocator(4))
+    axes.xaxis.set_major_locator(MaxNLocator(4, integer=bool((values % 1 == 0).all())))
     axes.yaxis.set_major_locator(MaxNLocator(4))
     return figure
 
