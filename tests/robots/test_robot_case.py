@@ -269,6 +269,20 @@ def test_single_joints_are_tried_where_no_effect_of_a_group_explains_the_logs(
     assert asked[1].comparisons > len(second)  # the level is shared with those left out
 
 
+def test_effects_of_single_joints_may_act_or_be_left_out_from_the_start(tmp_path: Path) -> None:
+    groups = {"arm": ["shoulder", "elbow"]}
+    folder = write_folder(tmp_path, ARM, logs=4, groups=groups)
+    case, some = read_case(folder), (Rule(), Effort())
+    asked = case.question(["dry_friction_elbow"], ["viscous_friction_elbow"], *some)
+    assert asked.fixed == ("viscous_friction_elbow",)
+    assert "viscous_friction_arm" in asked.candidates
+    assert not {"dry_friction_elbow", "viscous_friction_elbow"} & {*asked.candidates}
+    inquiry = Inquiry(asked.model, asked.records, 1.0)
+    assert inquiry.residuals(asked.fixed)(inquiry.nominal(asked.fixed)[None], np.arange(2)).size
+    with pytest.raises(ValueError, match=r"no effect is called viscous_elbow; .* viscous_friction_"):
+        case.question([], ["viscous_elbow"], *some)
+
+
 def test_a_joint_that_hardly_moves_does_not_shorten_the_windows(tmp_path: Path) -> None:
     held = ARM.replace('damping="0.05"', 'damping="1e4"')
     still = read_case(write_folder(tmp_path, held, logs=4))

@@ -5,6 +5,7 @@ It is asked for groups of joints first, then within the group that is named, and
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -18,6 +19,7 @@ from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.library import library_at
 from robotcast.diagnosis.model import Axis, Wording
 from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import TorqueField
 from robotcast.robots.library import alone, candidates, parts_of
 from robotcast.robots.logs import Log, periods, read_logs
@@ -37,6 +39,7 @@ LONGEST_S = 2.0
 LEAST_NOISE = 1e-9  # of a joint that never moves
 LOOKED_INTO = 20  # effects of single joints and links that are tried at once
 LIKE = 2  # times as many sets are tried as of a cable: mass, inertia and armature are alike
+NEAR = 5  # names that are said where one is wrong
 LOOKED_AT = 24  # starts from which the length of windows is judged
 
 
@@ -86,19 +89,28 @@ class RobotCase:
         noise = self.model.units.noise * self.model.units.si
         return motions(self.robot, self.model, self.sizes, self.length_s, noise)
 
+    @cached_property
+    def single(self) -> dict[str, RobotEffect]:
+        """Effects and fields of single joints and links that the model has in groups, or not."""
+        single = candidates(self.robot, self.sizes, alone(self.robot))
+        return {one.name: one for one in single if one.name not in self.model.effects}
+
     def question(
         self, exclude: Sequence[str], fixed: Sequence[str], rule: Rule, effort: Effort
     ) -> Case:
-        """Return what is asked of the diagnosis.
+        """Return what is asked of the diagnosis; effects of single joints may be named in it.
 
         No window is left out as measured wrongly: logs are checked for that, and one that every
         model misses from its start on is one in which a joint sticks.
         """
-        left_out = {*exclude, *self.robot.exclude}
-        names = [n for n, e in self.model.effects.items() if e.depends_on is None]
-        if unknown := sorted(left_out - set(names)):
-            known = ", ".join(names)
-            raise ValueError(f"exclude: no effect is called {unknown[0]}; there are {known}")
+        left_out, effects = {*exclude, *self.robot.exclude}, self.model.effects
+        asked = {*left_out, *fixed}
+        every = {n: e for n, e in (effects | self.single).items() if e.depends_on is None}
+        if unknown := sorted(asked - every.keys()):
+            near = ", ".join(get_close_matches(unknown[0], every, NEAR, 0.0))
+            raise ValueError(f"no effect is called {unknown[0]}; the nearest are {near}")
+        effects.update({n: e for n, e in every.items() if n in asked})
+        names = [n for n in every if n in effects]
         return Case(
             model=self.model,
             records=self.model.records,
@@ -267,8 +279,8 @@ def diagnose_by_joint(
         if n not in tried and e.depends_on is None
         if not any(effects[other].is_part_of(e) for other in tried)
     ]
-    single = candidates(case.robot, case.sizes, alone(case.robot))
-    single = [e for e in single if e.name not in effects and not any(map(e.is_part_of, left_out))]
+    others = (e for n, e in case.single.items() if n not in effects)
+    single = [e for e in others if not any(map(e.is_part_of, left_out))]
     laws = {one.name: one for one in single if one.depends_on is None}
     named = [n for n in found["verdict"] if n in effects]
     said: list[str] = []  # of the rounds that found something
