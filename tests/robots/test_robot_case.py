@@ -279,7 +279,7 @@ def test_effects_of_single_joints_may_act_or_be_left_out_from_the_start(tmp_path
     assert not {"dry_friction_elbow", "viscous_friction_elbow"} & {*asked.candidates}
     inquiry = Inquiry(asked.model, asked.records, 1.0)
     assert inquiry.residuals(asked.fixed)(inquiry.nominal(asked.fixed)[None], np.arange(2)).size
-    with pytest.raises(ValueError, match=r"no effect is called viscous_elbow; .* viscous_friction_"):
+    with pytest.raises(ValueError, match="no effect is called viscous_elbow; the nearest"):
         case.question([], ["viscous_elbow"], *some)
 
 

@@ -5,7 +5,6 @@ It is asked for groups of joints first, then within the group that is named, and
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -107,8 +106,10 @@ class RobotCase:
         asked = {*left_out, *fixed}
         every = {n: e for n, e in (effects | self.single).items() if e.depends_on is None}
         if unknown := sorted(asked - every.keys()):
-            near = ", ".join(get_close_matches(unknown[0], every, NEAR, 0.0))
-            raise ValueError(f"no effect is called {unknown[0]}; the nearest are {near}")
+            words = {*unknown[0].split("_")}
+            near = sorted(every, key=lambda name: -len(words & {*name.split("_")}))[:NEAR]
+            said = f"no effect is called {unknown[0]}; the nearest are {', '.join(near)}"
+            raise ValueError(said)
         effects.update({n: e for n, e in every.items() if n in asked})
         names = [n for n in every if n in effects]
         return Case(
