@@ -8,7 +8,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from robotcast.casts.action import Action, ToolMotion
-from robotcast.diagnosis.compare import compare
+from robotcast.diagnosis.compare import compare, trends
+from robotcast.diagnosis.misfit import misfit
 from robotcast.diagnosis.model import Record
 from robotcast.measurements.errors import noise_floor, prediction_errors
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
@@ -152,3 +153,12 @@ def test_the_error_over_time_ends_where_few_trials_are_left() -> None:
     course = compared(MadeUp([made.records[0], *short], made.predicted)).course
     assert len(course["times_s"]) == 10
     assert np.all(course["lower"] <= course["upper"])
+
+
+def test_a_running_median_has_one_value_where_trials_share_a_place() -> None:
+    made = made_up(groups=12, repeats=1)
+    records = [replace(r, factors={"speed": float(k % 2)}) for k, r in enumerate(made.records)]
+    predicted = np.stack([r.measured + 0.01 * r.factors["speed"] for r in records])
+    trend = trends(records, misfit(records, predicted, SCALE))["speed"]
+    places, medians = trend["running_values"], trend["running_median"]
+    assert list(places) == sorted(set(places)) and medians[0] < 0.1 < medians[-1]

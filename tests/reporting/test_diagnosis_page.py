@@ -110,6 +110,9 @@ def test_an_unknown_force_is_drawn_drafted_as_an_effect_and_said_to_be_the_missi
     page = diagnosis_page(nearest)
     assert "What comes nearest to the missing force: place" in page
     assert "What the missing force depends on" not in page
+    nameless = dict.fromkeys(explained["unexplained"])
+    page = diagnosis_page({**effect(), "unexplained": nameless})
+    assert 'id="field"' not in page and 'id="write"' in page
 
 
 def test_a_running_diagnosis_says_what_it_does_and_reloads() -> None:

@@ -64,7 +64,7 @@ def trends(records: Sequence[Record], found: Misfit) -> dict[str, dict[str, np.n
     """Return the error [% of scale] against every factor that all trials have and that varies.
 
     With it comes its running median: the middle of the errors of neighbouring trials along the
-    factor, empty for fewer than eight trials; where some stand at one place, their mean.
+    factor, empty for fewer than eight trials. Medians that fall on one place are averaged.
     """
     errors = found.sample_percent
     factors = shared_factors(records).items()

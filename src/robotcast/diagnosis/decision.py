@@ -6,10 +6,11 @@ from enum import Enum
 
 import numpy as np
 
-from robotcast.diagnosis.found import Found, Rung
+from robotcast.diagnosis.found import Effects, Found, Rung
 from robotcast.diagnosis.inquiry import Inquiry, Revision, held_out
-from robotcast.diagnosis.library import Beginnings, library_at
+from robotcast.diagnosis.library import Beginnings, Library
 from robotcast.diagnosis.rule import Effort
+from robotcast.fitting.least_squares import Fit
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ def look_for_the_unknown(
     begun = Beginnings(early, scales.floor, scales.rule, effort)
     tell("every field")
     tuned = early.fit(base, found.base.revision.fit.vector, 0)
-    together = library_at(early, base, fields, tuned)
+    together = _fields_together(early, base, tuned, fields)
     for effects in together.best(1, min(effort.finalists + 1, len(fields)), base):
         tell(inquiry.model.effects[effects[-1]].text)
         known = together.look(effects, together.start(effects))
@@ -68,6 +69,22 @@ def look_for_the_unknown(
     rung = Rung(best, held_out(inquiry, best, effort))
     enough = found.gain(found.base, rung).pays(scales.rule, len(fields))
     return Unexplained(best.effects[-1], rung, enough, len(fields))
+
+
+def _fields_together(early: Inquiry, base: Effects, fit: Fit, fields: Sequence[str]) -> Library:
+    """Return all fields beside each other, each known by its slopes where it does nothing."""
+    parts = [fit.jacobian]
+    for name in fields:
+        effects = (*base, name)
+        null = early.carried(effects, base, fit.vector)
+        steps = early.steps(effects)[len(fit.vector) :]
+        rows = null + np.hstack([np.zeros((len(steps), len(fit.vector))), np.diag(steps)])
+        moved = early.residuals(effects)(rows, early.everything) - fit.residual
+        parts.append(np.moveaxis(moved / steps[:, None, None], 0, -1))
+    everything = (*base, *fields)
+    vector = early.carried(everything, base, fit.vector)
+    whole = Fit(vector, fit.residual, np.concatenate(parts, axis=-1))
+    return Library(early, everything, whole)
 
 
 def strengths(inquiry: Inquiry, found: Unexplained) -> np.ndarray:

@@ -33,10 +33,11 @@ def fit_library(
     ----------
     early : the inquiry into the beginnings.
     fixed : effects of the base model.
-    base : fit of the base model to them, where the other start is.
+    base : fit of the base model to them, where the other start is; the only one where that has
+        nothing to fit.
     """
-    begun = (early.fit(fixed, early.nominal(fixed), 0), base)
-    starts = tuple(library_at(early, fixed, candidates, fit) for fit in begun)
+    nominal = [early.fit(fixed, early.nominal(fixed), 0)] if early.free(fixed).any() else []
+    starts = tuple(library_at(early, fixed, candidates, fit) for fit in (*nominal, base))
     effects = starts[0].effects
     fits = [early.fit(effects, some.fit.vector, 2, known=some.fit) for some in starts]
     best = min(fits, key=lambda fit: fit.loss)
@@ -50,11 +51,7 @@ def library_at(
     """Return all effects at their null beside the parameters of a fit, known by their slopes."""
     effects = (*fixed, *candidates)
     places = [_best_place(early, (*fixed, name), base) for name in candidates]
-    return _slopes(early, effects, np.concatenate([base.vector, *places]))
-
-
-def _slopes(early: Inquiry, effects: tuple[str, ...], vector: np.ndarray) -> "Library":
-    one_sided = replace(STEPPING, central=False)
+    vector, one_sided = np.concatenate([base.vector, *places]), replace(STEPPING, central=False)
     return Library(early, effects, early.fit(effects, vector, 0, stepping=one_sided))
 
 
@@ -68,9 +65,9 @@ def _best_place(early: Inquiry, acting: tuple[str, ...], base: Fit) -> np.ndarra
     own = early.model.effects[acting[-1]].parameters
     null = early.nominal(acting)[len(base.vector) :]
     others = [k for k, p in enumerate(own) if p.null is None and len(p.probes) > 1]
-    if not others:
-        return null
     strengths = [k for k, p in enumerate(own) if p.null is not None and p.probes]
+    if not others or not strengths:
+        return null
     places, rows = [], []
     for probes in product(*(own[k].probes for k in others)):
         place = null.copy()
@@ -246,7 +243,7 @@ class Beginnings:
     def begun(self, effects: tuple[str, ...]) -> list[Fit]:
         """Return where a fit to whole trials starts: the best fit, and one from the nominal model.
 
-        That has the strengths of the best one.
+        That has the strengths of the best one, and is not kept: it is not fitted to its end.
         """
         inquiry, best = self.inquiry, self.fits[effects]
         own = inquiry.free(())

@@ -120,7 +120,8 @@ def fit_robustly(
     The `steps` (n,) are the differences of the first Jacobian, unless a fit of these trials that
     ended at the start is `known`, or another fit is `like` it: its curvature tells how far to take
     them. All parameters are `free` (n,) by default, the prior is about the start, as
-    wide as the ranges. No iterations only look at the start, and take its slopes.
+    wide as the ranges. No iterations only take the slopes at the start, and return the best
+    of the vectors that tell them.
     """
     free = np.ones(len(start), bool) if free is None else free
     prior = prior or Prior(start, np.ones(len(start)))

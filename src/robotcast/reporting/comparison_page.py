@@ -209,7 +209,8 @@ def _factor_figure(comparison: Comparison, name: str) -> Figure:
         values[beyond], tops, 60, VERMILION, marker="^", urls=links[beyond].tolist(), **dots
     )
     running = np.minimum(trend["running_median"], top)
-    axes.plot(trend["running_values"], running, color=BLUE, lw=2.4, zorder=4)
+    marker = "o" if len(running) == 1 else ""
+    axes.plot(trend["running_values"], running, color=BLUE, lw=2.4, zorder=4, marker=marker)
     axes.set(ylim=(0, top), xlabel=_factor_label(comparison, name))
     axes.tick_params(labelsize=10.5)
     axes.grid(axis="x", visible=False)

@@ -3,9 +3,10 @@
 It is asked for groups of joints first, then within the group that is named, and for single joints.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from difflib import SequenceMatcher
+from functools import cached_property, partial
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -89,10 +90,13 @@ class RobotCase:
         return motions(self.robot, self.model, self.sizes, self.length_s, noise)
 
     @cached_property
-    def single(self) -> dict[str, RobotEffect]:
-        """Effects and fields of single joints and links that the model has in groups, or not."""
-        single = candidates(self.robot, self.sizes, alone(self.robot))
-        return {one.name: one for one in single if one.name not in self.model.effects}
+    def of_single_parts(self) -> dict[str, RobotEffect]:
+        """Effects and fields of each joint, link and drive alone that the model was read without.
+
+        Of few joints it has them all.
+        """
+        every = candidates(self.robot, self.sizes, alone(self.robot))
+        return {one.name: one for one in every if one.name not in self.model.effects}
 
     def question(
         self, exclude: Sequence[str], fixed: Sequence[str], rule: Rule, effort: Effort
@@ -102,16 +106,14 @@ class RobotCase:
         No window is left out as measured wrongly: logs are checked for that, and one that every
         model misses from its start on is one in which a joint sticks.
         """
-        left_out, effects = {*exclude, *self.robot.exclude}, self.model.effects
-        asked = {*left_out, *fixed}
-        every = {n: e for n, e in (effects | self.single).items() if e.depends_on is None}
-        if unknown := sorted(asked - every.keys()):
-            words = {*unknown[0].split("_")}
-            near = sorted(every, key=lambda name: -len(words & {*name.split("_")}))[:NEAR]
-            said = f"no effect is called {unknown[0]}; the nearest are {', '.join(near)}"
-            raise ValueError(said)
-        effects.update({n: e for n, e in every.items() if n in asked})
-        names = [n for n in every if n in effects]
+        left_out, single = {*exclude, *self.robot.exclude}, self.of_single_parts
+        every = self.model.effects | single
+        laws = [n for n, e in every.items() if e.depends_on is None]
+        _refuse_unknown(f"{self.robot.path}: exclude", self.robot.exclude, laws)
+        _refuse_unknown("exclude", exclude, laws)
+        _refuse_unknown("effects", fixed, every)
+        self.model.effects.update({n: single[n] for n in (*left_out, *fixed) if n in single})
+        names = [n for n in laws if n not in single]
         return Case(
             model=self.model,
             records=self.model.records,
@@ -126,6 +128,18 @@ class RobotCase:
             rule=replace(rule, blunder=np.inf),
             effort=replace(effort, tried=LIKE * effort.tried),
         )
+
+
+def _refuse_unknown(key: str, names: Iterable[str], known: Iterable[str]) -> None:
+    """Raise ValueError for a name of no effect, with those that are most like it."""
+
+    def like(name: str, other: str) -> tuple[int, float]:
+        shared = {*name.split("_")} & {*other.split("_")}
+        return len(shared), SequenceMatcher(None, name, other).ratio()
+
+    if unknown := sorted({*names} - {*known}):
+        near = sorted(known, key=partial(like, unknown[0]), reverse=True)[:NEAR]
+        raise ValueError(f"{key}: no effect is called {unknown[0]}; nearest is {', '.join(near)}")
 
 
 def read_case(folder: Path, threads: int = 0) -> RobotCase:
@@ -280,7 +294,7 @@ def diagnose_by_joint(
         if n not in tried and e.depends_on is None
         if not any(effects[other].is_part_of(e) for other in tried)
     ]
-    others = (e for n, e in case.single.items() if n not in effects)
+    others = (e for n, e in case.of_single_parts.items() if n not in effects)
     single = [e for e in others if not any(map(e.is_part_of, left_out))]
     laws = {one.name: one for one in single if one.depends_on is None}
     named = [n for n in found["verdict"] if n in effects]
