@@ -46,7 +46,7 @@ def notes_on_trials(
         strays = wording.numbered(repeats.strays).capitalize()
         notes.append(
             f"{strays} {'lies' if len(repeats.strays) == 1 else 'lie'} far from the repeats of the "
-            f"same {wording.group} and were left out of the noise floor."
+            f"same {wording.group}: left out of the noise floor."
         )
     if repeats.drift is not None:
         notes.append(
@@ -75,19 +75,20 @@ def counted(n: int, one: str, many: str) -> str:
 
 def notes_on_outliers(inquiry: Inquiry, found: Found, wording: Wording) -> list[str]:
     """Name the trials that were measured wrongly, of which no model explains even a quarter."""
-    kept, notes = found.known_scales.usual, []
-    percent, unit = found.top.errors.waypoint, wording.axis(0).unit
-    usual = float(np.median(percent[kept]))
-    for row in np.flatnonzero(~kept):
-        distance = percent[row] / 100 * inquiry.model.scale
-        length = f" ({distance:.2g} {unit})" if unit else ""
-        notes.append(
-            f"{wording.trial.capitalize()} {inquiry.records[row].trial} is off by "
-            f"{percent[row]:.1f} {inquiry.model.error_unit}{length} on average, where the others "
-            f"are by {usual:.2g}, and from its first {wording.samples} on. Check how it was "
-            "measured. It decides nothing and is left out of the typical error."
-        )
-    return notes
+    kept, percent = found.known_scales.usual, found.top.errors.waypoint
+    rows = np.flatnonzero(~kept)
+    if not len(rows):
+        return []
+    off, one = [f"{percent[row]:.1f}" for row in rows], len(rows) == 1
+    said = " and ".join(filter(None, [", ".join(off[:-1]), off[-1]]))
+    which = wording.numbered([inquiry.records[row].trial for row in rows]).capitalize()
+    return [
+        f"{which} {'is' if one else 'are'} off by {said} {inquiry.model.error_unit} on average, "
+        f"where the others are by {np.median(percent[kept]):.2g}, from the first {wording.samples} "
+        f"on. Check how {'it was' if one else 'they were'} measured: "
+        f"{'it decides' if one else 'they decide'} nothing and "
+        f"{'is' if one else 'are'} left out of the typical error."
+    ]
 
 
 def is_ignored(base: Revision, k: int, rule: Rule) -> bool:
