@@ -278,7 +278,10 @@ class Selection:
         for effects in level:
             self._next(Step.REFIT, " + ".join(effects[fixed:]))
             fit = found.judged[effects].revision.fit
-            again = self._inquiry.fit(effects, fit.vector, self._effort.refit + 1, like=fit)
+            early = self.early.inquiry.fit(effects, fit.vector, self._effort.refit)
+            again = self._inquiry.fit(effects, early.vector, self._effort.refit + 1, like=early)
+            if early.loss < found.early[effects].loss:
+                self.found.early[effects] = early
             if again.loss < fit.loss:
                 self._keep(Revision(effects, again))
 
