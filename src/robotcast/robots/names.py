@@ -63,7 +63,6 @@ class Address:
     field: str
     rows: tuple[int, ...]
     column: int | None
-    unit: str = ""
     along: "tuple[Address, ...]" = ()
 
     def nominal(self, model: mujoco.MjModel) -> np.ndarray:
