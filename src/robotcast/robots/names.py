@@ -16,6 +16,12 @@ import mujoco
 import numpy as np
 
 OBJECTS = {"joint": "njnt", "body": "nbody", "actuator": "nu", "geom": "ngeom", "sensor": "nsensor"}
+
+
+def _called_after(prefix: str, names: str) -> dict[str, str]:
+    return {name: f"{prefix}{name}" for name in names.split()}
+
+
 FIELDS = {  # what may be set of each: a field of MjModel, most of them called as in MJCF
     "joint": {
         "damping": "dof_damping",
@@ -25,24 +31,13 @@ FIELDS = {  # what may be set of each: a field of MjModel, most of them called a
         "stiffness": "jnt_stiffness",
         "springref": "qpos_spring",
     },
-    "body": {name: f"body_{name}" for name in ("mass", "ipos", "inertia")},
+    "body": _called_after("body_", "mass ipos inertia"),
     "actuator": {
         "kp": "actuator_gainprm",
-        **{
-            name: f"actuator_{name}"
-            for name in (
-                "gainprm",
-                "biasprm",
-                "dynprm",
-                "gear",
-                "forcerange",
-                "damping",
-                "armature",
-            )
-        },
+        **_called_after("actuator_", "gainprm biasprm dynprm gear forcerange damping armature"),
     },
-    "geom": {name: f"geom_{name}" for name in ("friction", "solref")},
-    "option": {name: f"opt.{name}" for name in ("gravity", "wind", "density", "viscosity")},
+    "geom": _called_after("geom_", "friction solref"),
+    "option": _called_after("opt.", "gravity wind density viscosity"),
 }
 FIRST_OF = ("kp", "gainprm", "gear", "friction")  # without an index, their first element is meant
 FORM = re.compile(r"(\w+)(?:\[([^\]]+)\])?(?:\.(\w+))?(?:\[(\d)\])?")
