@@ -56,7 +56,9 @@ class Rollout:
         self._model.actuator_forcerange[free] = -np.inf, np.inf
         self._model.actuator_forcelimited[:] = 1
         self._step_s = float(self._model.opt.timestep)
-        self._channels = list(robot.drive)
+        channels = list(enumerate(robot.drive))
+        self._controls = [(c, at.actuator) for c, at in channels if at.actuator is not None]
+        self._torques = [(c, at.dof) for c, at in channels if at.dof is not None]
         self._signals = list(robot.measured)
         self._delay_s, self._latency_s = self._own_delays()
         self.qpos_of_dof = coordinates(self._model)
@@ -67,12 +69,12 @@ class Rollout:
         MuJoCo's buffers are made for the model's step, and too short for a finer one.
         """
         model, of_data = self._model, np.repeat(self._model.sensor_delay, self._model.sensor_dim)
-        commands = [
-            0.0 if c.actuator is None else model.actuator_delay[c.actuator] for c in self._channels
-        ]
+        commands = np.zeros(len(self.robot.drive))
+        for channel, actuator in self._controls:
+            commands[channel] = model.actuator_delay[actuator]
         signals = [of_data[s.index] if s.kind == "sensor" else 0.0 for s in self._signals]
         model.actuator_delay[:], model.sensor_delay[:] = 0.0, 0.0
-        return np.array(commands), np.array(signals)
+        return commands, np.array(signals)
 
     def simulate(
         self,
@@ -176,16 +178,14 @@ class Rollout:
         qpos, logged = (np.array([led[w.log, w.first][k] for w in windows]) for k in (0, 1))
         qvel = rates(self._model, qpos, self._step_s)
         model, ctrl, act = self._model, batch.bind("ctrl"), batch.bind("act")
-        controls = [(c, at.actuator) for c, at in enumerate(self._channels)]
         own = np.flatnonzero(model.actuator_actnum == 1)
         gain, bias = model.actuator_gainprm[own, 0], model.actuator_biasprm[own]
         servo = np.array([is_servo(model, a) for a in own.tolist()], bool) & (gain != 0)
         at, length = model.actuator_actadr[own], batch.bind("actuator_length")
         for k in range(drive.shape[1]):
             batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos[:, k], qvel[:, k]
-            for channel, actuator in controls:
-                if actuator is not None:
-                    ctrl[:, actuator] = drive[:, k, channel]
+            for channel, actuator in self._controls:
+                ctrl[:, actuator] = drive[:, k, channel]
             with suppress(SimulationError):  # what is lost here is lost after the start, too
                 batch.step()
             rest = -(bias[:, 0] + bias[:, 1] * length[:, own]) * servo / np.where(servo, gain, 1.0)
@@ -212,7 +212,7 @@ class Rollout:
         for effect, own in _through("delay_s", acting):
             delay_s[:, list(effect.where.channels)] += effect.delay_s(**own)
         since_s = self._step_s * np.arange(-lead, n_steps + 1)
-        drive = np.empty((len(windows), lead + n_steps, len(self._channels)))
+        drive = np.empty((len(windows), lead + n_steps, len(self.robot.drive)))
         known: dict[tuple[int, int, bytes], np.ndarray] = {}
         for row, window, late in zip(drive, windows, delay_s, strict=True):
             key = (window.log, window.first, late.tobytes())
@@ -229,9 +229,10 @@ class Rollout:
         """Do what `_stepped` does where nothing is computed between steps, in one call."""
         model, n_sim, n_steps = self._model, *drive.shape[:2]
         control = np.zeros((n_sim, n_steps, model.nu + model.nv))
-        for channel, at in enumerate(self._channels):
-            column = at.actuator if at.actuator is not None else model.nu + at.dof
-            control[:, :, column] = drive[:, :, channel]
+        for channel, actuator in self._controls:
+            control[:, :, actuator] = drive[:, :, channel]
+        for channel, dof in self._torques:
+            control[:, :, model.nu + dof] = drive[:, :, channel]
         record = ("qpos", "qvel", *(["sensordata"] if model.nsensor else []))
         size = {"qpos": model.nq, "qvel": model.nv, "sensordata": model.nsensordata}
         out = {name: np.full((n_sim, n_steps, size[name]), np.nan) for name in record}
@@ -262,9 +263,6 @@ class Rollout:
         applied = batch.bind("qfrc_applied")
         sensors = batch.bind("sensordata") if model.nsensor else np.zeros((len(windows), 0))
         path = np.empty((n_steps, len(windows), nq_nv + sensors.shape[1]))
-        channels = list(enumerate(self._channels))
-        controls = [(c, at.actuator) for c, at in channels if at.actuator is not None]
-        torques = [(c, at.dof) for c, at in channels if at.dof is not None]
         soft = list(_through("transmission", acting))
         between = Transmission(batch, soft, self.qpos_of_dof) if soft else None
         acts = any(True for hook in FORCES for _ in _through(hook, acting))
@@ -272,9 +270,9 @@ class Rollout:
         lost = np.zeros(len(windows), bool)
         for k in range(n_steps):
             applied[:] = 0.0
-            for channel, actuator in controls:
+            for channel, actuator in self._controls:
                 ctrl[:, actuator] = drive[:, k, channel]
-            for channel, dof in torques:
+            for channel, dof in self._torques:
                 applied[:, dof] = drive[:, k, channel]
             if between and k == 0:
                 between.place(np.array([w.bends for w in windows]))
