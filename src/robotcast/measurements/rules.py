@@ -75,7 +75,7 @@ SAID_OF_CASTS = {"unusable": "not used", "unrested": "not counted as endpoints"}
 class Finding(NamedTuple):
     """A rule that is broken, by the whole set or by some casts (their places in it)."""
 
-    then: str  # "refused" or "warning" of the set, or a key of `SAID_OF_CASTS`
+    then: str  # "refused", "doubt" or "warning" of the set, or a key of `SAID_OF_CASTS`
     where: str
     sentence: str
     casts: tuple[int, ...] = ()
@@ -104,9 +104,8 @@ class Findings(list[Finding]):
         """Note a rule that the set breaks: it is not `likely`, or not even `possible`."""
         if not (likely and possible):
             then, of, says = _rules()[name]
-            refused = then == "refused" or not possible
-            follows = "refused" if refused else "warning"
-            self.append(Finding(follows, of, says.format(**numbers)))
+            then = then if possible else "refused"
+            self.append(Finding(then, of, says.format(**numbers)))
 
     def of_casts(self, name: str, bad: np.ndarray, **numbers: Any) -> None:
         """Note a rule that the casts break which are `bad` (n,), with numbers (n,) of each."""
