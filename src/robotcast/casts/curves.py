@@ -76,16 +76,15 @@ class CastCurves:
         change = (j / 2 * t + acceleration) * t
         return np.cumsum(t, axis=1) - t, np.cumsum(change, axis=1) - change, acceleration
 
-    def angle_at(self, t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return θ [rad] and dθ/dt [rad/s] at times `t_s` (n, m), each (n, m)."""
-        angle, rate = np.zeros_like(t_s), np.zeros_like(t_s)
+    def angle_at(self, t_s: np.ndarray) -> np.ndarray:
+        """Return θ [rad] at times `t_s` (n, m), (n, m)."""
+        angle = np.zeros_like(t_s)
         start, v, a = (state[..., None] for state in self._piece_states())
         length, jerk = self.durations_s[..., None], self.jerks_rad_s3[..., None]
         for k in range(2 * PIECES):
             tau = np.clip(t_s - start[:, k], 0.0, length[:, k])
             angle += ((jerk[:, k] / 6 * tau + a[:, k] / 2) * tau + v[:, k]) * tau
-            rate += (jerk[:, k] / 2 * tau + a[:, k]) * tau
-        return angle, rate
+        return angle
 
     def radius_at(self, t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return r [m] and dr/dt [m/s] at times `t_s` (n, m), each (n, m).
@@ -115,7 +114,7 @@ class CastCurves:
         first, member = distinct_arcs(self.actions)
         arcs = self.rows(first)
         times = np.broadcast_to(t_s, (len(first), len(t_s)))
-        angle, _ = arcs.angle_at(times)
+        angle = arcs.angle_at(times)
         radius, _ = arcs.radius_at(times)
         turn, end = arcs.turn_s[:, None], arcs.end_s[:, None]
         blend = smooth_step((times - turn) / (end - turn))
