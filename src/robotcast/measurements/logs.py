@@ -61,8 +61,8 @@ class Log:
 
     @cached_property
     def turned_rad(self) -> np.ndarray:
-        """The turn from the row before, of poses, (N,), 0 where a cast begins."""
-        return self.steps(self.values[:, 2])
+        """How far poses turned from the row before, (N,), 0 where a cast begins."""
+        return np.abs(self.steps(self.values[:, 2]))
 
     @cached_property
     def speed_m_s(self) -> np.ndarray:

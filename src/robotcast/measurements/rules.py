@@ -193,14 +193,14 @@ def heading_off(logs: Logs) -> np.ndarray:
 
 def jumps(logs: Logs) -> np.ndarray:
     """Tell in which rows of the tool log the pose is not where an arm could bring it, (N,)."""
-    log, turned = logs.tool, np.abs(logs.tool.turned_rad)
+    log, turned = logs.tool, logs.tool.turned_rad
     jump = (log.steps(log.speed_m_s) > JUMP_M_S) & (log.moved_m > MOVED_M)
     return jump | ((turned > JUMP_RAD_S * log.dt_s) & (turned > NEAR_RAD))
 
 
 def tool_log(logs: Logs, found: Findings) -> None:
     log = logs.tool
-    t_s, dt_s, moved_m, turned = log.t_s, log.dt_s, log.moved_m, np.abs(log.turned_rad)
+    t_s, dt_s, moved_m, turned = log.t_s, log.dt_s, log.moved_m, log.turned_rad
     moving = (t_s > logs.starts_s[log.cast]) & (t_s <= logs.stops_s[log.cast])
     same = (moved_m == 0) & (turned == 0)
     stale = float(np.mean(same[moving])) if moving.any() else 0.0
