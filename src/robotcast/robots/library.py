@@ -61,11 +61,10 @@ def alone(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
 def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     """Return the joints, links and drives that effects act on: each alone, or groups of them."""
     model, groups = robot.model, dict(robot.groups) or _groups(robot.model)
-    channels = list(robot.drive)
     joints = [_where(robot, name, dofs) for name, dofs in groups.items()]
     drives = [one for one in joints if one.channels]
     known = {c for one in joints for c in one.channels}
-    others = [c for c in range(len(channels)) if c not in known]
+    others = [c for c in range(len(robot.drive)) if c not in known]
     drives += [_where(robot, "every_actuator", (), others)] if len(others) > 1 else []
     drives += [_drive(robot, c) for c in others] if len(others) <= FEW_JOINTS else []
     bodies = [int(model.dof_bodyid[dof]) for dof in range(model.nv)]
@@ -76,18 +75,17 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
         _where(robot, "_and_".join(pair), tuple(int(model.joint(j).dofadr[0]) for j in pair), ())
         for pair in coupled(model)
     ]
-    whole = _where(robot, "", tuple(range(model.nv)), range(len(channels)))
-    found = {
-        "joint": joints,
-        "pair": pairs,
-        "body": _links(model, bodies),
-        "drive": drives,
-        "robot": [whole],
-    }
     driven = tuple(dict.fromkeys(dof for one in drives for dof in one.dofs))
     several = sum(bool(one.dofs) for one in drives) > 1
-    every = [_where(robot, "every_joint", driven)] if several else []
-    return {**found, **_free_parts(robot), "every drive": every}
+    return {
+        "joint": joints,
+        "pair": pairs,
+        **_free_parts(robot),
+        "body": _links(model, bodies),
+        "drive": drives,
+        "every drive": [_where(robot, "every_joint", driven)] if several else [],
+        "robot": [_where(robot, "", tuple(range(model.nv)), range(len(robot.drive)))],
+    }
 
 
 def _links(model: mujoco.MjModel, bodies: Iterable[int]) -> list[Where]:
