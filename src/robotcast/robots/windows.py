@@ -8,7 +8,6 @@ it. That much a fit may move it, and no further.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import count, takewhile
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -130,14 +129,15 @@ class StartStates:
     def track(self, log: int, first: int) -> "Track":
         """Return positions (nv,) by the time since a sample: through states a margin apart."""
         times_s, model = self._logs[log].times_s, self._robot.model
-        later = takewhile(
-            lambda row: row < len(times_s) and times_s[row] - times_s[first] < 0.99 * LATEST_S,
-            count(first, self.margin),
-        )
-        found = list(takewhile(lambda one: one[1], ((row, self.at(log, row)) for row in later)))
-        at_s = np.array([times_s[row] - times_s[first] for row, _ in found])
-        states = np.array([s[0] for _, s in found if s])
-        qpos, qvel = states[:, coordinates(model)], np.array([s[1] for _, s in found if s])
+        at_s, found = [], []
+        for row in range(first, len(times_s), self.margin):
+            since_s = times_s[row] - times_s[first]
+            if since_s >= 0.99 * LATEST_S or (state := self.at(log, row)) is None:
+                break
+            at_s.append(since_s)
+            found.append(state[:2])
+        states, qvel = (np.array(some) for some in zip(*found, strict=True))
+        qpos = states[:, coordinates(model)]
         turns = tuple(dof for _, dof in quaternions(model))
         for index, dof in quaternions(model):
             q, own = states[:, index : index + 4], slice(dof, dof + 3)
