@@ -56,11 +56,6 @@ class Units:
         si = np.hypot(noise, PART * travel)
         return cls(si, noise / si)
 
-    @property
-    def scale(self) -> float:
-        """As many units a signal without noise moves by; together, all signals."""
-        return float(np.sqrt(len(self.si)) / PART)
-
 
 def of_quaternions(signals: Sequence[Signal], travel: np.ndarray) -> np.ndarray:
     """Return how far signals move, (n_signals,), the elements of a quaternion as one."""
@@ -89,7 +84,8 @@ class RobotModel:
         self.effects = {effect.name: effect for effect in effects}
         self.parameters = tuned_parameters(robot)
         self.units = units or Units.of(list(robot.measured), logs, windows, noise)
-        self.scale = self.units.scale
+        # how many units a signal without noise moves by, all signals together
+        self.scale = float(np.sqrt(len(self.units.si)) / PART)
         self.rollout = Rollout(robot, logs, windows, threads)
         self._gains: dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray]] = {}
 
