@@ -67,7 +67,7 @@ def test_a_message_names_the_line_that_an_editor_shows(tmp_path: Path, before: s
         read_actions(path, lambda actions: actions[:, 0] < 0.55)
 
 
-def test_a_blank_line_and_a_note_with_a_comma_are_read(tmp_path: Path) -> None:
+def test_a_blank_line_and_notes_with_commas_are_read(tmp_path: Path) -> None:
     path = tmp_path / "actions.csv"
-    path.write_text(f'{HEADER.strip()},note\n{GOOD.strip()},"a, b"\n\n')
+    path.write_text(f'{HEADER.strip()},"note, more"\n{GOOD.strip()},"a, b"\n\n')
     assert read_actions(path) == [Action(0.5, 0.6, -0.6, 0.65, 0.3, 1.2)]

@@ -68,6 +68,13 @@ AXIS = "joint[axis].position"
         (key("servos", value={"actuator[a]": {"kp": 9, "kd": 1}}), "a. is none of actuator.motor"),
         (key("payloads", "body[table]", value={"log9.csv": 1}), "log9.csv is none of the logs"),
         (key("payloads", "body[table]", value={"log1.csv": "kg"}), "expected a number, got 'kg'"),
+        (key("payloads", "body[table]", value={"log1.csv": {"kg": 1, "at": 5}}), "at: .x, y, z."),
+        (key("repeats", value=[[5]]), "repeats: 5 is none of the logs"),
+        (key("repeats", value=5), "expected lists of logs, got 5"),
+        (key("exclude", value=True), "exclude: expected names, got True"),
+        (key("windows", "most", value=-5), "most: expected a number above 0, got -5"),
+        (key("measured", "joint[axis].position[3]", value="q"), "one number; leave .3. out"),
+        (key("tune", "joint[axis].damping[5]", value=[0, 1]), "one number; leave .5. out"),
         (key("sysid", value="none.yaml"), "none.yaml: there is no such file; ParameterDict"),
     ],
 )

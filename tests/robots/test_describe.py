@@ -138,6 +138,17 @@ def test_a_joint_without_a_column_is_said(tmp_path: Path) -> None:
     assert any("no position was found for elbow" in sentence for sentence in said)
 
 
+def test_the_number_of_a_base_without_a_name_is_no_name(tmp_path: Path) -> None:
+    folder = folder_with(tmp_path, {}, pl.lit(1.0).alias("battery_0"))
+    model = folder / "robot.xml"
+    free = '<worldbody><body name="base"><freejoint/><geom size=".1"/>'
+    text = model.read_text().replace("<worldbody>", free)
+    model.write_text(text.replace("</worldbody>", "</body></worldbody>"))
+    _, said = describe(folder)
+    assert any(one.startswith("0: a free") for one in said)
+    assert not any("if the base moved" in one for one in said)
+
+
 def test_a_folder_without_a_model_or_a_log_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="expected an MJCF or URDF file, one; found none"):
         describe(tmp_path)

@@ -19,12 +19,14 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> RobotCase:
     tune["actuator[e].kp"] = [1.0, 4.0]
     windows = {"length_s": 0.4, "most": 4}
     more = {"windows": windows, "tune": tune, "servos": {"actuator[e]": {"kp": 2.0, "kd": 0.1}}}
-    return read_case(write_folder(folder, ARM, logs=3, **more))
+    xml = ARM.replace('name="e"', 'name="e" ctrlrange="-0.05 0.2"')
+    return read_case(write_folder(folder, xml, logs=3, **more))
 
 
 NATIVE = """dry_friction_elbow drag_shoulder armature_elbow spring_elbow centre_of_mass_fore
 inertia_fore tilted_base drive_gain_shoulder servo_stiffness_shoulder torque_limit_shoulder
-friction_of_difference_shoulder_and_elbow encoder_offset_shoulder encoder_offset_elbow"""
+friction_of_difference_shoulder_and_elbow encoder_offset_shoulder encoder_offset_elbow
+command_limit_elbow"""
 
 
 @pytest.mark.parametrize("name", NATIVE.split())

@@ -181,6 +181,24 @@ def test_windows_of_one_log_are_held_out_together(slider: RobotCase, tmp_path: P
     assert any("too few to hold out" in note for note in slider.notes)
 
 
+def test_logs_of_one_file_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:
+    more = {"payloads": {"body[table]": {"run1/log.csv": 0.5}}}
+    folder = write_folder(tmp_path, logs=13, repeats=[["run0/log.csv", "run2/log.csv"]], **more)
+    said = folder / "robot.yaml"
+    said.write_text(said.read_text().replace("log*.csv", "run*/log.csv"))
+    for number, path in enumerate(sorted(folder.glob("log*.csv"), key=lambda p: int(p.stem[3:]))):
+        (folder / f"run{number}").mkdir()
+        path.rename(folder / f"run{number}" / "log.csv")
+    case = read_case(folder)
+    rollout = case.model.rollout
+    part = {rollout.logs[w.log].path.parent.name: w.part for w in rollout.windows}
+    assert part["run0"] == part["run2"] and len(set(part.values())) == 12
+    assert [log.path.parent.name for log in rollout.logs if log.payloads] == ["run1"]
+    said.write_text(said.read_text().replace("run1/log.csv", "log.csv"))
+    with pytest.raises(ValueError, match=r"payloads: log.csv is run0/log.csv as well as run1/log"):
+        read_case(folder)
+
+
 def test_repeats_tell_the_floor(tmp_path: Path) -> None:
     folder = write_folder(tmp_path, logs=6, repeats=[["log0.csv", "log1.csv"]])
     table = pl.read_csv(folder / "log0.csv")

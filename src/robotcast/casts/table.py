@@ -1,5 +1,6 @@
 """Tables of casts on disk: columns as numbers in range, and where each row stands."""
 
+import csv
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -179,7 +180,7 @@ def _csv_header(path: Path, data: bytes) -> list[str]:
                 f"{place}: cells are separated by {called}, found {line}; "
                 "export with commas between cells, and points in numbers"
             )
-    header = [name.strip().strip('"') for name in line.split(",")]
+    header = [name.strip() for name in next(csv.reader([line], skipinitialspace=True))]
     header = [name or f"{UNNAMED}: {column}" for column, name in enumerate(header)]
     if len(set(header)) < len(header):
         twice = next(name for name in header if header.count(name) > 1)

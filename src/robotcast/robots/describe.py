@@ -365,7 +365,8 @@ def _remarks(log: Path, guess: _Guess) -> list[str]:
     said = [f"time is column {guess.time!r} in {guess.time_unit}"]
     for target, (column, unit) in {**guess.drive, **guess.measured}.items():
         said.append(f"{target} is column {column!r}{f' in {unit}' if unit else ''}")
-    base = [c for c in guess.unused if any(_tokens(w) <= _tokens(c) for w in guess.weld)]
+    named = [joint for joint in guess.weld if not joint.isdigit()]
+    base = [c for c in guess.unused if any(_tokens(w) <= _tokens(c) for w in named)]
     found = {
         "{}: motors of torque, but their columns are positions that the joints follow: write the "
         "gains of the robot's controller below servos": " and ".join(guess.servos),

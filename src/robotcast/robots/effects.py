@@ -147,10 +147,16 @@ class CommandLimit(RobotEffect):
         return np.clip(drive, -_limit(s), _limit(s))
 
     def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, s: float) -> bool:
-        for i in self.where.actuators:
+        own = list(self.where.actuators)
+        limited = model.actuator_ctrllimited[own].astype(bool)[:, None]
+        ranges = np.where(limited, model.actuator_ctrlrange[own], np.inf * np.array([-1, 1]))
+        ranges = np.clip(ranges, -1 / s, 1 / s)
+        if not own or (ranges[:, 0] >= ranges[:, 1]).any():
+            return False
+        for i, bounds in zip(own, ranges.tolist(), strict=True):
             spec.actuators[i].ctrllimited = int(mujoco.mjtLimited.mjLIMITED_TRUE)
-            spec.actuators[i].ctrlrange = [-1 / s, 1 / s]
-        return bool(self.where.actuators)
+            spec.actuators[i].ctrlrange = bounds
+        return True
 
 
 class ForceLimit(RobotEffect):

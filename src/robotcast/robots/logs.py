@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import polars as pl
 
+from robotcast.robots.model_fields import Payload
 from robotcast.robots.names import Channel, Signal, driven_dof, quaternions, rates
 from robotcast.robots.recordings import episodes, read_bag
 from robotcast.robots.robot_file import Column, RobotFile
@@ -37,12 +38,16 @@ class Log:
     times_s : ndarray of shape (k,), rising.
     drive : ndarray of shape (k, n_channels), what was commanded, each until the next sample.
     measured : ndarray of shape (k, n_signals), NaN where a sample is missing.
+    payloads : what was fixed to the robot then.
+    motion : number of the first log of the same motion.
     """
 
     path: Path
     times_s: np.ndarray
     drive: np.ndarray
     measured: np.ndarray
+    payloads: tuple[Payload, ...] = ()
+    motion: int = 0
 
     @property
     def period_s(self) -> float:
@@ -78,10 +83,16 @@ def read_logs(robot: RobotFile) -> tuple[Log, ...]:
         In one sentence: file, column and row, rule, and what to do.
     """
     tables = ((path, name, one) for path in robot.logs for name, one in tables_of(path))
-    logs = tuple(_read(path.with_name(name), one, robot) for path, name, one in tables)
-    named = {*robot.payloads, *(name for group in robot.repeats for name in group)}
-    if unknown := sorted(named - {log.path.name for log in logs}):
-        raise ValueError(f"{robot.path}: repeats, payloads: {unknown[0]} is none of the logs")
+    logs = [_read(path.with_name(name), one, robot) for path, name, one in tables]
+    paths, motions = [log.path for log in logs], list(range(len(logs)))
+    for group in robot.repeats:
+        same = sorted(_number(robot, "repeats", paths, name) for name in group)
+        for number in same:
+            motions[number] = motions[same[0]]
+    logs = [replace(log, motion=motion) for log, motion in zip(logs, motions, strict=True)]
+    for name, own in robot.payloads.items():
+        number = _number(robot, "payloads", paths, name)
+        logs[number] = replace(logs[number], payloads=own)
     for log in logs[1:]:
         ratio = log.period_s / logs[0].period_s
         if not 1 / OTHER_RATE < ratio < OTHER_RATE:
@@ -90,7 +101,21 @@ def read_logs(robot: RobotFile) -> tuple[Log, ...]:
                 f"{logs[0].path.name} has one every {1e3 * logs[0].period_s:.3g} ms; logs of one "
                 "folder need one rate: resample, or keep them in a folder each"
             )
-    return logs
+    return tuple(logs)
+
+
+def _number(robot: RobotFile, key: str, paths: Sequence[Path], name: str) -> int:
+    """Return which log has a name, which holds as much of its path as tells it from others."""
+    parts = Path(name).parts
+    found = [k for k, path in enumerate(paths) if path.parts[-len(parts) :] == parts]
+    if not found:
+        raise ValueError(f"{robot.path}: {key}: {name} is none of the logs")
+    if len(found) > 1:
+        first, second = (paths[k].relative_to(robot.path.parent).as_posix() for k in found[:2])
+        raise ValueError(
+            f"{robot.path}: {key}: {name} is {first} as well as {second}; name its folder, too"
+        )
+    return found[0]
 
 
 def tables_of(path: Path) -> list[tuple[str, pl.DataFrame]]:

@@ -162,6 +162,7 @@ def address(model: mujoco.MjModel, text: str, where: str) -> Address:
         index = 0
     if size and (index is None or index >= size):
         raise ValueError(f"{where}: it has {size} elements; end it with [0] to [{size - 1}]")
+    _refuse_index(None if size else index, where)
     along: tuple[Address, ...] = ()
     if attribute == "mass":
         along = tuple(Address(text, "body_inertia", rows, axis) for axis in range(3))
@@ -174,9 +175,10 @@ def address(model: mujoco.MjModel, text: str, where: str) -> Address:
 
 def channel(model: mujoco.MjModel, text: str, where: str) -> Channel:
     """Return what `actuator[shoulder]` or `joint[elbow].torque` stands for."""
-    kind, pattern, attribute, _ = _parsed(text, where)
+    kind, pattern, attribute, index = _parsed(text, where)
     if (kind, attribute) not in (("actuator", ""), ("joint", "torque")):
         raise ValueError(f"{where}: expected actuator[NAME] or joint[NAME].torque")
+    _refuse_index(index, where)
     one = _single(model, kind, pattern, where, "drives")
     if kind == "actuator":
         return Channel(text, one, None, "")
@@ -203,9 +205,15 @@ def signal(model: mujoco.MjModel, text: str, where: str) -> Signal:
     dof, unit = int(model.jnt_dofadr[one]), "rad" if is_hinge(model, one) else "m"
     if model.jnt_type[one] in WIDTH:
         return _loose_signal(model, one, text, attribute, index, where)
+    _refuse_index(index, where)
     if attribute == "position":
         return Signal(text, "position", int(model.jnt_qposadr[one]), dof, unit)
     return Signal(text, "velocity", dof, dof, f"{unit}/s")
+
+
+def _refuse_index(index: int | None, where: str) -> None:
+    if index is not None:
+        raise ValueError(f"{where}: it is one number; leave [{index}] out")
 
 
 def _loose_signal(

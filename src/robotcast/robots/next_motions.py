@@ -39,7 +39,6 @@ class Motion:
     """One motion, as it is told, with its commands (k, n_channels) and what it moves like."""
 
     told: dict[str, Any]
-    payloads: tuple[Payload, ...]
     log: Log
 
 
@@ -82,12 +81,11 @@ def motions(
         path = Path(f"motion {number}")
         moved = _moved(robot, loads, drive, log, periods(model.rollout.logs), path)
         if _feasible(robot, sizes, moved):
-            some.append(Motion(told, loads, moved))
+            some.append(Motion(told, replace(moved, motion=len(some))))
     if not some:
         return Motions(robot, (), Further(model, ()))
-    own = replace(robot, payloads={one.log.path.name: one.payloads for one in some})
     made = [one.log for one in some]
-    starts, n = StartStates(own, made, noise), round(length_s / periods(made))
+    starts, n = StartStates(robot, made, noise), round(length_s / periods(made))
     windows = []
     for index, log in enumerate(made):
         first = max(starts.margin, (len(log.times_s) - n) // 2)
@@ -95,7 +93,7 @@ def motions(
         assert state is not None  # nothing is missing in what was simulated
         track = starts.track(index, first)
         windows.append(Window(index, first, first + n, index, *state[:4], track=track))
-    simulated = RobotModel(own, made, windows, noise, (), model.rollout.threads, model.units)
+    simulated = RobotModel(robot, made, windows, noise, (), model.rollout.threads, model.units)
     simulated.effects = model.effects  # and what will be added to them
     nowhere = [
         replace(
@@ -128,7 +126,8 @@ def _tried(
             middle = np.median(log.drive, axis=0)
             drive = middle + share * (log.drive[:k] - middle)
             size = f"{100 * share:.0f} %"
-            told = {"motion": f"{log.path.name} again", "size": size, "hertz": None}
+            name = log.path.relative_to(robot.path.parent).as_posix()
+            told = {"motion": f"{name} again", "size": size, "hertz": None}
             yield told | weight, own, drive, log
         for c, rate, share in product(range(min(len(channels), REPLAYED)), RATES, AMPLITUDES):
             usual, dof = sizes.speed / sizes.position / (2 * np.pi), driven_dof(model, channels[c])
@@ -180,7 +179,7 @@ def _moved(
         row[:] = [from_data.get(at.kind, data.qpos)[at.index] for at in signals]
         if n > 0:  # the last command is never held
             mujoco.mj_step(model, data, n)
-    return Log(path, times_s, drive, seen)
+    return Log(path, times_s, drive, seen, payloads)
 
 
 def _feasible(robot: RobotFile, sizes: Sizes, log: Log) -> bool:

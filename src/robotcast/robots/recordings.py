@@ -36,7 +36,8 @@ def _features(path: Path) -> dict[str, list[str]]:
     if info is None:
         return {}
     found = {}
-    for column, feature in json.loads(info.read_text(encoding="utf-8"))["features"].items():
+    said = json.loads(info.read_text(encoding="utf-8"))
+    for column, feature in said.get("features", {}).items():
         names = feature.get("names")
         names = next(iter(names.values()), None) if isinstance(names, dict) else names
         if isinstance(names, list):

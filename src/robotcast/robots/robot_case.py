@@ -154,7 +154,7 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
     effects = candidates(robot, sizes, parts_of(robot))
     model = RobotModel(robot, logs, windows, noise, effects, threads)
     missed = _nominal_miss(robot, model)
-    repeated = _repeated_miss(robot, logs, model)
+    repeated = _repeated_miss(logs, model)
     known = model.perfect_miss() if repeated is None else repeated
     step = model.step_miss()
     floor = float(np.hypot(known, step))
@@ -232,20 +232,20 @@ def _nominal_miss(robot: RobotFile, model: RobotModel) -> float:
     return model.usual_miss(found) / 100
 
 
-def _repeated_miss(robot: RobotFile, logs: Sequence[Log], model: RobotModel) -> float | None:
+def _repeated_miss(logs: Sequence[Log], model: RobotModel) -> float | None:
     """Return how far repeats differ, % of the usual motion; None without any.
 
     Windows of repeated logs at the same time start from other states; what the same model misses
     of them differs only by what a run has that another has not.
     """
-    index = {log.path.name: k for k, log in enumerate(logs)}
     windows = zip(model.rollout.windows, model.nominal_misses, strict=True)
     missed, apart = {(w.log, w.first): one for w, one in windows}, []
-    for group in robot.repeats:
-        for one, other in combinations([index[name] for name in group], 2):
-            for log, first in [at for at in missed if at[0] == one and (other, at[1]) in missed]:
-                k = min(len(missed[log, first]), len(missed[other, first]))
-                apart.append((missed[log, first][:k] - missed[other, first][:k]) / np.sqrt(2))
+    for one, other in combinations(range(len(logs)), 2):
+        if logs[one].motion != logs[other].motion:
+            continue
+        for log, first in [at for at in missed if at[0] == one and (other, at[1]) in missed]:
+            k = min(len(missed[log, first]), len(missed[other, first]))
+            apart.append((missed[log, first][:k] - missed[other, first][:k]) / np.sqrt(2))
     return model.usual_miss(apart) if apart else None
 
 

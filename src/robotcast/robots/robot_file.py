@@ -211,6 +211,9 @@ def read_robot(folder: Path) -> RobotFile:
     known = read_parameters(folder / str(said.get("sysid"))) if said.get("sysid") else {}
     logs, windows = _log_paths(folder, said), said.part("windows")
     windows.allow("length_s", "most")
+    for key in windows.values:
+        if not (windows.number(key) or 0) > 0:
+            raise windows.wrong("expected a number above 0", windows.get(key), key)
     return RobotFile(
         path=path,
         model=model,
@@ -268,9 +271,12 @@ class _Said:
         return _Said(self.path, f"{self.where} {key}".strip(), {} if value is None else value)
 
     def names(self, key: str) -> list[str]:
-        """Return a list of words, or one."""
-        some = self.get(key) or []
-        return [some] if isinstance(some, str) else [str(one) for one in some]
+        """Return a list of names, or one; a name may be a number."""
+        given = self.get(key)
+        some = given if isinstance(given, list) else [] if given is None else [given]
+        if any(isinstance(one, bool) or not isinstance(one, str | int) for one in some):
+            raise self.wrong("expected names", given, key)
+        return [str(one) for one in some]
 
     def number(self, key: str) -> float | None:
         """Return a number, None where it is not given."""
@@ -380,18 +386,19 @@ def _payloads(said: _Said, model: mujoco.MjModel) -> dict[str, tuple[Payload, ..
             given = part.part(log, "kg")
             given.allow("kg", "at")
             mass_kg, place = given.number("kg"), given.get("at") or model.body_ipos[body].tolist()
-            if mass_kg is None or mass_kg < 0 or len(place) != 3:
+            numbers = isinstance(place, list) and [isinstance(x, int | float) for x in place]
+            if mass_kg is None or mass_kg < 0 or numbers != [True, True, True]:
                 raise given.wrong("expected a mass [kg], or {kg: …, at: [x, y, z]}", given.values)
             x, y, z = map(float, place)
-            found[log] = (*found.get(log, ()), Payload(body, mass_kg, (x, y, z)))
+            found[str(log)] = (*found.get(str(log), ()), Payload(body, mass_kg, (x, y, z)))
     return found
 
 
 def _repeats(said: _Said) -> tuple[tuple[str, ...], ...]:
-    groups = said.get("repeats") or ()
-    if wrong := [group for group in groups if not isinstance(group, list)]:
-        raise said.wrong("expected lists of logs", wrong[0], "repeats")
-    return tuple(tuple(Path(name).name for name in group) for group in groups)
+    groups = said.get("repeats") or []
+    if not isinstance(groups, list) or not all(isinstance(group, list) for group in groups):
+        raise said.wrong("expected lists of logs", groups, "repeats")
+    return tuple(tuple(map(str, group)) for group in groups)
 
 
 def read_parameters(path: Path) -> dict[str, dict[str, Any]]:

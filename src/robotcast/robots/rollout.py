@@ -132,8 +132,8 @@ class Rollout:
             write(tunable.at, values[:, k : k + 1])
         for effect, own in _through("write", acting):
             effect.write(fields, **own)
-        if payloads := self.robot.payloads:
-            load([payloads.get(self.logs[w.log].path.name, ()) for w in windows], fields)
+        if any(log.payloads for log in self.logs):
+            load([self.logs[w.log].payloads for w in windows], fields)
         fields.finish()
         for effect, own in _through("closes", acting):
             effect.closes(self._model, batch.expand("actuator_biasprm"), **own)

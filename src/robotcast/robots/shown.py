@@ -52,7 +52,7 @@ def _traces(case: RobotCase, before: np.ndarray, after: np.ndarray) -> dict[str,
         found.append(
             {
                 "window": record.trial,
-                "log": log.path.name,
+                "log": log.path.relative_to(case.robot.path.parent).as_posix(),
                 "start_s": log.times_s[window.first] - log.times_s[0],
                 "times_s": record.times_s,
                 "measured": record.measured * scale,
@@ -78,8 +78,9 @@ def _torques(case: RobotCase) -> list[dict[str, Any]]:
     By the model as it is: dry friction shows as a step, viscous friction as a slope.
     """
     robot, rollout = case.robot, case.model.rollout
-    of_log = [robot.payloads.get(log.path.name, ()) for log in rollout.logs]
-    models = [loaded(robot.model, own) if own else robot.model for own in of_log]
+    models = [
+        loaded(robot.model, log.payloads) if log.payloads else robot.model for log in rollout.logs
+    ]
     data, rows = [mujoco.MjData(model) for model in models], []
     for log, first, qpos, qvel, qacc in inverse_states(rollout.logs, case.starts, MOST_STATES):
         model, now = models[log], data[log]

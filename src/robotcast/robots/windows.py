@@ -217,7 +217,7 @@ def cut(
     if len(places) > robot.most_windows:
         keep = np.linspace(0, len(places) - 1, robot.most_windows).round().astype(int)
         places = [places[i] for i in np.unique(keep)]
-    parts = _parts(robot, logs, places)
+    parts = _parts(logs, places)
     states = [starts.at(index, first) for index, first in places]
     known = [(*place, part, s) for place, part, s in zip(places, parts, states, strict=True) if s]
     if not known:
@@ -240,13 +240,9 @@ def _unbroken(times_s: np.ndarray) -> bool:
     return bool(gaps.max() < 10 * np.median(gaps))
 
 
-def _parts(robot: RobotFile, logs: Sequence[Log], places: Sequence[tuple[int, int]]) -> list[int]:
-    """Return the part of every window: its log, or a run of windows of it."""
-    whole = {log.path.name: index for index, log in enumerate(logs)}
-    for group in robot.repeats:  # repeats of one motion are held out together
-        for name in group[1:]:
-            whole[name] = whole[group[0]]
-    owner = [whole[logs[index].path.name] for index, _ in places]
+def _parts(logs: Sequence[Log], places: Sequence[tuple[int, int]]) -> list[int]:
+    """Return the part of every window: its log, or a run of windows of it; of repeats, one."""
+    owner = [logs[index].motion for index, _ in places]
     n_owners = len(set(owner))
     runs = 1 if n_owners >= GROUPS else -(-GROUPS // n_owners)
     parts, numbers = [], {}
