@@ -6,7 +6,6 @@ Each WORD makes one set: the balls whose names hold it.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,8 +18,7 @@ from free_fall import FreeFall
 from robotcast.diagnosis.decision import Unexplained, strengths
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.files import write_text
-from robotcast.reporting.diagnosis_page import diagnosis_page
+from robotcast.reporting.diagnosis_page import write_diagnosis
 
 SETS = ("whiffle", "bowling")
 ON_THE_RELEASE = (
@@ -46,10 +44,7 @@ def diagnose_balls(word: str, folder: Path, without: Sequence[str] = ()) -> dict
 
     def write(known: dict[str, Any]) -> None:
         whole = {"rig": "bridge", "measurements": f"{word} balls", **known}
-        whole["notes"] = [ON_THE_RELEASE, *known["notes"]]
-        text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
-        write_text(folder / "diagnosis.json", text)
-        write_text(folder / "index.html", diagnosis_page(whole))
+        write_diagnosis(folder, {**whole, "notes": [ON_THE_RELEASE, *known["notes"]]})
 
     return diagnose(case, write)
 

@@ -7,13 +7,14 @@ import json
 import re
 from collections.abc import Mapping
 from functools import lru_cache
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from types import SimpleNamespace
 from typing import Any, Literal
 
 from markupsafe import Markup
 
 from robotcast.diagnosis.model import parameter_name
+from robotcast.files import write_text
 from robotcast.reporting.comparison_page import casts_block, where_blocks
 from robotcast.reporting.missing_force import drafts, field_figure, focus, robot_block, strongest
 from robotcast.reporting.names import (
@@ -27,6 +28,7 @@ from robotcast.reporting.names import (
 )
 from robotcast.reporting.page import render
 from robotcast.reporting.style import Bar, Row, bars, fall, inline, spread
+from robotcast.running import write_page
 
 State = Literal["running", "too-few", "unknown", "none", "near", "open", "confused", "found"]
 
@@ -38,6 +40,13 @@ _BY_STAGE: dict[str, Any] = {
     "pipeline": False,
 }
 _NOT_ACTIONS = ("separates", "difference_percent", "why")
+
+
+def write_diagnosis(folder: Path, diagnosis: Mapping[str, Any]) -> None:
+    """Write `diagnosis.json`, and `index.html`, the page of it."""
+    text = json.dumps(diagnosis, ensure_ascii=False, allow_nan=False, indent=1)
+    write_text(folder / "diagnosis.json", text)
+    write_page(folder / "index.html", diagnosis_page(diagnosis))
 
 
 def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:

@@ -1,6 +1,5 @@
 """The configured simulator beside a measurement set: which effect does it lack?"""
 
-import json
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -20,12 +19,10 @@ from robotcast.cast_model import CAST_WORDING, CastModel, candidate_casts, cast_
 from robotcast.casts.table import write_actions
 from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.next_trials import Further
-from robotcast.files import write_text
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import NO_TOOL
-from robotcast.reporting.diagnosis_page import diagnosis_page
+from robotcast.reporting.diagnosis_page import write_diagnosis
 from robotcast.rigs.envelope import feasible_actions
-from robotcast.running import write_page
 from robotcast.stage import as_note, bar, measured_set, output_folder, typed
 
 ACTIONS = "actions.csv"
@@ -69,10 +66,7 @@ def diagnose_set(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         return whole
 
     def write(found: Mapping[str, Any]) -> None:
-        whole = joined(found)
-        text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
-        write_text(folder / "diagnosis.json", text)
-        write_page(folder / "index.html", diagnosis_page(whole))
+        write_diagnosis(folder, joined(found))
 
     with bar("diagnose") as progress:
         whole = joined(diagnose(case_of(config, measured), write, progress))

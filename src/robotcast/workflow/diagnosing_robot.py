@@ -14,7 +14,7 @@ from robotcast.diagnosis.inquiry import Inquiry, fit_base, held_out
 from robotcast.diagnosis.report import fitted
 from robotcast.files import plain, write_text
 from robotcast.reporting.comparison_page import comparison_page
-from robotcast.reporting.diagnosis_page import diagnosis_page
+from robotcast.reporting.diagnosis_page import write_diagnosis
 from robotcast.reporting.missing_force import traces_figure
 from robotcast.reporting.names import effect_name
 from robotcast.reporting.style import svg
@@ -38,10 +38,7 @@ def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         return {**facts, **found, "notes": [*case.notes, *found["notes"]]}
 
     def write(found: Mapping[str, Any]) -> None:
-        whole = plain(joined(found))
-        text = json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1)
-        write_text(folder / "diagnosis.json", text)
-        write_page(folder / "index.html", diagnosis_page(whole))
+        write_diagnosis(folder, plain(joined(found)))
 
     with bar("diagnose") as progress:
         found = diagnose_by_joint(case, question, write, progress)
