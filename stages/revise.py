@@ -16,12 +16,12 @@ def revise(config: DictConfig) -> None:
     path = Path(config.paths.diagnosis) / "diagnosis.json"
     if not path.is_file():
         raise ValueError(f"{path}: is not there; stages/diagnose.py writes it")
-    model = json.loads(path.read_text(encoding="utf-8")).get("model")
-    if model is None:
+    said = json.loads(path.read_text(encoding="utf-8"))
+    if not said["finished"]:
         raise ValueError(f"{path}: is unfinished; the same diagnosis goes on from where it stopped")
-    config.effects = model["effects"]
+    config.effects = said["model"].get("effects", [])  # no model where the casts were too few
     folder, tuned = tune_simulator(config)
-    named = ", ".join(model["effects"]) or "no effect"
+    named = ", ".join(config.effects) or "no effect"
     error = tuned.errors["test"].waypoint_percent
     tell(f"{folder}: with {named}, test casts {error:.2f} % average waypoint, of cable length")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.stages import ROOT
+from tests.stages import ROOT, run_stage
 
 CASTING = ROOT / "examples" / "hidden_effect"
 SMALL = ("optimizer=gn", "optimizer.search.members=12", "optimizer.budget_casts=1500")
@@ -43,3 +43,10 @@ def test_a_tuning_killed_twice_gives_the_bytes_of_an_unbroken_one(tmp_path: Path
     for name in (*(f"tuned/{name}" for name in names), "revisions.jsonl", "revisions.html"):
         assert (killed / name).read_bytes() == (unbroken / name).read_bytes(), name
     assert not list((killed / "unfinished").iterdir())
+
+
+def test_an_unfinished_diagnosis_is_not_revised(tmp_path: Path) -> None:
+    (tmp_path / "diagnosis.json").write_text('{"finished": false, "model": {}}')
+    status, said = run_stage("revise", f"paths.diagnosis={tmp_path}", f"paths.running={tmp_path}")
+    assert status == 2
+    assert "is unfinished; the same diagnosis goes on from where it stopped" in said
