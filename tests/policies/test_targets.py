@@ -78,10 +78,10 @@ def test_the_outline_is_closed_and_symmetric(ends) -> None:
 
 
 def test_the_tool_sector_holds_every_turn_and_end(actions) -> None:
-    sector = tool_sector(actions)
-    assert sector.half_angle_rad == pytest.approx(np.abs(actions[:, [0, 2]]).max())
-    assert sector.inner_m <= actions[:, [1, 3]].min()
-    assert sector.outer_m >= actions[:, [1, 3]].max()
+    inner_m, outer_m, half_rad = tool_sector(actions)
+    assert half_rad == pytest.approx(np.abs(actions[:, [0, 2]]).max())
+    assert inner_m <= actions[:, [1, 3]].min()
+    assert outer_m >= actions[:, [1, 3]].max()
 
 
 @pytest.fixture

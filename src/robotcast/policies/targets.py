@@ -27,15 +27,6 @@ class Board:
         return along & (np.abs(y) < self.width_m / 2 - _EDGE_M)
 
 
-@dataclass(frozen=True)
-class Sector:
-    """The part of an annulus about the robot base that the held end sweeps."""
-
-    inner_m: float
-    outer_m: float
-    half_angle_rad: float
-
-
 def rest_side(endpoints_m: np.ndarray) -> float:
     """Return +1 when most of `endpoints_m` (n, 2) lie on the left half (y > 0), −1 otherwise."""
     return 1.0 if np.median(endpoints_m[:, 1]) > 0 else -1.0
@@ -97,11 +88,14 @@ def reachable_outline(endpoints_m: np.ndarray) -> np.ndarray:
     return np.concatenate([outline, outline[:1]])
 
 
-def tool_sector(actions: np.ndarray) -> Sector:
-    """Return the sector that the held end sweeps over `actions` (n, 6) and their mirror images."""
+def tool_sector(actions: np.ndarray) -> tuple[float, float, float]:
+    """Return the part of an annulus that the held end sweeps over `actions` (n, 6), mirrored too.
+
+    Inner and outer radius [m] about the robot base, and half the angle [rad].
+    """
     theta1, r1, theta2, r2, _, _ = actions.T
     radii, angles = np.stack([r1, r2]), np.stack([theta1, theta2])
-    return Sector(float(radii.min()), float(radii.max()), float(np.abs(angles).max()))
+    return float(radii.min()), float(radii.max()), float(np.abs(angles).max())
 
 
 def _populated_cells(points: np.ndarray) -> np.ndarray:

@@ -213,11 +213,11 @@ def _draw_areas(panel: Axes, simulated: Examples) -> None:
     """Shade where the free end can rest, and the sector that the robot's hand sweeps."""
     outline = reachable_outline(simulated.endpoints_m)
     panel.add_patch(Polygon(outline[:, ::-1], fc="#e5e7eb", ec="#9ca3af", lw=0.8, zorder=0))
-    sector = tool_sector(simulated.actions)
-    half = np.degrees(sector.half_angle_rad)
+    inner_m, outer_m, half_rad = tool_sector(simulated.actions)
+    half = np.degrees(half_rad)
     looks = {"fc": "#fde68a", "ec": ORANGE, "lw": 0.8, "alpha": 0.75, "zorder": 1}
-    width = sector.outer_m - sector.inner_m
-    panel.add_patch(Wedge((0, 0), sector.outer_m, 90 - half, 90 + half, width=width, **looks))
+    ends = 90 - half, 90 + half
+    panel.add_patch(Wedge((0, 0), outer_m, *ends, width=outer_m - inner_m, **looks))
     panel.update_datalim(outline[:, ::-1])
     panel.autoscale_view()
 
