@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 from torch import nn
-from torch.nn.functional import huber_loss
+from torch.nn.functional import huber_loss, pad
 from torch.optim.swa_utils import AveragedModel
 
 from robotcast.policies.datasets import Dataset
@@ -89,7 +89,8 @@ class Network(LearnedModel):
     def deviation(self, rows: torch.Tensor) -> torch.Tensor:
         """Return the scatter times √(1 + φᵀ A⁻¹ φ), (n,)."""
         features = self.layers[:-1](rows)
-        unlike = (_with_one(features) @ self.root.T).square().sum(dim=1)
+        with_bias = pad(features, (0, 1), value=1.0)
+        unlike = (with_bias @ self.root.T).square().sum(dim=1)
         return self.scatter(features) * torch.sqrt(1 + unlike)
 
     def stored(self) -> tuple[dict[str, Any], Tensors]:
@@ -160,7 +161,7 @@ class _NetworkFit(Fit):
             misses_m = torch.linalg.norm((layers[-1](features) - self.ends) * self.scale_m, dim=1)
             weights = self.weights.double()
             scatter = fit_scatter(features.double(), misses_m.double(), weights)
-            seen = _with_one(features).double()
+            seen = pad(features, (0, 1), value=1.0).double()  # a column of ones for the bias
             precision = (weights[:, None] * seen).T @ seen
             unit = torch.eye(len(precision), dtype=torch.float64)
             lower = torch.linalg.cholesky(precision + _PRIOR_PRECISION * unit)
@@ -190,11 +191,6 @@ def make_layers(hidden: Sequence[int]) -> nn.Sequential:
     widths = [6, *hidden]
     pairs = [(nn.Linear(before, after), nn.ReLU()) for before, after in pairwise(widths)]
     return nn.Sequential(*chain.from_iterable(pairs), nn.Linear(widths[-1], 2))
-
-
-def _with_one(features: torch.Tensor) -> torch.Tensor:
-    """Return features (n, h) with a column of ones for the bias, (n, h + 1)."""
-    return torch.cat([features, torch.ones(len(features), 1, dtype=features.dtype)], dim=1)
 
 
 def _all(module: nn.Module, rows: torch.Tensor) -> torch.Tensor:
