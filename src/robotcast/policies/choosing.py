@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from robotcast.casts.action import ACTION_COLUMNS, Action
+from robotcast.casts.action import ACTION_COLUMNS, MIRROR, Action
 from robotcast.casts.curves import PlanLimits, plan_curves
 from robotcast.casts.plan import ActionGrid, pull_action
 from robotcast.measurements.measurement_set import Cable
@@ -119,7 +119,7 @@ def _on_candidates_half(choices: Sequence[Choice]) -> tuple[np.ndarray, ...]:
     """Return actions (k, 6) with θ₁ > 0, and the signs that mirror actions and endpoints back."""
     actions = np.stack([c.action.as_array() for c in choices])
     mirrored = actions[:, [0]] < 0
-    signs = np.where(mirrored, [-1.0, 1.0, -1.0, 1.0, -1.0, 1.0], 1.0)
+    signs = np.where(mirrored, MIRROR, 1.0)
     return actions * signs, signs, np.where(mirrored, [1.0, -1.0], 1.0)
 
 

@@ -75,7 +75,7 @@ def rig_names(rigs: Iterable[str]) -> str:
 
 def thousands(number: float) -> str:
     """21450 → 21 450, with a narrow space that does not break."""
-    return f"{number:,.0f}".replace(",", "\u202f")
+    return f"{number:,.0f}".replace(",", _THIN)
 
 
 def effect_name(effect: str) -> str:
@@ -145,9 +145,8 @@ def odds(value: float) -> str:
     if value > 0.4:
         return "1 in 2 or more"
     if value < 1e-6:
-        return f"< 1 in {1_000_000:,}".replace(",", _THIN)
-    times = float(f"{1 / value:.2g}")
-    return f"1 in {times:,.0f}".replace(",", _THIN)
+        return f"< 1 in {thousands(1e6)}"
+    return f"1 in {thousands(float(f'{1 / value:.2g}'))}"
 
 
 def quantity(value: float | None, unit: str, digits: int = 3) -> str:

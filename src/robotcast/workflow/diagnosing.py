@@ -79,13 +79,12 @@ def case_of(config: DictConfig, measured: MeasurementSet) -> Case:
     """Return the question: the model, the casts, and the effects to try."""
     simulator = partial(build_simulator, config, measured.cable)
     bare = simulator()
-    tuned, lacks = (getattr(bare, name, ()) for name in ("tunes", "lacks"))
-    left_out = {*config.exclude, *config.effects, *tuned}
+    left_out = {*config.exclude, *config.effects, *bare.tunes}
     build_effects((*config.effects, *config.exclude))  # a name that nobody knows is refused here
     candidates = [
         effect.name
         for effect in build_effects([n for n in known_effects() if n not in left_out])
-        if not any(effect.acts_through(hook) for hook in lacks)
+        if not any(effect.acts_through(hook) for hook in bare.lacks)
     ]
     effects = (*build_effects((*config.effects, *candidates)), *build_fields())
     model = CastModel(measured, simulator, effects, held=config.simulator.weighed)

@@ -10,7 +10,6 @@ import yaml
 from omegaconf import DictConfig, OmegaConf
 
 from robotcast.build import action_space, build
-from robotcast.casts.plan import plan_action
 from robotcast.casts.table import read_actions
 from robotcast.files import write_text
 from robotcast.measurements.measurement_set import split_by_action
@@ -50,7 +49,7 @@ def choose(config: DictConfig, rig: Rig, model: ForwardModel) -> Sequence[choosi
 
 
 def cast_on_rig(
-    config: DictConfig, rig: Rig, choices: Sequence[choosing.Choice], plan: Plan = plan_action
+    config: DictConfig, rig: Rig, choices: Sequence[choosing.Choice], plan: Plan
 ) -> pl.DataFrame:
     """Cast every choice as often as the scale says; return evaluation.csv."""
     for target, choice in enumerate(choices):
