@@ -26,6 +26,7 @@ simulator):
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -53,20 +54,12 @@ class BulletSettings(Settings):
     iterations: int = 50  # of Bullet's constraint solver in every step
 
 
-class _PhysicsClient:
-    """PyBullet's functions, with a physics client of their own."""
-
-    def __init__(self) -> None:
-        self._client = pybullet.connect(pybullet.DIRECT)
-
-    def __getattr__(self, name: str) -> Any:
-        return partial(getattr(pybullet, name), physicsClientId=self._client)
-
-
 @cache
 def physics_client() -> Any:
-    """Return the physics client of this process."""
-    return _PhysicsClient()
+    """Return PyBullet's functions with the physics client of this process."""
+    functions = {name: f for name, f in vars(pybullet).items() if callable(f)}
+    client = pybullet.connect(pybullet.DIRECT)
+    return SimpleNamespace(**{n: partial(f, physicsClientId=client) for n, f in functions.items()})
 
 
 class BulletRun(Run):
