@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import binomtest
 
-from robotcast.reporting.style import BLUE, GREY, VERMILION, log_errors
+from robotcast.reporting.style import BLUE, GREY, VERMILION, log_marks
 from studies.hidden_effects.outcomes import Outcome
 
 ENDS = ("none", "unknown")
@@ -82,7 +82,7 @@ def power_figure(outcomes: Sequence[Outcome]) -> Figure:
         )
     axes.axvline(1.0, color=VERMILION, lw=1.0, ls=(0, (2, 2)), label="noise floor")
     axes.set_xscale("log")
-    log_errors(axes.xaxis, _TICKS)
+    log_marks(axes.xaxis, _TICKS)
     axes.set(ylim=(-0.08, 1.08), ylabel="named first")
     axes.set_xlabel("shift of the paths by the hidden effect [noise floors]")
     axes.set_title("How strong an effect must be to be named")

@@ -6,14 +6,13 @@ from pathlib import Path
 import numpy as np
 import yaml
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, NullLocator
 from omegaconf import DictConfig
 
 from robotcast.files import write_text
 from robotcast.reporting.names import math_text, name_of, policy_name
 from robotcast.reporting.page import markdown
 from robotcast.reporting.results import read_evaluation
-from robotcast.reporting.style import BLUE, VERMILION, style, svg
+from robotcast.reporting.style import BLUE, VERMILION, log_marks, style, svg
 from robotcast.stage import output_folder, stage, tell
 from studies.points import HEAD, Point
 
@@ -42,11 +41,8 @@ def errors_figure(points: Sequence[Point]) -> Figure:
         name = f"{policy_name('nn', group)} on {name_of(group)}"
         axes.plot(places, numbers[:, 0], "o-", color=color, label=math_text(name))
         axes.vlines(places, numbers[:, 1], numbers[:, 2], color=color, lw=1.2)
-    places = sorted({p.place for p in points})
     axes.set_xscale("log")
-    axes.set_xticks(places, [f"{n:.0f}" for n in places])
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    log_marks(axes.xaxis, sorted({p.place for p in points}))
     axes.set_ylim(bottom=0)
     axes.set(xlabel="real casts to learn from", ylabel="median error\n[% of cable length]")
     figure.legend(loc="outside lower center", ncols=2)

@@ -30,7 +30,7 @@ from robotcast.reporting.style import (
     VERMILION,
     board_axes,
     fit_height,
-    log_errors,
+    log_marks,
 )
 
 _QUANTILES = {"best": 0.0, "quarter": 0.25, "median": 0.5, "three quarters": 0.75, "worst": 1.0}
@@ -153,7 +153,7 @@ def errors_figure(evaluations: Sequence[Evaluation], floors: dict[str, float | N
             span = [place - 0.45, place + 0.45]
             axes.plot(span, [floor, floor], color=GREY, lw=1.2, ls=(0, (2, 2)))
     axes.set_yscale("log")
-    log_errors(axes.yaxis)
+    log_marks(axes.yaxis)
     axes.grid(axis="y", color="#e5e7eb", lw=0.6)
     axes.set_axisbelow(True)
     axes.set_xlim(-0.6, len(evaluations) - 0.2)

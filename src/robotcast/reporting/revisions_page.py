@@ -20,7 +20,7 @@ from robotcast.reporting.style import (
     canvas,
     fall,
     inline,
-    log_errors,
+    log_marks,
     spread,
     style,
 )
@@ -142,7 +142,7 @@ def _search_figure(tuning: TuningProgress, base: float | None) -> Figure:
     known = [v for v in (*best, base, floor) if v]
     axes.set(xlim=(0, casts[-1]), yscale="log", ylim=(min(known) / 1.25, max(known) * 1.15))
     axes.grid(axis="x", visible=False)
-    log_errors(axes.yaxis)
+    log_marks(axes.yaxis)
     axes.xaxis.set_major_locator(MaxNLocator(4))
     axes.xaxis.set_major_formatter(lambda value, _: names.thousands(value))
     axes.set(xlabel="simulated casts", ylabel="best error on tuning casts [%]")

@@ -143,7 +143,7 @@ def fit_height(figure: Figure, around_in: float) -> None:
     figure.set_figheight(rows * (height + around_in))
 
 
-def log_errors(axis: Axis, levels: Sequence[float] = _LEVELS) -> None:
+def log_marks(axis: Axis, levels: Sequence[float] = _LEVELS) -> None:
     """Mark a logarithmic axis with round numbers alone."""
     axis.set_major_locator(FixedLocator(list(levels)))
     axis.set_minor_locator(NullLocator())
