@@ -9,10 +9,9 @@ from omegaconf import DictConfig
 from robotcast.files import write_text
 from robotcast.reporting.names import name_of, thousands
 from robotcast.reporting.page import markdown
-from robotcast.reporting.tables import SIM2SIM, SIM2SIM_CASTS
+from robotcast.reporting.tables import MISSING, SIM2SIM, SIM2SIM_CASTS
 from robotcast.stage import output_folder, stage, tell
 
-MISSING = "–"
 NEAR_PERCENT = 1.0  # the paper's bar: a tuning is near when its parameters are within this
 HEAD = (
     "Simulator", "Parameters", "Casts", "Optimizer", "Tunings", "Parameters told",
@@ -100,8 +99,7 @@ def _paper(simulator: str, parameters: str, optimizer: str, casts: int) -> str:
 def csv_text(table: list[tuple[str, ...]]) -> str:
     """Write the table as CSV, empty where nothing is known."""
     shown = pl.DataFrame(table, dict.fromkeys(HEAD, pl.String), orient="row")
-    plain = pl.all().str.replace_all("\u202f", "").str.replace_all(MISSING, "").replace("", None)
-    return shown.select(plain).write_csv()
+    return shown.select(pl.all().str.replace_all("\u202f", "").replace(MISSING, None)).write_csv()
 
 
 def table(config: DictConfig) -> None:
