@@ -58,8 +58,6 @@ class WaypointError:
 
 def _beginning(trial: Trial, share: float) -> Trial:
     """Return a trial that ends early, after this share of its waypoints."""
-    if share == 1.0:
-        return trial
     k = max(2, round(share * len(trial.waypoints_s)))
     return replace(trial, waypoints_s=trial.waypoints_s[:k], waypoints_m=trial.waypoints_m[:k])
 
