@@ -1,12 +1,12 @@
 """Track the free end through every video of a session: a measurement set."""
 
 import json
-import os
 
 from omegaconf import DictConfig
 
 from robotcast.files import write_text
 from robotcast.measurements import reader
+from robotcast.processes import cores
 from robotcast.sessions import read_session, recorded_copy, summed_robot_notes
 from robotcast.stage import bar, named_session, output_folder, stage, tell, warn
 from robotcast.vision.facts import TrackingLimits
@@ -19,9 +19,9 @@ def track(config: DictConfig) -> None:
         measured, summary = reader.read_measurement_set(copy), {"recorded": True}
         tell(f"{sessions}: {len(measured.trials)} recorded casts passed on")
     else:
-        session, cores = read_session(sessions), len(os.sched_getaffinity(0))
+        session = read_session(sessions)
         with bar(f"track {config.cable.name}") as progress:
-            found = track_session(session, TrackingLimits(**config.tracking), cores, progress)
+            found = track_session(session, TrackingLimits(**config.tracking), cores(0), progress)
         measured, summary = found.measurement_set(folder), found.summary()
         summary |= {"robot": robot} if (robot := summed_robot_notes(session)) else {}
         for line in found.losses:
