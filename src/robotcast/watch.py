@@ -158,7 +158,7 @@ def _overlap(one: str, other: str) -> bool:
 
 
 HOST, OURS = "127.0.0.1", ("127.0.0.1", "localhost")
-FOLDERS = ("data", "outputs", "reports")  # all that the page shows and links to
+FOLDERS = ("data/", "outputs/", "reports/")  # all that the page shows and links to
 PAGES = ("index.html", "revisions.html")
 SCAN_S = 3  # how often the folders are looked through
 FILMED, INSTANTS, WIDE = 3, 6, 480  # pictures, moments in each, pixels
@@ -184,7 +184,7 @@ def serve(root: Path, runs: Path, port: int) -> None:
 
     async def file(request: web.Request) -> web.FileResponse:
         path = os.path.normpath(request.path.lstrip("/"))  # a link of DVC's leads to its cache
-        if not path.startswith(tuple(f"{f}/" for f in FOLDERS)) or not (root / path).is_file():
+        if not path.startswith(FOLDERS) or not (root / path).is_file():
             raise web.HTTPNotFound
         return web.FileResponse(root / path, headers={"Cache-Control": "no-cache"})
 
@@ -266,7 +266,7 @@ def _title(path: Path) -> str:
 def _link(root: Path, page: str) -> str | None:
     """Return where the page lies below the root, None where it is not shown."""
     link = os.path.relpath(page, root.resolve())
-    return link if link.startswith(tuple(f"{folder}/" for folder in FOLDERS)) else None
+    return link if link.startswith(FOLDERS) else None
 
 
 @lru_cache(maxsize=4 * FILMED)
@@ -310,14 +310,13 @@ def _drawing(cells: Sequence[Cell]) -> SimpleNamespace:
         groups[cell.stage].append(cell)
         direct[cell.stage] |= {stage_of[name] for name in cell.needs} - {cell.stage}
     above: dict[str, set[str]] = {}  # all that a stage needs, at whatever distance
-    column: dict[str, int] = {}
     boxes: dict[str, Box] = {}
     rows = Counter[int]()  # in each column
     for stage, members in groups.items():
         above[stage] = direct[stage].union(*(above.get(need, ()) for need in direct[stage]))
-        x = 1 + max((column.get(need, -1) for need in direct[stage]), default=-1)
-        boxes[stage] = Box(stage, members, x * (BOX + GAP), rows[x] * ROW)
-        column[stage] = x
+        placed = [boxes[need] for need in direct[stage] if need in boxes]
+        x = max((box.x + BOX + GAP for box in placed), default=0)
+        boxes[stage] = Box(stage, members, x, rows[x] * ROW)
         rows[x] += 1
     arrows = [
         (boxes[need], boxes[stage])
