@@ -5,7 +5,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from robotcast.build import action_space
-from robotcast.casts.action import ACTION_COLUMNS
+from robotcast.casts.action import action_factors
 from robotcast.casts.table import write_actions
 from robotcast.rigs.envelope import feasible_actions
 from robotcast.stage import bar, stage, tell
@@ -15,10 +15,7 @@ def candidates(config: DictConfig) -> None:
     space = action_space(config, "candidates")
     with bar("candidates") as progress:
         actions = feasible_actions(*space, progress)
-    write_actions(
-        [dict(zip(ACTION_COLUMNS, row, strict=True)) for row in actions.tolist()],
-        Path(config.paths.candidates),
-    )
+    write_actions(list(map(action_factors, actions)), Path(config.paths.candidates))
     tell(f"{len(actions)} of {space[0].size} actions are feasible")
 
 
