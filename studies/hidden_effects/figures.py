@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import binomtest
 
+from robotcast.reporting.names import effect_name
 from robotcast.reporting.style import BLUE, GREY, VERMILION, log_marks
 from studies.hidden_effects.outcomes import Outcome
 
@@ -46,10 +47,8 @@ def confusion_figure(outcomes: Sequence[Outcome]) -> Figure:
         if count:
             dark = shares[row, column] > 0.55
             axes.text(column, row, str(count), ha="center", va="center", color="w" if dark else "k")
-    axes.set_xticks(
-        range(len(columns)), [name.replace("_", " ") for name in columns], rotation=40, ha="right"
-    )
-    axes.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows])
+    axes.set_xticks(range(len(columns)), [*map(effect_name, columns)], rotation=40, ha="right")
+    axes.set_yticks(range(len(rows)), [*map(effect_name, rows)])
     title = "Cases with at most one hidden effect"
     axes.set(xlabel="named first", ylabel="hidden", title=title)
     return figure
