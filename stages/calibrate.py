@@ -8,11 +8,10 @@ from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 
-import yaml
 from omegaconf import DictConfig
 
 from robotcast.build import build
-from robotcast.files import write_text
+from robotcast.files import write_yaml
 from robotcast.rigs.ur5.camera import Webcam, WebcamSettings
 from robotcast.stage import require, stage, tell
 from robotcast.vision.calibration import calibrate_lens
@@ -28,7 +27,7 @@ def calibrate(config: DictConfig) -> None:
     with closing(Webcam(settings)) as camera:
         pictures = views(camera)
     lens = calibrate_lens(pictures)
-    write_text(folder / "lens.yaml", yaml.safe_dump(asdict(lens), sort_keys=False))
+    write_yaml(folder / "lens.yaml", asdict(lens))
     tell(
         f"{folder / 'lens.yaml'}: focal length {lens.focal_widths:.4f} ± {lens.spread_widths:.4f} "
         f"image widths from {lens.views} views ({lens.reprojection_px:.2f} px); set it as "

@@ -40,6 +40,11 @@ def write_text(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8")
 
 
+def write_yaml(path: Path, values: Any) -> None:
+    """Write plain values as YAML in one step, keys in the order that they have."""
+    write_text(path, yaml.safe_dump(values, sort_keys=False))
+
+
 def read_mapping(path: Path, expected: str) -> dict[str, Any]:
     """Read a YAML file of keys; a ValueError names the line where it is none, or what it needs."""
     try:

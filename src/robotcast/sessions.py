@@ -21,11 +21,10 @@ from typing import Any
 import cv2
 import numpy as np
 import polars as pl
-import yaml
 
 from robotcast.casts.action import ACTION_COLUMNS, Action, ToolMotion, action_factors
 from robotcast.casts.table import RANGES, TABLE_COLUMNS, Table, read_table
-from robotcast.files import atomic_folder, discard_unfinished, read_mapping, write_text
+from robotcast.files import atomic_folder, discard_unfinished, read_mapping, write_text, write_yaml
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
 
@@ -102,7 +101,7 @@ def open_session(
     values = {"rig": rig, "cable": asdict(cable), "r0_m": float(r0_m), **facts}
     path = folder / SESSION_FILE
     if not path.is_file():
-        write_text(path, yaml.safe_dump(values, sort_keys=False))
+        write_yaml(path, values)
     elif (known := _load(path)) != values:
         changed = sorted(
             SETTING_NAMES.get(k, k) for k in {*known, *values} if known.get(k) != values.get(k)
@@ -182,7 +181,7 @@ def write_record(record: CastRequest | CastRecord, folder: Path) -> None:
     """Write request.yaml or cast.yaml of a cast."""
     path = folder / (REQUEST_FILE if isinstance(record, CastRequest) else CAST_FILE)
     values = {**vars(record), "action": action_factors(record.action.as_array())}
-    write_text(path, yaml.safe_dump(values, sort_keys=False))
+    write_yaml(path, values)
 
 
 def read_record(folder: Path) -> CastRecord:
@@ -301,7 +300,7 @@ def adopt_recorded_set(path: Path | None, folder: Path) -> MeasurementSet:
             for entry in _set_files(path):
                 shutil.copyfile(entry, unfinished / entry.name)
     values = {"rig": "recorded", "cable": asdict(measured.cable), "r0_m": measured.r0_m}
-    write_text(folder / SESSION_FILE, yaml.safe_dump(values, sort_keys=False))
+    write_yaml(folder / SESSION_FILE, values)
     return measured
 
 

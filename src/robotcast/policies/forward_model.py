@@ -20,7 +20,7 @@ import torch
 import yaml
 from safetensors.torch import load_file, save_file
 
-from robotcast.files import atomic_file, write_text
+from robotcast.files import atomic_file, write_text, write_yaml
 from robotcast.policies.datasets import Examples
 
 WEIGHTS_FILE, HISTORY_FILE, DESCRIPTION_FILE = "weights.safetensors", "training.csv", "policy.yaml"
@@ -257,7 +257,7 @@ class LearnedModel(ABC):
             "validation_median_m": round(best.validation_median_m, 6),
             "weights_sha256": hashlib.sha256(weights.read_bytes()).hexdigest(),
         }
-        write_text(folder / DESCRIPTION_FILE, yaml.safe_dump(description, sort_keys=False))
+        write_yaml(folder / DESCRIPTION_FILE, description)
 
     @classmethod
     def load(cls, folder: Path) -> Self:

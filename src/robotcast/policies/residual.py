@@ -19,10 +19,9 @@ from typing import Any
 
 import numpy as np
 import torch
-import yaml
 from scipy.optimize import minimize
 
-from robotcast.files import write_text
+from robotcast.files import write_yaml
 from robotcast.policies import forward_model
 from robotcast.policies.datasets import Dataset, Examples, refuse_other_cables
 from robotcast.policies.gaussian_process import GaussianProcess, matern
@@ -95,9 +94,7 @@ class Residual:
             "best_epoch": forward_model.best_epoch(history).epoch,
             "validation_median_m": round(self.left_out_median_m, 6),
         }
-        write_text(
-            folder / forward_model.DESCRIPTION_FILE, yaml.safe_dump(description, sort_keys=False)
-        )
+        write_yaml(folder / forward_model.DESCRIPTION_FILE, description)
 
 
 def _features(base: Base, actions: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:

@@ -7,12 +7,11 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from robotcast import sessions
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, PlannedCast, plan_action
-from robotcast.files import atomic_folder, write_text
+from robotcast.files import atomic_folder, write_yaml
 from robotcast.processes import process_pool
 from robotcast.rigs import CastNotUsed, Rig, RigStopped
 from robotcast.running import Progress, silent
@@ -123,7 +122,7 @@ def _set_aside(unfinished: Path, folder: Path, number: int, reason: str) -> None
     """Keep what was recorded of a cast that is not to be used, under a name that nobody reads."""
     if all(entry.name == sessions.REQUEST_FILE for entry in unfinished.iterdir()):
         return
-    write_text(unfinished / "unused.yaml", yaml.safe_dump({"reason": reason}))
+    write_yaml(unfinished / "unused.yaml", {"reason": reason})
     names = (folder / f"unused_{number:05d}_{attempt}" for attempt in itertools.count(1))
     unfinished.rename(next(path for path in names if not path.exists()))
 
@@ -131,6 +130,6 @@ def _set_aside(unfinished: Path, folder: Path, number: int, reason: str) -> None
 def _note_failure(folder: Path, request: sessions.CastRequest, reason: str) -> None:
     path = folder / f"failed_{request.number:05d}.yaml"
     if reason:
-        write_text(path, yaml.safe_dump({"number": request.number, "reason": reason}))
+        write_yaml(path, {"number": request.number, "reason": reason})
     else:
         path.unlink(missing_ok=True)

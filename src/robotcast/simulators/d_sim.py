@@ -16,7 +16,7 @@ import yaml
 
 from robotcast.casts.action import ACTION_COLUMNS, ToolMotion, action_factors
 from robotcast.casts.plan import PlannedCast
-from robotcast.files import atomic_file, write_text
+from robotcast.files import atomic_file, write_yaml
 from robotcast.running import Progress, silent
 from robotcast.simulators.simulator import Cast, SimulatedCast, Simulator
 
@@ -112,4 +112,4 @@ def _write(folder: Path, casts: pl.DataFrame, facts: dict[str, Any]) -> None:
     """Write the casts, then the facts: a folder with facts is whole."""
     with atomic_file(folder / CASTS) as temporary:
         casts.write_parquet(temporary)
-    write_text(folder / FACTS, yaml.safe_dump(facts, sort_keys=False))
+    write_yaml(folder / FACTS, facts)

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import yaml
 from matplotlib.figure import Figure
 
 from robotcast.casts.action import Action
 from robotcast.casts.plan import PlanLimits, plan_action
-from robotcast.files import atomic_file, write_text
+from robotcast.files import atomic_file, write_text, write_yaml
 from robotcast.reporting.style import BLUE, CYCLE, GREY, VERMILION, board_axes, style, svg
 from robotcast.rigs import Rig
 from robotcast.rigs.envelope import Envelope
@@ -36,7 +35,7 @@ def write_prints(folder: Path, markers: FiducialBoard) -> None:
         paper = np.pad(black, side // 6, constant_values=255)
         _write_picture(folder / f"marker_{number:02d}.png", paper)
         places.append({"marker": number, "x_m": round(x, 4), "y_m": round(y, 4)})
-    write_text(folder / "places.yaml", yaml.safe_dump(places, sort_keys=False))
+    write_yaml(folder / "places.yaml", places)
     tell(
         f"{folder}: print every picture at 300 dots an inch (squares of 35 mm, markers of "
         f"{markers.side_m * 1e3:.0f} mm); lay the markers where places.yaml says, top towards +x"

@@ -13,12 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from robotcast import sessions
 from robotcast.casts.plan import PlannedCast
 from robotcast.casts.reset import ResetSettings
-from robotcast.files import write_text
+from robotcast.files import write_yaml
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs import CastNotUsed, RigStopped
 from robotcast.rigs.kinematics import Gripper, joints_pointing_down, link_points
@@ -155,7 +154,7 @@ class Ur5Rig:
             "resets": resets,
             "not_fixed": running.camera.unfixed,
         }
-        write_text(folder / sessions.ROBOT_NOTES_FILE, yaml.safe_dump(notes, sort_keys=False))
+        write_yaml(folder / sessions.ROBOT_NOTES_FILE, notes)
 
     def close(self) -> None:
         if self._running is not None:
