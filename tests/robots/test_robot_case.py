@@ -182,8 +182,8 @@ def test_windows_of_one_log_are_held_out_together(slider: RobotCase, tmp_path: P
 
 
 def test_logs_of_one_file_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:
-    more = {"payloads": {"body[table]": {"run1/log.csv": 0.5}}}
-    folder = write_folder(tmp_path, logs=13, repeats=[["run0/log.csv", "run2/log.csv"]], **more)
+    same, loads = [["run0/log.csv", "run2/log.csv"]], {"body[table]": {"run1/log.csv": 0.5}}
+    folder = write_folder(tmp_path, logs=13, repeats=same, payloads=loads)
     said = folder / "robot.yaml"
     said.write_text(said.read_text().replace("log*.csv", "run*/log.csv"))
     for number, path in enumerate(sorted(folder.glob("log*.csv"), key=lambda p: int(p.stem[3:]))):

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
-import yaml
 
-from robotcast.files import read_mapping, write_text
+from robotcast.files import read_mapping, write_yaml
 from robotcast.robots.couplings import WORLD, couple, moved_by, serve
 from robotcast.robots.model_fields import Payload
 from robotcast.robots.names import (
@@ -432,4 +431,4 @@ def write_parameters(path: Path, sizes: Mapping[str, Mapping[str, Any]]) -> None
         said[name] = {"name": name, "nominal": [value]}
         said[name] |= {"min_value": [min(low, value)], "max_value": [max(high, value)]}
         said[name] |= {"value": [value], "frozen": low == high}
-    write_text(path, yaml.safe_dump(said, sort_keys=False))
+    write_yaml(path, said)
