@@ -51,16 +51,15 @@ def look_for_the_unknown(
     tell("every field")
     tuned = early.fit(base, found.base.revision.fit.vector, 0)
     together = _fields_together(early, base, tuned, fields)
-    looked = {}
     for effects in together.best(1, min(effort.finalists + 1, len(fields)), base):
         tell(inquiry.model.effects[effects[-1]].text)
-        looked[effects] = together.look(effects, together.start(effects))
-    begun.fit_best(looked, effort.finalists)
+        known = together.look(effects, together.start(effects))
+        begun.fit(effects, known.vector, known)
     least = early.expected_loss(found.chosen, found.early[found.chosen])
     cost = {effects: early.expected_loss(effects, fit) for effects, fit in begun.fits.items()}
     hopeful = sorted((e for e in cost if cost[e] <= least), key=cost.__getitem__)
     revisions = []
-    for effects in hopeful:
+    for effects in hopeful[: effort.finalists]:
         tell(inquiry.model.effects[effects[-1]].text)
         whole = inquiry.fit_whole(effects, begun.begun(effects), effort.refit)
         revisions.append(Revision(effects, whole))

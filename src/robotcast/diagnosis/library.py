@@ -9,7 +9,7 @@ saturated model that is pruned; Tipping 2001 on why so many parameters do no har
 held by a prior).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, product
@@ -239,12 +239,6 @@ class Beginnings:
         if before is None or fit.loss < before.loss:
             self.fits[effects] = fit
         return fit
-
-    def fit_best(self, looked: Mapping[tuple[str, ...], Fit], most: int) -> None:
-        """Take one step from each of some looks, and fit the best so many as long as that pays."""
-        fits = {e: self.inquiry.fit(e, fit.vector, 1, known=fit) for e, fit in looked.items()}
-        for effects in sorted(fits, key=lambda e: fits[e].loss)[:most]:
-            self.fit(effects, fits[effects].vector, fits[effects])
 
     def begun(self, effects: tuple[str, ...]) -> list[Fit]:
         """Return where a fit to whole trials starts: the best fit, and one from the nominal model.

@@ -135,7 +135,11 @@ class Selection:
                     fit = some.look(effects, start)
                     if effects not in looked or fit.loss < looked[effects].loss:
                         looked[effects] = fit
-        self.early.fit_best(looked, most - 1)
+        early = self.early.inquiry
+        begun = {e: early.fit(e, fit.vector, 1, known=fit) for e, fit in looked.items()}
+        for effects in sorted(begun, key=lambda e: begun[e].loss)[: most - 1]:
+            fit = begun[effects]
+            self.early.fit(effects, fit.vector, fit)
 
     def _swapped(self, effects: Effects, old: str, new: str) -> Effects:
         """Return effects with another one in the place of one, in the library's order."""
