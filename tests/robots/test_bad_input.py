@@ -83,6 +83,16 @@ def test_what_robot_yaml_cannot_say(good: Path, tmp_path: Path, edit: Edit, word
         read_case(copy_of(good, tmp_path, edit))
 
 
+def test_what_a_mocap_body_holds_is_refused(good: Path, tmp_path: Path) -> None:
+    held = '<equality><weld body1="hand" body2="table"/></equality></mujoco>'
+    text = SLIDER.replace("</mujoco>", held)
+    text = text.replace("<worldbody>", '<worldbody><body name="hand" mocap="true"/>')
+    folder = copy_of(good, tmp_path)
+    (folder / "robot.xml").write_text(text)
+    with pytest.raises(ValueError, match="to the mocap body hand, which no log can move; take"):
+        read_case(folder)
+
+
 def stuck(table: pl.DataFrame) -> pl.DataFrame:
     held = pl.int_range(pl.len()).is_between(95, 125)
     return table.with_columns(

@@ -140,13 +140,33 @@ def test_a_joint_without_a_column_is_said(tmp_path: Path) -> None:
 
 def test_the_number_of_a_base_without_a_name_is_no_name(tmp_path: Path) -> None:
     folder = folder_with(tmp_path, {}, pl.lit(1.0).alias("battery_0"))
-    model = folder / "robot.xml"
-    free = '<worldbody><body name="base"><freejoint/><geom size=".1"/>'
-    text = model.read_text().replace("<worldbody>", free)
-    model.write_text(text.replace("</worldbody>", "</body></worldbody>"))
+    on_a_base(folder / "robot.xml", "<freejoint/>")
     _, said = describe(folder)
-    assert any(one.startswith("0: a free") for one in said)
+    assert any(one.startswith("0, caster: a free") for one in said)
     assert not any("if the base moved" in one for one in said)
+
+
+def on_a_base(model: Path, joint: str) -> None:
+    """Put a model on a base that a joint moves."""
+    text = model.read_text().replace("<worldbody>", f'<worldbody><body name="base">{joint}{BALL}')
+    model.write_text(text.replace("</worldbody>", "</body></worldbody>"))
+
+
+BALL = '<geom size=".1"/><body><joint name="caster" type="ball"/><geom size=".05"/></body>'
+
+
+def test_a_pose_without_a_name_is_the_bases_not_of_a_ball_on_it(tmp_path: Path) -> None:
+    names = ("x", "y", "z", "qw", "qx", "qy", "qz")
+    pose = [pl.lit(float(name == "qw")).alias(name) for name in names]
+    folder = folder_with(tmp_path, {}, *pose)
+    on_a_base(folder / "robot.xml", '<freejoint name="root"/>')
+    (folder / "xmls").mkdir()
+    (folder / "robot.xml").rename(folder / "xmls" / "robot.xml")
+    path, _ = describe(folder)
+    said = yaml.safe_load(path.read_text())
+    assert said["model"] == "xmls/robot.xml"
+    assert said["measured"]["joint[root].position[3]"]["column"] == "qw"
+    assert said["weld"] == ["caster"]
 
 
 def test_a_folder_without_a_model_or_a_log_is_refused(tmp_path: Path) -> None:

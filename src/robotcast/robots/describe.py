@@ -65,18 +65,20 @@ def describe(folder: Path) -> tuple[Path, list[str]]:
 
 
 def _model_in(folder: Path) -> Path:
-    """Return the model that no other one in the folder includes."""
-    found = sorted(p for e in ("xml", "urdf", "mjcf") for p in folder.glob(f"*.{e}"))
-    texts = {p: p.read_text(encoding="utf-8", errors="replace") for p in found}
-    found = [p for p in found if re.search(r"<(mujoco|robot)\b", texts[p])]
+    """Return the model that no other one in the folder, or else below it, includes."""
+    for among in (folder.glob, folder.rglob):
+        found = sorted(p for e in ("xml", "urdf", "mjcf") for p in among(f"*.{e}"))
+        texts = {p: p.read_text(encoding="utf-8", errors="replace") for p in found}
+        if found := [p for p in found if re.search(r"<(mujoco|robot)\b", texts[p])]:
+            break
     included = {
-        (folder / name).resolve()
+        (p.parent / name).resolve()
         for p in found
         for name in re.findall(r'<include\s+file="([^"]+)"', texts[p])
     }
     tops = [p for p in found if p.resolve() not in included]
     if len(tops) != 1:
-        names = ", ".join(p.name for p in tops) or "none"
+        names = ", ".join(p.relative_to(folder).as_posix() for p in tops) or "none"
         raise ValueError(f"{folder}: expected an MJCF or URDF file, one; found {names}")
     return tops[0]
 
@@ -100,12 +102,16 @@ class _Guess:
         self.time_unit = next((unit for unit, least in PERIODS if step >= least), "s")
         single = [n for j, n in enumerate(self._joints) if model.jnt_type[j] not in WIDTH]
         left = [c for c in columns if c != self.time]
-        self.weld, self.measured = [], {}
-        for joint in (n for n in self._joints if n not in single):
-            pose = self._pose(joint, left, len(self._joints) - len(single) == 1)
-            self.weld += [] if pose else [joint]
-            self.measured |= pose
-            left = [c for c in left if c not in [column for column, _ in pose.values()]]
+        self.weld, self.measured = [n for n in self._joints if n not in single], {}
+        free = [n for n in self.weld if model.jnt_type[self._joints.index(n)] == FREE]
+        alone = free or self.weld  # a pose without a name is that of the base, if there is one
+        tries = [(joint, False) for joint in self.weld]
+        tries += [(joint, True) for joint in alone if len(alone) == 1]
+        for joint, nameless in tries:
+            if joint in self.weld and (pose := self._pose(joint, left, nameless)):
+                self.weld.remove(joint)
+                self.measured |= pose
+                left = [c for c in left if c not in [column for column, _ in pose.values()]]
         kinds = {c: _kind(c, self._joints, actuators) for c in left}
         by_kind = {kind: [c for c in left if kinds[c] == kind] for kind in WORDS}
         for kind in ("position", "velocity"):
@@ -344,7 +350,7 @@ def _text(folder: Path, model_path: Path, logs: Sequence[Path], guess: _Guess) -
         more += "".join(f"  {_quoted(one)}: {{ kp: , kd: }}\n" for one in guess.servos)
     return (
         f"# Written by describe from {model_path.name} and {logs[0].name}: check columns, units.\n"
-        f"model: {_quoted(model_path.name)}\n"
+        f"model: {_quoted(model_path.relative_to(folder).as_posix())}\n"
         f"logs: [{', '.join(map(_quoted, sorted(named)))}]\n"
         f"time: {{ column: {_quoted(guess.time)}, unit: {guess.time_unit} }}\n"
         f"drive:  # what was commanded\n{lines(guess.drive)}\n"

@@ -128,7 +128,8 @@ def name_of_dof(model: mujoco.MjModel, dof: int) -> str:
 
 def joint_of_actuator(model: mujoco.MjModel, actuator: int) -> int | None:
     """Return the joint that an actuator drives, None where it drives a tendon or a site."""
-    of_joint = model.actuator_trntype[actuator] == int(mujoco.mjtTrn.mjTRN_JOINT)
+    drives = int(model.actuator_trntype[actuator])  # hinges and slides are driven alike by both
+    of_joint = drives in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
     return int(model.actuator_trnid[actuator, 0]) if of_joint else None
 
 

@@ -168,7 +168,8 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
     if step > known:
         notes.append(
             f"The model's own step of {1e3 * robot.model.opt.timestep:.3g} ms makes it err by "
-            f"{step:.2g} % of the usual motion, more than noise: a shorter timestep shows more."
+            f"{float(f'{step:.2g}'):g} % of the usual motion, more than noise: a shorter timestep "
+            "shows more."
         )
     return RobotCase(
         robot, model, starts, sizes, length_s, floor, step, repeated is not None, tuple(notes)

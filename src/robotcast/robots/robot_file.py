@@ -3,12 +3,13 @@
 Last, the ParameterDict of `mujoco.sysid` as it stands on disk, a YAML file of plain numbers.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from robotcast.files import read_mapping, write_yaml
 from robotcast.robots.couplings import WORLD, couple, moved_by, serve
@@ -164,14 +165,30 @@ class Moving:
         return getattr(self._spec, name)
 
 
-def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
-    """Compile a model, or refuse it with MuJoCo's own words."""
+def compiled(spec: mujoco.MjSpec, path: Path, weld: Sequence[str] = ()) -> mujoco.MjModel:
+    """Compile a model, without welded joints, or refuse it with MuJoCo's own words."""
     try:
-        return spec.compile()
+        model = spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         said = _one_line(error)
+        without = f" without {', '.join(weld)}, which weld leaves out" if weld else ""
         copy = "; copy its meshes along, at the places that it names" if "file" in said else ""
-        raise ValueError(f"{path}: MuJoCo cannot compile it: {said}{copy}") from None
+        raise ValueError(f"{path}: MuJoCo cannot compile it{without}: {said}{copy}") from None
+    for name in _held_by_mocap(model):
+        raise ValueError(
+            f"{path}: an equality holds the robot to the mocap body {name}, which no log can move; "
+            "take the equality out of the model"
+        )
+    return model
+
+
+def _held_by_mocap(model: mujoco.MjModel) -> Iterator[str]:
+    """Yield the names of mocap bodies to which an equality holds something."""
+    ids, acts = np.stack([model.eq_obj1id, model.eq_obj2id], axis=1), model.eq_active0.astype(bool)
+    bodies = acts & (model.eq_objtype == mujoco.mjtObj.mjOBJ_BODY)
+    sites = acts & (model.eq_objtype == mujoco.mjtObj.mjOBJ_SITE)
+    held = [*ids[bodies].ravel(), *model.site_bodyid[ids[sites].ravel()]]
+    yield from (model.body(b).name or str(b) for b in held if model.body_mocapid[b] >= 0)
 
 
 def _one_line(error: Exception) -> str:
@@ -199,7 +216,7 @@ def read_robot(folder: Path) -> RobotFile:
     servos = _servos(said.part("servos"))
     spec = couple(load_spec(model_path, weld))
     serve(spec, servos, f"{path}: servos")
-    model = compiled(spec, model_path)
+    model = compiled(spec, model_path, weld)
     measured = _columns(said.part("measured"), signal, model)
     _refuse_unseen(model, measured, path)
     if model.nu and "drive" not in said.values:
