@@ -181,6 +181,20 @@ def test_windows_of_one_log_are_held_out_together(slider: RobotCase, tmp_path: P
     assert any("too few to hold out" in note for note in slider.notes)
 
 
+def test_windows_are_shorter_where_slopes_cannot_put_starts_right(tmp_path: Path) -> None:
+    servo = '<position name="s" joint="shoulder" kp="25" kv="1.2"/>'
+    xml = ARM.replace(servo, '<motor name="s" joint="shoulder" gear="3"/>')
+    for damping in ('damping="0.05"', 'damping="0.03"'):
+        xml = xml.replace(damping, 'damping="0.005" range="-99 99"')
+    xml = xml.replace('timestep="0.005"', 'timestep="0.002"')
+    folder = write_folder(tmp_path, xml, logs=3, length_s=8.0, noise=3e-3)
+    case = read_case(folder)
+    assert case.length_s == pytest.approx(0.5, abs=0.01)  # a prediction holds for 1.0 s
+    assert case.model.starts_are_put_right()
+    missed = case.model.usual_miss(case.model.nominal_misses)
+    assert missed < 1.1 * case.floor_percent
+
+
 def test_logs_of_one_file_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:
     same, loads = [["run0/log.csv", "run2/log.csv"]], {"body[table]": {"run1/log.csv": 0.5}}
     folder = write_folder(tmp_path, logs=13, repeats=same, payloads=loads)

@@ -29,6 +29,7 @@ PART = 0.02  # of how far a signal moves: what is missed by so much counts as on
 MOST_SD = 3.0  # standard deviations that a start state may move by
 FINER = 5  # into how many parts a step is cut to see what it errs by
 DRAWS = 20  # of noise, for what it leaves of a perfect model
+TRIED = 4  # of starts, for what their slopes leave
 
 
 @dataclass(frozen=True)
@@ -152,6 +153,24 @@ class RobotModel:
             missed.append(left - self._start_shift(record, left))
         return self.usual_miss(missed)
 
+    def starts_are_put_right(self) -> bool:
+        """Tell whether slopes put starts right that are off by their noise, to below the noise.
+
+        Where the motion bends too much within a window they do not, and a perfect model would miss
+        more than `perfect_miss`. Where the slopes are taken at estimated starts, nobody knows.
+        """
+        start, _ = self._starts
+        if start.any():
+            return True
+        rng, missed = np.random.default_rng(0), []
+        there, _ = self._sloped(start)
+        for _ in range(TRIED):
+            away = self._paths(list(range(len(start))), rng.normal(size=start.shape))
+            for record, path, moved in zip(self.records, there, away, strict=True):
+                left = (moved - path)[None, : len(record.times_s)]
+                missed.append(left - self._start_shift(record, left))
+        return self.usual_miss(missed) < self.perfect_miss()
+
     @property
     def finer(self) -> "RobotModel":
         """The same model with a shorter step: diagnosis asks it by what that shifts sizes."""
@@ -251,12 +270,16 @@ class RobotModel:
         around = np.repeat(start[:, None], n, axis=1)
         around[:, 1:] += np.eye(n_states)
         numbers = np.repeat(np.arange(n_windows), n).tolist()
-        times_s = [self.records[k].times_s for k in numbers]
-        nominal = np.array([[p.nominal for p in self.parameters]])
-        away = self._away(numbers, around.reshape(-1, n_states))
-        found = self.rollout.simulate(numbers, times_s, (), nominal, away)[0] / self.units.si
+        found = self._paths(numbers, around.reshape(-1, n_states))
         found = found.reshape(n_windows, n, *found.shape[1:])
         return found[:, 0], np.nan_to_num(np.moveaxis(found[:, 1:] - found[:, :1], 1, -1))
+
+    def _paths(self, numbers: Sequence[int], start: np.ndarray) -> np.ndarray:
+        """Return the nominal signals (n, k, d) of windows from starts that deviate (n, 2 nv)."""
+        times_s = [self.records[k].times_s for k in numbers]
+        nominal = np.array([[p.nominal for p in self.parameters]])
+        away = self._away(numbers, start)
+        return self.rollout.simulate(numbers, times_s, (), nominal, away)[0] / self.units.si
 
     def _away(self, numbers: Sequence[int], start: np.ndarray) -> np.ndarray:
         """Return deviations (n, 2 nv) of windows' starts in SI units, (n, 2, nv)."""
