@@ -1,7 +1,7 @@
 """A robot's MJCF beside its logs: where does the model fail, and which effect does it lack?"""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -74,22 +74,21 @@ def tune_robot(config: DictConfig) -> list[str]:
     ]
 
 
-def describe_robot(folder: Path) -> list[str]:
-    """Write robot.yaml and a figure of a window beside the simulation; say what was guessed."""
+def describe_robot(folder: Path) -> Iterator[str]:
+    """Write robot.yaml and say what was guessed; then draw a window beside the simulation."""
     path, said = describe(folder)
-    said = [f"{path}:", *(f"- {sentence}" for sentence in said)]
+    yield f"{path}:"
+    yield from (f"- {sentence}" for sentence in said)
     try:
         case = read_case(folder)
     except ValueError as error:
-        return [*said, f"It does not run yet: {error}"]
+        yield f"It does not run yet: {error}"
+        return
     drawn = plain(preview(case))
     write_text(folder / PREVIEW, svg(traces_figure(drawn["signals"], drawn["windows"][0])))
-    return [
-        *said,
-        *(f"- {note}" for note in case.notes),
-        f"{folder / PREVIEW} lays a window beside the simulation: does it begin alike?",
-        f"Then: robotcast diagnose {folder}",
-    ]
+    yield from (f"- {note}" for note in case.notes)
+    yield f"{folder / PREVIEW} lays a window beside the simulation: does it begin alike?"
+    yield f"Then: robotcast diagnose {folder}"
 
 
 def _asked(config: DictConfig, exclude: Any = ()) -> tuple[Path, RobotCase, Case]:
