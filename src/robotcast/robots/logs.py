@@ -86,13 +86,12 @@ def read_logs(robot: RobotFile) -> tuple[Log, ...]:
     logs = [_read(path.with_name(name), one, robot) for path, name, one in tables]
     paths, motions = [log.path for log in logs], list(range(len(logs)))
     for group in robot.repeats:
-        same = sorted(_number(robot, "repeats", paths, name) for name in group)
-        for number in same:
-            motions[number] = motions[same[0]]
+        own = {motions[_number(robot, "repeats", paths, name)] for name in group}
+        motions = [min(own) if motion in own else motion for motion in motions]
     logs = [replace(log, motion=motion) for log, motion in zip(logs, motions, strict=True)]
-    for name, own in robot.payloads.items():
+    for name, loads in robot.payloads.items():
         number = _number(robot, "payloads", paths, name)
-        logs[number] = replace(logs[number], payloads=own)
+        logs[number] = replace(logs[number], payloads=(*logs[number].payloads, *loads))
     for log in logs[1:]:
         ratio = log.period_s / logs[0].period_s
         if not 1 / OTHER_RATE < ratio < OTHER_RATE:

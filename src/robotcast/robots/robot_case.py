@@ -150,7 +150,7 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
     starts = StartStates(robot, logs, noise)
     sizes = sizes_of(robot.model, logs, starts)
     effects = candidates(robot, sizes, parts_of(robot))
-    length_s = holds_s = robot.length_s or _length(robot, logs, starts, noise, threads)
+    length_s = robot.length_s or _length(robot, logs, starts, noise, threads)
     while True:
         windows = cut(robot, logs, starts, length_s)
         model = RobotModel(robot, logs, windows, noise, effects, threads)
@@ -160,10 +160,10 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
         length_s /= 2
     missed = _nominal_miss(robot, model)
     repeated = _repeated_miss(logs, model)
-    known = model.perfect_miss() if repeated is None else repeated
+    known = model.perfect_miss if repeated is None else repeated
     step = model.step_miss()
     floor = float(np.hypot(known, step))
-    notes = _notes(robot, logs, windows, length_s, holds_s)
+    notes = _notes(robot, logs, windows, length_s)
     if missed > FAR_OFF:
         notes.insert(
             0,
@@ -256,15 +256,10 @@ def _repeated_miss(logs: Sequence[Log], model: RobotModel) -> float | None:
 
 
 def _notes(
-    robot: RobotFile,
-    logs: Sequence[Log],
-    windows: Sequence[Window],
-    length_s: float,
-    holds_s: float,
+    robot: RobotFile, logs: Sequence[Log], windows: Sequence[Window], length_s: float
 ) -> list[str]:
-    chosen = "as robot.yaml says" if robot.length_s else "about as long as a prediction holds"
-    if length_s < holds_s:
-        chosen = "as long as a start that is off by its noise can be put right"
+    holds = "about as long as a prediction holds and a start can be put right"
+    chosen = "as robot.yaml says" if robot.length_s else holds
     notes = [
         f"The logs were cut into {len(windows)} windows of {length_s:.2g} s, {chosen}; each starts "
         "from its measured state."

@@ -228,8 +228,8 @@ def read_robot(folder: Path) -> RobotFile:
     logs, windows = _log_paths(folder, said), said.part("windows")
     windows.allow("length_s", "most")
     for key in windows.values:
-        if not (windows.number(key) or 0) > 0:
-            raise windows.wrong("expected a number above 0", windows.get(key), key)
+        if (number := windows.number(key)) is not None and number <= 0:
+            raise windows.wrong("expected a number above 0", number, key)
     return RobotFile(
         path=path,
         model=model,

@@ -137,8 +137,9 @@ class RobotModel:
         pairs = zip(paths, self.records, strict=True)
         return [path[: len(r.times_s)] - r.measured for path, r in pairs]
 
+    @cached_property
     def perfect_miss(self) -> float:
-        """Return what noise and start states leave of a perfect model, % of the scale.
+        """What noise and start states leave of a perfect model, % of the scale.
 
         Noise is drawn and put on both; the start is fitted as it is to measured windows. It is the
         least that repeats would differ by: what else varies from run to run is not in it.
@@ -162,14 +163,13 @@ class RobotModel:
         start, _ = self._starts
         if start.any():
             return True
-        rng, missed = np.random.default_rng(0), []
-        there, _ = self._sloped(start)
-        for _ in range(TRIED):
-            away = self._paths(list(range(len(start))), rng.normal(size=start.shape))
-            for record, path, moved in zip(self.records, there, away, strict=True):
-                left = (moved - path)[None, : len(record.times_s)]
-                missed.append(left - self._start_shift(record, left))
-        return self.usual_miss(missed) < self.perfect_miss()
+        rng, every = np.random.default_rng(0), range(len(start))
+        paths = [self._paths(every, rng.normal(size=start.shape)) for _ in range(TRIED)]
+        moved, missed = np.array(paths) - self._paths(every, start), []
+        for own, record in enumerate(self.records):
+            left = moved[:, own, : len(record.times_s)]
+            missed.append(left - self._start_shift(record, left))
+        return self.usual_miss(missed) < self.perfect_miss
 
     @property
     def finer(self) -> "RobotModel":
