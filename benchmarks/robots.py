@@ -72,7 +72,7 @@ def score(
         "among": answer <= told | confused,
         "sizes": fitted,
         "errors": [round(e, 3) for e in errors],
-        "floor": round(asked.floor_percent, 2),
+        "floor": round(said["noise_floor_percent"], 2),
         "candidates": sum(e.depends_on is None for e in asked.model.effects.values()),
         "seconds": round(seconds),
         "cpu_seconds": round(cpu),

@@ -1,6 +1,7 @@
 """What effects of robots do, against what they say."""
 
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -19,7 +20,7 @@ from robotcast.robots.effects import (
     Stribeck,
 )
 from robotcast.robots.library import alone, candidates, parts_of
-from robotcast.robots.robot_case import diagnose_by_joint, read_case
+from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
 from tests.robots.made_up_robot import ARM, PERIOD_S, rewrite, write_folder
 
 WHERE = Where("axis", (0,), (1,), (0,), (0,))
@@ -115,6 +116,8 @@ def test_joints_that_are_alike_share_effects_until_one_is_named(tmp_path: Path) 
     case = read_case(write_folder(tmp_path, WALKER, logs=1, windows=windows))
     parts = {where.name: where.dofs for where in parts_of(case.robot)["joint"]}
     assert parts == {"hip_joint": (0, 2, 4), "knee_joint": (1, 3, 5)}
+    legs = "left_{0}, right_{0}, third_{0}".format
+    assert f"hip joint ({legs('hip_joint')}); knee joint ({legs('knee_joint')})" in case.notes[1]
     whole = case.model.effects["dry_friction_knee_joint"]
     single = {e.name: e for e in candidates(case.robot, case.sizes, alone(case.robot))}
     assert [name for name, one in single.items() if one.is_part_of(whole)] == [
@@ -138,6 +141,37 @@ def test_a_joint_is_told_apart_within_its_group(tmp_path: Path) -> None:
     torque = found["model"]["parameters"]["dry_friction_right_knee_joint.torque"]
     assert torque["value"] == pytest.approx(0.1, rel=0.1)
     assert "told apart" in found["notes"][0]
+
+
+def test_one_signal_beyond_its_floor_is_not_lost_among_many_at_theirs(tmp_path: Path) -> None:
+    def hidden(torque: float) -> RobotCase:
+        def hide(model: mujoco.MjModel) -> None:
+            model.dof_frictionloss[3] = torque  # right_knee_joint
+
+        windows = {"length_s": 0.5, "most": 24}
+        folder = tmp_path / f"{torque}"
+        return read_case(
+            write_folder(folder, WALKER, logs=12, windows=windows, change=hide, noise=2e-3)
+        )
+
+    def diagnosed(case: RobotCase) -> dict[str, Any]:
+        kept = ("viscous_friction_knee_joint", "dry_friction_knee_joint")
+        laws = [n for n, e in case.model.effects.items() if e.depends_on is None and n not in kept]
+        effort = Effort(some=12, tried=3, finalists=1)
+        return diagnose_by_joint(case, case.question(laws, (), Rule(), effort), lambda known: None)
+
+    found = diagnosed(hidden(0.009))
+    assert found["verdict"] == ["dry_friction_right_knee_joint"]
+    assert found["notes"][0].startswith(
+        "All signals together are near what noise leaves, but right"
+    )
+    weak = diagnosed(hidden(0.005))  # all signals together stand within 1.5 times their floor
+    assert weak["verdict"] == ["none"] and weak["unexplained"]
+    assert weak["sentence"].endswith(
+        "But right knee joint position is at 1.8 times what noise leaves."
+    )
+    perfect = diagnosed(hidden(0.0))
+    assert perfect["verdict"] == ["none"] and not perfect["unexplained"]
 
 
 def test_what_one_link_lacks_is_named_beside_what_a_group_lacks(tmp_path: Path) -> None:

@@ -114,14 +114,14 @@ def test_what_acts_on_a_thrown_box_is_named_where_nothing_drives_it(
     assert found["verdict"] == [name]
     given = found["model"]["parameters"][f"{name}.{parameter}"]
     assert given["low"] < size < given["high"]
-    assert found["ladder"][-1]["heldout_typical_error_percent"] < 1.5 * case.floor_percent
+    assert found["ladder"][-1]["heldout_typical_error_percent"] < 1.5 * case.floor.percent
     assert not found["next_actions"]
 
 
 def test_a_pose_that_shows_late_is_predicted(late: RobotCase) -> None:
     model, tau = late.model, LATE * PERIOD_S
     path = model.predict(model.records, ["encoder_latency_root"], np.array([[tau]]))[0]
-    assert model.usual_miss(model.misses(path)) < 1.2 * late.floor_percent
+    assert model.usual_miss(model.misses(path)) < 1.2 * late.floor.percent
 
 
 @pytest.mark.parametrize(

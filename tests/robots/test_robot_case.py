@@ -158,7 +158,7 @@ def test_noise_is_read_from_the_logs_and_a_perfect_model_stands_at_the_floor_tha
     noise = case.model.units.noise * case.model.units.si
     assert noise[0] == pytest.approx(2e-3, rel=0.3)
     missed = case.model.usual_miss(case.model.nominal_misses)
-    assert missed == pytest.approx(case.floor_percent, rel=0.3)
+    assert missed == pytest.approx(case.floor.percent, rel=0.3)
 
 
 def test_a_start_state_hides_no_more_than_its_deviation_allows(slider: RobotCase) -> None:
@@ -192,7 +192,7 @@ def test_windows_are_shorter_where_slopes_cannot_put_starts_right(tmp_path: Path
     assert case.length_s == pytest.approx(0.5, abs=0.01)  # a prediction holds for 1.0 s
     assert case.model.starts_are_put_right()
     missed = case.model.usual_miss(case.model.nominal_misses)
-    assert missed < 1.1 * case.floor_percent
+    assert missed < 1.1 * case.floor.percent
 
 
 def test_logs_of_one_file_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:
@@ -219,7 +219,7 @@ def test_repeats_tell_the_floor(tmp_path: Path) -> None:
     noise = QUANTUM * np.random.default_rng(1).normal(size=len(table))
     table.with_columns(pl.col("q_axis") + noise).write_csv(folder / "log1.csv")
     case = read_case(folder)
-    assert case.repeated
+    assert case.floor.repeated
     parts = {w.log: w.part for w in case.model.rollout.windows if w.log < 2 and w.first < 20}
     assert parts[0] == parts[1]
 

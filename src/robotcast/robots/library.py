@@ -120,14 +120,21 @@ def _groups(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
         kinds = model.jnt_type[model.dof_jntid]
         found = {"all_hinges": np.flatnonzero(kinds == 3), "all_slides": np.flatnonzero(kinds == 2)}
         return {name: tuple(dofs.tolist()) for name, dofs in found.items() if len(dofs)}
-    return {_common([name_of_dof(model, d) for d in some]): tuple(some) for some in alike.values()}
+    words = {dof: name_of_dof(model, dof).replace("-", "_").split("_") for dof in single}
+    groups = alike.values()
+    return {_common([words[d] for d in some], words.values()): tuple(some) for some in groups}
 
 
-def _common(names: Sequence[str]) -> str:
-    """Return the words that all names share, "calf joint" of FL_calf_joint and RR_calf_joint."""
-    words = [name.replace("-", "_").split("_") for name in names]
+def _common(words: Sequence[Sequence[str]], others: Iterable[Sequence[str]]) -> str:
+    """Return the words that all names share, "calf joint" of FL_calf_joint and RR_calf_joint.
+
+    Where those are in all others, too, the first and the last name tell the group.
+    """
     shared = [word for word in words[0] if all(word in other for other in words)]
-    return "_".join(shared) or "_".join(names)
+    if all(word in other for word in shared for other in others):
+        ends = words if len(words) < 3 else (words[0], ["to"], words[-1])
+        shared = [word for end in ends for word in end]
+    return "_".join(shared)
 
 
 def _where(

@@ -3,30 +3,30 @@
 It is asked for groups of joints first, then within the group that is named, and for single joints.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import SequenceMatcher
 from functools import cached_property, partial
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from robotcast.diagnosis.decision import Unexplained, strengths
-from robotcast.diagnosis.diagnose import Case, diagnose, floor_and_noise
+from robotcast.diagnosis.decision import Code, Unexplained, strengths
+from robotcast.diagnosis.diagnose import Case, Tell, diagnose, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.library import library_at
 from robotcast.diagnosis.model import Axis, Wording
+from robotcast.diagnosis.report import unexplained
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import TorqueField
 from robotcast.robots.library import alone, candidates, parts_of
 from robotcast.robots.logs import Log, periods, read_logs
-from robotcast.robots.names import to_si
+from robotcast.robots.names import name_of_dof, to_si
 from robotcast.robots.next_motions import Motions, motions
 from robotcast.robots.robot_file import RobotFile, read_robot
-from robotcast.robots.robot_model import RobotModel, of_quaternions, tuned_parameters
+from robotcast.robots.robot_model import RobotFloor, RobotModel, of_quaternions, tuned_parameters
 from robotcast.robots.rollout import Rollout
 from robotcast.robots.sizes import Sizes, sizes_of
 from robotcast.robots.windows import GROUPS, LEAST_SAMPLES, StartStates, Window, cut, noise_of
@@ -49,9 +49,6 @@ class RobotCase:
 
     Attributes
     ----------
-    floor_percent : what a perfect model with this step would still miss, % of the usual motion.
-    step_percent : the part of it that the model's own step makes it err by.
-    repeated : whether repeats told it; else noise and start states alone, the least it can be.
     notes : what to know of the data, a sentence each.
     """
 
@@ -60,9 +57,7 @@ class RobotCase:
     starts: StartStates
     sizes: Sizes
     length_s: float
-    floor_percent: float
-    step_percent: float
-    repeated: bool
+    floor: RobotFloor
     notes: tuple[str, ...]
 
     @property
@@ -78,7 +73,7 @@ class RobotCase:
             group="part of a log",
             groups="parts of logs",
             mover="the robot",
-            floor="repeats differ by" if self.repeated else "noise leaves",
+            floor="repeats differ by" if self.floor.repeated else "noise leaves",
             axes=tuple(axes),
             factor_units={"time in the log": "s"},
         )
@@ -114,20 +109,62 @@ class RobotCase:
         _refuse_unknown("effects", fixed, every)
         self.model.effects.update({n: single[n] for n in (*left_out, *fixed) if n in single})
         names = [n for n in laws if n not in single]
-        return Case(
+        asked = Case(
             model=self.model,
             records=self.model.records,
             candidates=[n for n in names if n not in left_out and n not in fixed],
             fixed=tuple(fixed),
-            wording=self.wording,
             draw=draw_field,
-            further=lambda: self.motions.further,
-            floor=self.floor_percent,
-            floor_is_least=not self.repeated,
-            numerical_error=self.step_percent,
             rule=replace(rule, blunder=np.inf),
             effort=replace(effort, tried=LIKE * effort.tried),
         )
+        return self.ask(asked)
+
+    def ask(self, question: Case) -> Case:
+        """Return a question as it is asked of this model."""
+        return replace(
+            question,
+            model=self.model,
+            records=self.model.records,
+            wording=self.wording,
+            further=lambda: self.motions.further,
+            floor=self.floor.percent,
+            floor_is_least=not self.floor.repeated,
+            numerical_error=self.floor.step_percent,
+        )
+
+    def standing_out(self, question: Case, found: Mapping[str, Any]) -> np.ndarray:
+        """Tell which signals, (n_signals,), the found model misses by more than an honest one."""
+        rule, named = question.rule, found["code"] == Code.NAMED.value
+        honest = rule.beyond if named and question.floor_is_least else rule.at_floor
+        return self._times_floor(found) > honest
+
+    def said_of(self, found: Mapping[str, Any], some: np.ndarray) -> str:
+        """Say how far above its floor each of some signals is."""
+        pairs = zip(self.wording.axes, self._times_floor(found), some, strict=True)
+        told = " and ".join(f"{axis.name} is at {by:.1f}" for axis, by, own in pairs if own)
+        return f"{told} times what {self.wording.floor}"
+
+    def _times_floor(self, found: Mapping[str, Any]) -> np.ndarray:
+        model, last = self.model, found["model"]
+        if not last:
+            return np.zeros(len(self.floor.signals))
+        values = np.array([[p["value"] for p in last["parameters"].values()]], float)
+        paths = model.predict(model.records, last["effects"], values)[0]
+        missed = np.array([model.usual_misses(model.misses(paths)), self.floor.signals])
+        signals = list(self.robot.measured)
+        return np.divide(*(of_quaternions(signals, one) for one in missed))
+
+    def weighing(self, some: np.ndarray) -> "RobotCase":
+        """Return the case with some signals, (n_signals,) bool, counted as much as all others."""
+        old = self.model
+        units, rollout = old.units.weighing(some, self.floor.signals), old.rollout
+        noise = old.units.noise * old.units.si
+        model = RobotModel(
+            self.robot, rollout.logs, rollout.windows, noise, (), rollout.threads, units
+        )
+        model.effects = old.effects
+        return replace(self, model=model, floor=RobotFloor.of(model))
 
 
 def _refuse_unknown(key: str, names: Iterable[str], known: Iterable[str]) -> None:
@@ -159,10 +196,7 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
             break
         length_s /= 2
     missed = _nominal_miss(robot, model)
-    repeated = _repeated_miss(logs, model)
-    known = model.perfect_miss if repeated is None else repeated
-    step = model.step_miss()
-    floor = float(np.hypot(known, step))
+    floor = RobotFloor.of(model)
     notes = _notes(robot, logs, windows, length_s)
     if missed > FAR_OFF:
         notes.insert(
@@ -170,15 +204,13 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
             f"Within {length_s:.2g} s the model as it is errs by {missed:.0f} times the usual "
             "motion: look whether a unit, a sign or a column in robot.yaml is wrong.",
         )
-    if step > known:
+    if floor.step_percent > np.sqrt(0.5) * floor.percent:
         notes.append(
             f"The model's own step of {1e3 * robot.model.opt.timestep:.3g} ms makes it err by "
-            f"{float(f'{step:.2g}'):g} % of the usual motion, more than noise: a shorter timestep "
-            "shows more."
+            f"{float(f'{floor.step_percent:.2g}'):g} % of the usual motion, more than noise: a "
+            "shorter timestep shows more."
         )
-    return RobotCase(
-        robot, model, starts, sizes, length_s, floor, step, repeated is not None, tuple(notes)
-    )
+    return RobotCase(robot, model, starts, sizes, length_s, floor, tuple(notes))
 
 
 def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:
@@ -238,23 +270,6 @@ def _nominal_miss(robot: RobotFile, model: RobotModel) -> float:
     return model.usual_miss(found) / 100
 
 
-def _repeated_miss(logs: Sequence[Log], model: RobotModel) -> float | None:
-    """Return how far repeats differ, % of the usual motion; None without any.
-
-    Windows of repeated logs at the same time start from other states; what the same model misses
-    of them differs only by what a run has that another has not.
-    """
-    windows = zip(model.rollout.windows, model.nominal_misses, strict=True)
-    missed, apart = {(w.log, w.first): one for w, one in windows}, []
-    for one, other in combinations(range(len(logs)), 2):
-        if logs[one].motion != logs[other].motion:
-            continue
-        for log, first in [at for at in missed if at[0] == one and (other, at[1]) in missed]:
-            k = min(len(missed[log, first]), len(missed[other, first]))
-            apart.append((missed[log, first][:k] - missed[other, first][:k]) / np.sqrt(2))
-    return model.usual_miss(apart) if apart else None
-
-
 def _notes(
     robot: RobotFile, logs: Sequence[Log], windows: Sequence[Window], length_s: float
 ) -> list[str]:
@@ -264,6 +279,14 @@ def _notes(
         f"The logs were cut into {len(windows)} windows of {length_s:.2g} s, {chosen}; each starts "
         "from its measured state."
     ]
+    joints = [name_of_dof(robot.model, dof) for dof in range(robot.model.nv)]
+    groups = [
+        f"{one.name.replace('_', ' ')} ({', '.join(joints[dof] for dof in one.dofs)})"
+        for one in parts_of(robot)["joint"]
+        if len(one.dofs) > 1
+    ]
+    if groups:
+        notes.append(f"Joints are looked at together first: {'; '.join(groups)}.")
     if not robot.repeats:
         notes.append(
             "No log repeats another, so the noise floor is what the sensors' noise and the start "
@@ -280,9 +303,6 @@ def _notes(
     return notes
 
 
-Tell = Callable[[dict[str, Any]], object]
-
-
 def diagnose_by_joint(
     case: RobotCase, question: Case, tell: Tell, progress: Progress = silent
 ) -> dict[str, Any]:
@@ -291,9 +311,51 @@ def diagnose_by_joint(
     Where an effect of a whole group is named, it competes with those of its joints: it is as simple
     as one of them, and stays where all joints have it. Whatever else was named is tried beside
     them. For as long as more is missing and named, of the effects of all single joints and links
-    those are tried beside it that the slopes promise most of, and fields of single joints.
+    those are tried beside it that the slopes promise most of, and fields of single joints. Where
+    the whole is at its floor and some signals are not, they are looked at so, once.
     """
-    found = diagnose(question, tell, progress)
+    found, said = diagnose(question, tell, progress), []
+    effects, single = case.model.effects, _of_single_joints(case, question)
+    laws = [n for n, e in single.items() if e.depends_on is None]
+    named = [n for n in found["verdict"] if n in effects]
+    if own := [n for n in laws if any(single[n].is_part_of(effects[name]) for name in named)]:
+        effects.update({n: single[n] for n in laws})
+        said.append(f"First, of a group: {' + '.join(named)}. Then its joints were told apart.")
+        asked = replace(question, candidates=[*named, *own])
+        found = _ask_again(asked, found, said, tell, progress)
+    weighed, more = False, True
+    while look := _look_again(case, question, found, weighed, more):
+        weighed, (case, why) = weighed or look[0] is not case, look
+        question = case.ask(question)
+        named = [n for n in found["verdict"] if n in effects]
+        others = [n for n in (*laws, *(question.candidates if weighed else ())) if n not in named]
+        more = bool(others) and len(named) < question.rule.most_effects
+        if not more:
+            continue
+        effects.update(single)
+        parts = [n for n in others if any(effects[n].is_part_of(effects[name]) for name in named)]
+        promising = _promising(case, question, found, named, others)
+        promising += [n for n in parts if n not in promising]
+        said.append(
+            f"{why}, so of {len(others)} effects of single joints and links {len(promising)} were "
+            "tried: those that promise most, their special cases, and what a named group may come "
+            "down to."
+        )
+        comparisons = len(named) + len(others)
+        asked = replace(question, candidates=[*named, *promising], comparisons=comparisons)
+        found = _ask_again(asked, found, said, tell, progress, anyway=weighed)
+        more = found["code"] == "named" and len(found["verdict"]) > len(named)
+    rest = case.standing_out(question, found)
+    if found["code"] in ("none", "named") and not found["unexplained"] and rest.any():
+        left = unexplained(Inquiry(case.model, question.records, 1.0), Unexplained(), draw_field)
+        but = f" But {case.said_of(found, rest)}."
+        found = {**found, "unexplained": left, "sentence": found["sentence"] + but}
+        tell(found)
+    return found
+
+
+def _of_single_joints(case: RobotCase, question: Case) -> dict[str, RobotEffect]:
+    """Return effects and fields of single joints, links and drives, but of what was left out."""
     effects, tried = case.model.effects, question.candidates
     left_out = [
         e
@@ -301,36 +363,29 @@ def diagnose_by_joint(
         if n not in tried and e.depends_on is None
         if not any(effects[other].is_part_of(e) for other in tried)
     ]
-    others = (e for n, e in case.of_single_parts.items() if n not in effects)
-    single = [e for e in others if not any(map(e.is_part_of, left_out))]
-    laws = {one.name: one for one in single if one.depends_on is None}
-    named = [n for n in found["verdict"] if n in effects]
-    said: list[str] = []  # of the rounds that found something
-    if own := [n for n, e in laws.items() if any(e.is_part_of(effects[name]) for name in named)]:
-        effects.update(laws)
-        said.append(f"First, of a group: {' + '.join(named)}. Then its joints were told apart.")
-        asked = replace(question, candidates=[*named, *own])
-        found = _ask_again(asked, found, said, tell, progress)
-    while _unfinished(question, found):
-        named = [n for n in found["verdict"] if n in effects]
-        others = [n for n in laws if n not in named]
-        if not others or len(named) == question.rule.most_effects:
-            break
-        effects.update({one.name: one for one in single})
-        parts = [n for n in others if any(laws[n].is_part_of(effects[name]) for name in named)]
-        promising = _promising(case, question, found, named, others)
-        promising += [n for n in parts if n not in promising]
-        said.append(
-            f"Too little was explained by {' + '.join(named) or 'what all joints may lack'}, so of "
-            f"{len(others)} effects of single joints and links {len(promising)} were tried: those "
-            "that promise most, their special cases, and what a named group may come down to."
-        )
-        comparisons = len(named) + len(others)
-        asked = replace(question, candidates=[*named, *promising], comparisons=comparisons)
-        found = _ask_again(asked, found, said, tell, progress)
-        if found["code"] != "named" or len(found["verdict"]) <= len(named):
-            break
-    return found
+    others = {n: e for n, e in case.of_single_parts.items() if n not in effects}
+    return {n: e for n, e in others.items() if not any(map(e.is_part_of, left_out))}
+
+
+def _look_again(
+    case: RobotCase, question: Case, found: dict[str, Any], weighed: bool, more: bool
+) -> tuple[RobotCase, str] | None:
+    """Return the case to look at once more, and why; None where all is explained.
+
+    It is looked at as it is for as long as `more` was found the last time. Of many signals that are
+    at their floor, one that is not would hardly be seen: so it counts as much as all others, once.
+    """
+    if more and _unfinished(question, found):
+        named = " + ".join(n for n in found["verdict"] if n in case.model.effects)
+        return case, f"Too little was explained by {named or 'what all joints may lack'}"
+    some = case.standing_out(question, found)
+    if weighed or found["code"] not in ("none", "named") or not some.any() or some.all():
+        return None
+    return case.weighing(some), (
+        f"All signals together are near what {case.wording.floor}, but "
+        f"{case.said_of(found, some)}: here that counts as much as all others together. Too little "
+        "was explained"
+    )
 
 
 def _unfinished(question: Case, found: dict[str, Any]) -> bool:
@@ -345,17 +400,22 @@ def _unfinished(question: Case, found: dict[str, Any]) -> bool:
 
 
 def _ask_again(
-    question: Case, found: dict[str, Any], said: list[str], tell: Tell, progress: Progress
+    question: Case,
+    found: dict[str, Any],
+    said: list[str],
+    tell: Tell,
+    progress: Progress,
+    anyway: bool = False,
 ) -> dict[str, Any]:
     """Return another diagnosis if it names something else, or what is missing where nothing did.
 
-    Else the last of what is `said` is taken back.
+    Else the last of what is `said` is taken back, unless what named nothing gives way `anyway`.
     """
     again = diagnose(question, tell, progress)
     other = {*again["verdict"]} != {*found["verdict"]}
     was, now = ((one["unexplained"] or {}).get("explains", False) for one in (found, again))
     clearer = again["code"] == "unknown" and found["code"] != "named" and (other or now > was)
-    if clearer or (again["code"] == "named" and other):
+    if clearer or (anyway and found["code"] == "none") or (again["code"] == "named" and other):
         found = {**again, "notes": [*said, *again["notes"]]}
     else:
         said.pop()

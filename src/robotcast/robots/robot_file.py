@@ -220,10 +220,8 @@ def read_robot(folder: Path) -> RobotFile:
     measured = _columns(said.part("measured"), signal, model)
     _refuse_unseen(model, measured, path)
     if model.nu and "drive" not in said.values:
-        raise ValueError(
-            f"{path}: 'drive' is missing: it names what the columns drive; if nothing "
-            "does, say drive: {}"
-        )
+        what = "it names what the columns drive; if nothing does, say drive: {}"
+        raise ValueError(f"{path}: 'drive' is missing: {what}")
     known = read_parameters(folder / str(said.get("sysid"))) if said.get("sysid") else {}
     logs, windows = _log_paths(folder, said), said.part("windows")
     windows.allow("length_s", "most")

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import mujoco
 import numpy as np
@@ -34,10 +35,14 @@ TRIED = 4  # of starts, for what their slopes leave
 
 @dataclass(frozen=True)
 class Units:
-    """What the signals are divided by, (n_signals,), and their noise in these units."""
+    """What the signals are divided by, their noise in these units, and what they weigh.
+
+    All of shape (n_signals,); one of another weight is one in units as much larger.
+    """
 
     si: np.ndarray
     noise: np.ndarray
+    weight: np.ndarray
 
     @classmethod
     def of(
@@ -55,7 +60,15 @@ class Units:
         travel = np.sqrt(np.nanmean(squares, axis=0))
         travel = of_quaternions(signals, np.where(travel > 0, travel, travel.max()))
         si = np.hypot(noise, PART * travel)
-        return cls(si, noise / si)
+        return cls(si, noise / si, np.ones(len(si)))
+
+    def weighing(self, some: np.ndarray, floor: np.ndarray) -> "Units":
+        """Return units in which some signals, (n_signals,) bool, weigh as much as all others.
+
+        Each by how far it is from its own floor, (n_signals,) in these units.
+        """
+        weight = np.where(some, 1.0, np.sqrt(some.sum() / (~some).sum())) / floor
+        return Units(self.si / weight, self.noise * weight, weight)
 
 
 def of_quaternions(signals: Sequence[Signal], travel: np.ndarray) -> np.ndarray:
@@ -86,7 +99,7 @@ class RobotModel:
         self.parameters = tuned_parameters(robot)
         self.units = units or Units.of(list(robot.measured), logs, windows, noise)
         # how many units a signal without noise moves by, all signals together
-        self.scale = float(np.sqrt(len(self.units.si)) / PART)
+        self.scale = float(np.linalg.norm(self.units.weight) / PART)
         self.rollout = Rollout(robot, logs, windows, threads)
         self._gains: dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray]] = {}
 
@@ -138,8 +151,8 @@ class RobotModel:
         return [path[: len(r.times_s)] - r.measured for path, r in pairs]
 
     @cached_property
-    def perfect_miss(self) -> float:
-        """What noise and start states leave of a perfect model, % of the scale.
+    def perfect_misses(self) -> list[np.ndarray]:
+        """What noise and start states leave of a perfect model in every window, (draws, k, d) each.
 
         Noise is drawn and put on both; the start is fitted as it is to measured windows. It is the
         least that repeats would differ by: what else varies from run to run is not in it.
@@ -152,13 +165,13 @@ class RobotModel:
             left = rng.normal(size=shape) * self.units.noise
             left += (rng.normal(size=(DRAWS, slopes.shape[1])) @ slopes.T).reshape(shape)
             missed.append(left - self._start_shift(record, left))
-        return self.usual_miss(missed)
+        return missed
 
     def starts_are_put_right(self) -> bool:
         """Tell whether slopes put starts right that are off by their noise, to below the noise.
 
         Where the motion bends too much within a window they do not, and a perfect model would miss
-        more than `perfect_miss`. Where the slopes are taken at estimated starts, nobody knows.
+        more than `perfect_misses`. Where the slopes are taken at estimated starts, nobody knows.
         """
         start, _ = self._starts
         if start.any():
@@ -169,7 +182,7 @@ class RobotModel:
         for own, record in enumerate(self.records):
             left = moved[:, own, : len(record.times_s)]
             missed.append(left - self._start_shift(record, left))
-        return self.usual_miss(missed) < self.perfect_miss
+        return self.usual_miss(missed) < self.usual_miss(self.perfect_misses)
 
     @property
     def finer(self) -> "RobotModel":
@@ -180,8 +193,8 @@ class RobotModel:
         other.rollout = Rollout(known.robot, known.logs, known.windows, known.threads, FINER)
         return other
 
-    def step_miss(self) -> float:
-        """Return by how much the model errs because its step is no shorter, % of the scale.
+    def step_misses(self) -> list[np.ndarray]:
+        """Return by how much the model errs because its step is no shorter, of all windows (k, d).
 
         It is seen by a finer one, of which a part is left: Runge–Kutta's errs by the fourth power.
         What the tuned parameters take up of it, by their slopes, is not missed.
@@ -200,12 +213,17 @@ class RobotModel:
             parts.append(part - self._start_shift(record, part))
         flat = np.nan_to_num(np.concatenate([p.reshape(len(moved), -1) for p in parts], axis=1))
         taken = np.linalg.lstsq(flat[1:].T, -flat[0], rcond=None)[0]
-        return self.usual_miss(part[0] + np.tensordot(taken, part[1:], 1) for part in parts)
+        return [part[0] + np.tensordot(taken, part[1:], 1) for part in parts]
 
     def usual_miss(self, missed: Iterable[np.ndarray]) -> float:
         """Return what is missed in the window in the middle, of (…, k, d) each, % of the scale."""
         means = [np.nanmean(np.linalg.norm(one, axis=-1)) for one in missed]
         return 100 * float(np.nanmedian(means)) / self.scale
+
+    def usual_misses(self, missed: Iterable[np.ndarray]) -> np.ndarray:
+        """Return the root mean square of every signal there, (d,), in its units."""
+        squares = [np.nanmean(one**2, axis=tuple(range(one.ndim - 1))) for one in missed]
+        return np.sqrt(np.nanmedian(squares, axis=0))
 
     def _start_shift(
         self, record: Record, missed: np.ndarray, start: np.ndarray | float = 0.0
@@ -285,6 +303,53 @@ class RobotModel:
         """Return deviations (n, 2 nv) of windows' starts in SI units, (n, 2, nv)."""
         sd = np.array([self.rollout.windows[k].start_sd for k in numbers])
         return start.reshape(sd.shape) * sd
+
+
+@dataclass(frozen=True)
+class RobotFloor:
+    """What a perfect model with this step would still miss.
+
+    Attributes
+    ----------
+    percent : of the usual motion.
+    step_percent : the part of it that the model's own step makes it err by.
+    signals : of every signal, (n_signals,), in its units.
+    repeated : whether repeats told it; else noise and start states alone, the least it can be.
+    """
+
+    percent: float
+    step_percent: float
+    signals: np.ndarray
+    repeated: bool
+
+    @classmethod
+    def of(cls, model: RobotModel) -> "RobotFloor":
+        """Take what repeats differ by, or else what noise leaves, and what the step adds to it."""
+        repeated = _repeats_apart(model)
+        both = repeated or model.perfect_misses, model.step_misses()
+        known, step = map(model.usual_miss, both)
+        signals = np.hypot(*map(model.usual_misses, both))
+        return cls(float(np.hypot(known, step)), step, signals, bool(repeated))
+
+
+def _repeats_apart(model: RobotModel) -> list[np.ndarray]:
+    """Return how far repeats differ in windows that they share, (k, d) each; empty without any.
+
+    Windows of repeated logs at the same time start from other states; what the same model misses
+    of them differs only by what a run has that another has not.
+    """
+    logs, windows = (
+        model.rollout.logs,
+        zip(model.rollout.windows, model.nominal_misses, strict=True),
+    )
+    missed, apart = {(w.log, w.first): one for w, one in windows}, []
+    for one, other in combinations(range(len(logs)), 2):
+        if logs[one].motion != logs[other].motion:
+            continue
+        for log, first in [at for at in missed if at[0] == one and (other, at[1]) in missed]:
+            k = min(len(missed[log, first]), len(missed[other, first]))
+            apart.append((missed[log, first][:k] - missed[other, first][:k]) / np.sqrt(2))
+    return apart
 
 
 def _about(parameters: Sequence[Parameter]) -> np.ndarray:

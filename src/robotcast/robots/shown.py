@@ -60,16 +60,12 @@ def _traces(case: RobotCase, before: np.ndarray, after: np.ndarray) -> dict[str,
                 "model": after[record.trial, :k] * scale,
             }
         )
-    usual = [
-        scale * np.sqrt(np.nanmedian([np.nanmean(one**2, axis=0) for one in some], axis=0))
-        for some in (off, off_after)
-    ]
-    noise = scale * model.units.noise
+    usual = [scale * model.usual_misses(some) for some in (off, off_after)]
     signals = [
-        {"name": axis.name, "unit": axis.unit, "base": base, "model": last, "noise": least}
-        for axis, base, last, least in zip(axes, *usual, noise, strict=True)
+        {"name": axis.name, "unit": axis.unit, "base": base, "model": last, "floor": least}
+        for axis, base, last, least in zip(axes, *usual, scale * case.floor.signals, strict=True)
     ]
-    return {"signals": signals, "windows": found}
+    return {"signals": signals, "floor": case.wording.floor, "windows": found}
 
 
 def _torques(case: RobotCase) -> list[dict[str, Any]]:

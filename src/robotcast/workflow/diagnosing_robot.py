@@ -68,7 +68,7 @@ def tune_robot(config: DictConfig) -> list[str]:
     fell = f"{found['waypoint_error_percent']:.2f} {found['error_unit']}"
     return [
         f"{folder}: {fell} on the windows that it was fitted to, {held:.2f} on windows held out, "
-        f"noise floor {case.floor_percent:.2f}; open {folder / 'index.html'}",
+        f"noise floor {case.floor.percent:.2f}; open {folder / 'index.html'}",
         *(f"- {name} = {p['value']:.5g}" for name, p in model["parameters"].items()),
         f"the model with them: {folder / PATCHED}, {folder / PARAMETERS}",
     ]
@@ -137,7 +137,7 @@ def _compared(
     with_effects = f" with {' and '.join(map(effect_name, effects))}" if effects else ""
     facts = {
         "model": f"the MJCF{with_effects}, {how}",
-        "noise_floor_percent": case.floor_percent,
+        "noise_floor_percent": case.floor.percent,
         "notes": list(case.notes),
         "robot": plain(shown(case, start, said)),
     }
