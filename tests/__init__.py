@@ -1,3 +1,1 @@
-"""The tests. robotcast is imported before NumPy, as by its commands: it says how that computes."""
-
-import robotcast  # noqa: F401
+"""The tests."""
