@@ -78,7 +78,7 @@ def draw(mechanism: str, kind: str, seed: Sequence[int]) -> Hidden:
         make(nothing, Path(made) / "robot", Path(made) / "answer", seed)
         robot = read_robot(Path(made) / "robot")
         logs = read_logs(robot)
-        sizes = sizes_of(robot.model, logs, StartStates(robot, logs, noise_of(robot, logs)))
+        sizes = sizes_of(robot, logs, StartStates(robot, logs, noise_of(robot, logs)))
     clean, truth = _shown(nothing, seed), _Draw(robot, sizes, mechanism, rng)
     while True:
         hidden, before = nothing, clean

@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
 from robotcast.robots.robot_case import read_case
-from tests.robots.made_up_robot import SLIDER, write_folder
+from tests.robots.made_up_robot import ARM, SLIDER, write_folder
 
 
 def test_a_stop_that_is_hit_now_and_then_makes_no_usual_torque(tmp_path: Path) -> None:
@@ -22,3 +23,19 @@ def test_what_stands_still_is_no_stiffer_than_what_moves(tmp_path: Path) -> None
     sizes = read_case(write_folder(tmp_path, xml, noise=1e-7)).sizes
     moving, resting = sizes.torque / sizes.speed / sizes.inertia
     assert resting < 10 * moving
+
+
+def test_what_drives_a_joint_that_sticks_is_its_usual_torque(tmp_path: Path) -> None:
+    def stick(model: mujoco.MjModel) -> None:
+        model.dof_frictionloss[0] = 20.0
+
+    case = read_case(write_folder(tmp_path, change=stick))
+    pushed = np.concatenate([log.drive for log in case.model.rollout.logs])
+    np.testing.assert_allclose(case.sizes.torque, np.sqrt((pushed**2).mean()), rtol=0.1)
+    torque = case.model.effects["dry_friction_axis"].parameters[0]
+    assert torque.upper > np.abs(pushed).max()
+
+
+def test_no_encoder_is_so_late_that_most_of_a_window_is_measured(tmp_path: Path) -> None:
+    case = read_case(write_folder(tmp_path, ARM, logs=3, windows={"length_s": 0.2}))
+    assert case.model.effects["encoder_latency_elbow"].parameters[0].upper == 0.05

@@ -169,7 +169,7 @@ def _made(
         name=f"{name}_{where.name}" if where.name else name,
         text=entry["text"].format(where=where.name.replace("_", " ")),
         parameters=[
-            _parameter(n, given, *sizes.of(given["of"], dofs, where.channels))
+            _parameter(n, given, *sizes.of(given["of"], dofs, where.channels), sizes.window_s)
             for n, given in entry["parameters"].items()
         ],
         where=where,
@@ -201,12 +201,18 @@ def _needed(model: mujoco.MjModel, what: str | None, where: Where, sizes: Sizes)
     }[what]
 
 
-def _parameter(name: str, given: Mapping[str, Any], size: float, unit: str) -> Parameter:
-    """Make a parameter whose numbers are in units of a usual size."""
+def _parameter(
+    name: str, given: Mapping[str, Any], size: float, unit: str, window_s: float
+) -> Parameter:
+    """Make a parameter whose numbers are in units of a usual size.
+
+    What an encoder shows late moved before the window: so much of it is measured, not predicted.
+    """
     null = given.get("null_at")
     nominal = size * (given["nominal"] if null is None else null)
     lower, upper = size * given["lower"], size * given["upper"]
-    probes = tuple(size * p for p in given.get("probes", ()))
+    upper = min(upper, given.get("of_window", np.inf) * window_s)
+    probes = tuple(size * p for p in given.get("probes", ()) if size * p <= upper)
     null = None if null is None else nominal
     return Parameter(name, unit, lower, upper, nominal, null=null, probes=probes)
 

@@ -185,16 +185,16 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
     logs = read_logs(robot)
     noise = np.maximum(noise_of(robot, logs), LEAST_NOISE)
     starts = StartStates(robot, logs, noise)
-    sizes = sizes_of(robot.model, logs, starts)
-    effects = candidates(robot, sizes, parts_of(robot))
     length_s = robot.length_s or _length(robot, logs, starts, noise, threads)
     while True:
         windows = cut(robot, logs, starts, length_s)
-        model = RobotModel(robot, logs, windows, noise, effects, threads)
+        model = RobotModel(robot, logs, windows, noise, (), threads)
         least_s = 2 * LEAST_SAMPLES * periods(logs)
         if robot.length_s or length_s < least_s or model.starts_are_put_right():
             break
         length_s /= 2
+    sizes = replace(sizes_of(robot, logs, starts), window_s=length_s)
+    model.effects = {one.name: one for one in candidates(robot, sizes, parts_of(robot))}
     missed = _nominal_miss(robot, model)
     floor = RobotFloor.of(model)
     notes = _notes(robot, logs, windows, length_s)

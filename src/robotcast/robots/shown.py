@@ -9,7 +9,7 @@ import numpy as np
 from robotcast.robots.model_fields import loaded
 from robotcast.robots.names import name_of_dof, turning
 from robotcast.robots.robot_case import RobotCase
-from robotcast.robots.sizes import inverse_states
+from robotcast.robots.sizes import driven, inverse_states
 
 QUANTILES = (0.5, 0.9, 1.0)  # of the windows, by what the model as it is misses
 MOST_STATES = 400
@@ -83,15 +83,9 @@ def _torques(case: RobotCase) -> list[dict[str, Any]]:
         now.qpos[:], now.qvel[:], now.qacc[:] = qpos, qvel, qacc
         mujoco.mj_inverse(model, now)
         needed = now.qfrc_inverse.copy()
-        given = np.zeros(model.nv)
-        for value, at in zip(rollout.logs[log].drive[first], robot.drive, strict=True):
-            if at.dof is not None:
-                given[at.dof] += value
-            else:
-                now.ctrl[at.actuator] = value
-        mujoco.mj_forward(model, now)
         place = np.where(turning(model), 0.0, qpos[rollout.qpos_of_dof])  # it turns about many axes
-        rows.append((place, qvel, given + now.qfrc_actuator - needed))
+        given = driven(model, now, robot.drive, rollout.logs[log].drive[first])
+        rows.append((place, qvel, given - needed))
     position, speed, missing = (np.array(part) for part in zip(*rows, strict=True))
     degrees = any(column.unit == "deg" for column in robot.measured.values())
     found = []

@@ -1,13 +1,14 @@
 """How large things usually are on a robot's logs, so that bounds of effects fit any robot."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from robotcast.robots.logs import Log
-from robotcast.robots.names import coordinates, loose, turning
+from robotcast.robots.names import Channel, coordinates, loose, turning
+from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.windows import StartStates
 
 MOST_STATES = 200
@@ -34,13 +35,15 @@ class Sizes:
 
     Attributes
     ----------
-    torque : of what moves a joint and holds it, and of its own inertial torque.
+    torque : of what moves a joint and holds it, and of its own inertial torque; or what it is
+        driven by.
     position, speed : about the mean position, and of the speed.
     inertia : of a joint with all that hangs on it.
     lowest, highest : the range of positions.
     command : the largest that was commanded of every channel, (n_channels,).
     reach_m : how far the bodies' centres lie from the joints, the median.
     touches : whether anything touched anything.
+    window_s : how long the windows are.
     """
 
     torque: np.ndarray
@@ -54,6 +57,7 @@ class Sizes:
     log_s: float
     reach_m: float
     touches: bool
+    window_s: float = np.inf
 
     def of(self, kind: str, dofs: Sequence[int], channels: Sequence[int]) -> tuple[float, str]:
         """Return the size of a kind over joints or channels, and its unit; of others 1."""
@@ -81,29 +85,47 @@ def inverse_states(
                 yield index, first, here[0], here[1], (after[1] - before[1]) / span_s
 
 
-def sizes_of(model: mujoco.MjModel, logs: Sequence[Log], starts: StartStates) -> Sizes:
+def driven(
+    model: mujoco.MjModel, data: mujoco.MjData, channels: Iterable[Channel], commands: np.ndarray
+) -> np.ndarray:
+    """Return what commands (n_channels,) drive every degree of freedom by, at the state of data."""
+    given = np.zeros(model.nv)
+    for value, at in zip(commands, channels, strict=True):
+        if at.dof is not None:
+            given[at.dof] += value
+        else:
+            data.ctrl[at.actuator] = value
+    mujoco.mj_forward(model, data)
+    return given + data.qfrc_actuator
+
+
+def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Sizes:
     """Measure them by inverse dynamics on states that are spread over the logs.
 
     At a pose that is measured, what touches and what stops a joint may give any force: no more
-    of it counts than nine of ten states stay below, of a free body none.
+    of it counts than nine of ten states stay below, of a free body none. A joint that sticks needs
+    no torque to move as it does: what it is driven by counts where that is more.
     """
-    data = mujoco.MjData(model)
+    model, data = robot.model, mujoco.MjData(robot.model)
     qpos_of = coordinates(model)
     rows, touches = [], False
     mass = np.empty((model.nv, model.nv))
-    for _, _, qpos, qvel, qacc in inverse_states(logs, starts, MOST_STATES):
+    for log, first, qpos, qvel, qacc in inverse_states(logs, starts, MOST_STATES):
         data.qpos[:], data.qvel[:], data.qacc[:] = qpos, qvel, qacc
         mujoco.mj_inverse(model, data)
         touches |= data.ncon > 0
         mujoco.mj_fullM(model, data, mass)
         own, held = np.diag(mass).copy(), data.qfrc_constraint.copy()
-        rows.append((own * qacc, data.qfrc_inverse + held, held, qvel, qpos[qpos_of], own))
+        needed = own * qacc, data.qfrc_inverse + held, held
+        given = driven(model, data, robot.drive, logs[log].drive[first])
+        rows.append((*needed, given, qvel, qpos[qpos_of], own))
     if not rows:
         raise ValueError("no state can be taken from the logs: too many samples are missing")
     parts = (np.array(part) for part in zip(*rows, strict=True))
-    inertial, freely, held, speed, position, inertia = parts
+    inertial, freely, held, given, speed, position, inertia = parts
     most = np.where(loose(model), 0.0, np.quantile(np.abs(held), OFTEN, axis=0))
     torque = np.hypot(inertial, freely - np.clip(held, -most, most))
+    given = np.minimum(np.abs(given), np.quantile(np.abs(given), OFTEN, axis=0))
     own = inertia.mean(axis=0)
 
     def size(values: np.ndarray) -> np.ndarray:
@@ -113,7 +135,7 @@ def sizes_of(model: mujoco.MjModel, logs: Sequence[Log], starts: StartStates) ->
     kinds = model.jnt_type[model.dof_jntid]
     reach_m = np.linalg.norm(model.body_ipos[1:], axis=1)
     return Sizes(
-        torque=own * size(torque / own),
+        torque=np.maximum(own * size(torque / own), np.sqrt((given**2).mean(axis=0))),
         speed=size(speed),
         position=size(position - position.mean(axis=0)),
         inertia=own,
