@@ -301,6 +301,26 @@ def test_single_joints_are_tried_where_no_effect_of_a_group_explains_the_logs(
     assert asked[1].comparisons > len(second)  # the level is shared with those left out
 
 
+def test_within_a_group_richer_laws_compete_with_their_special_cases(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    groups = {"arm": ["shoulder", "elbow"]}
+    case = read_case(write_folder(tmp_path, ARM, logs=4, groups=groups))
+    asked: list[Case] = []
+
+    def the_richer_law(question: Case, tell: object, progress: object) -> dict[str, Any]:
+        asked.append(question)
+        found = {"verdict": ["stribeck_friction_arm"], "code": "named", "unexplained": None}
+        found |= {"model": {}, "notes": [], "conclusive": True, "noise_floor_percent": 1.0}
+        return found | {"ladder": [{"heldout_typical_error_percent": 1.0}]}
+
+    monkeypatch.setattr(robot_case, "diagnose", the_richer_law)
+    diagnose_by_joint(case, case.question((), (), Rule(), Effort()), lambda known: None)
+    laws = ("stribeck_friction", "dry_friction")
+    of_joints = {f"{law}_{joint}" for law in laws for joint in ("shoulder", "elbow")}
+    assert {"stribeck_friction_arm"} | of_joints <= {*asked[1].candidates}
+
+
 def test_effects_of_single_joints_may_act_or_be_left_out_from_the_start(tmp_path: Path) -> None:
     groups = {"arm": ["shoulder", "elbow"]}
     folder = write_folder(tmp_path, ARM, logs=4, groups=groups)

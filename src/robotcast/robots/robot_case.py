@@ -152,8 +152,7 @@ class RobotCase:
         values = np.array([[p["value"] for p in last["parameters"].values()]], float)
         paths = model.predict(model.records, last["effects"], values)[0]
         missed = np.array([model.usual_misses(model.misses(paths)), self.floor.signals])
-        signals = list(self.robot.measured)
-        return np.divide(*(of_quaternions(signals, one) for one in missed))
+        return np.divide(*(of_quaternions(list(self.robot.measured), one) for one in missed))
 
     def weighing(self, some: np.ndarray) -> "RobotCase":
         """Return the case with some signals, (n_signals,) bool, counted as much as all others."""
@@ -308,11 +307,11 @@ def diagnose_by_joint(
 ) -> dict[str, Any]:
     """Diagnose a robot, groups of joints first; then, where something is missing, single joints.
 
-    Where an effect of a whole group is named, it competes with those of its joints: it is as simple
-    as one of them, and stays where all joints have it. Whatever else was named is tried beside
-    them. For as long as more is missing and named, of the effects of all single joints and links
-    those are tried beside it that the slopes promise most of, and fields of single joints. Where
-    the whole is at its floor and some signals are not, they are looked at so, once.
+    Where an effect of a whole group is named, it competes with those of its joints and their
+    special cases: it is as simple as one of them, and stays where all joints have it. What else was
+    named is tried beside them. For as long as more is missing and named, of the effects of all
+    single joints and links those are tried beside it that the slopes promise most of, and fields of
+    single joints. Where the whole is at its floor and some signals are not, they are looked at so.
     """
     found, said = diagnose(question, tell, progress), []
     effects, single = case.model.effects, _of_single_joints(case, question)
@@ -321,7 +320,9 @@ def diagnose_by_joint(
     if own := [n for n in laws if any(single[n].is_part_of(effects[name]) for name in named)]:
         effects.update({n: single[n] for n in laws})
         said.append(f"First, of a group: {' + '.join(named)}. Then its joints were told apart.")
-        asked = replace(question, candidates=[*named, *own])
+        cases = Inquiry(case.model, question.records, 1.0).special_cases
+        own += [one for n in own for one in cases(n, laws)]
+        asked = replace(question, candidates=list(dict.fromkeys([*named, *own])))
         found = _ask_again(asked, found, said, tell, progress)
     weighed, more = False, True
     while look := _look_again(case, question, found, weighed, more):
