@@ -25,13 +25,13 @@ def test_what_stands_still_is_no_stiffer_than_what_moves(tmp_path: Path) -> None
     assert resting < 10 * moving
 
 
-def test_what_drives_a_joint_that_sticks_is_its_usual_torque(tmp_path: Path) -> None:
+def test_what_holds_a_joint_may_be_as_large_as_what_drives_it(tmp_path: Path) -> None:
     def stick(model: mujoco.MjModel) -> None:
         model.dof_frictionloss[0] = 20.0
 
     case = read_case(write_folder(tmp_path, change=stick))
     pushed = np.concatenate([log.drive for log in case.model.rollout.logs])
-    np.testing.assert_allclose(case.sizes.torque, np.sqrt((pushed**2).mean()), rtol=0.1)
+    np.testing.assert_allclose(case.sizes.driven, np.sqrt((pushed**2).mean()), rtol=0.1)
     torque = case.model.effects["dry_friction_axis"].parameters[0]
     assert torque.upper > np.abs(pushed).max()
 

@@ -169,7 +169,7 @@ def _made(
         name=f"{name}_{where.name}" if where.name else name,
         text=entry["text"].format(where=where.name.replace("_", " ")),
         parameters=[
-            _parameter(n, given, *sizes.of(given["of"], dofs, where.channels), sizes.window_s)
+            _parameter(n, given, sizes, dofs, where.channels)
             for n, given in entry["parameters"].items()
         ],
         where=where,
@@ -202,16 +202,20 @@ def _needed(model: mujoco.MjModel, what: str | None, where: Where, sizes: Sizes)
 
 
 def _parameter(
-    name: str, given: Mapping[str, Any], size: float, unit: str, window_s: float
+    name: str, given: Mapping[str, Any], sizes: Sizes, dofs: Sequence[int], channels: Sequence[int]
 ) -> Parameter:
     """Make a parameter whose numbers are in units of a usual size.
 
-    What an encoder shows late moved before the window: so much of it is measured, not predicted.
+    A joint that sticks needs little torque to move as it does: what brakes it may be larger, up to
+    what drives it. What an encoder shows late moved before the window: so much of it is measured,
+    not predicted.
     """
-    null = given.get("null_at")
+    (size, unit), null = sizes.of(given["of"], dofs, channels), given.get("null_at")
+    driven, _ = replace(sizes, torque=sizes.driven).of(given["of"], dofs, channels)
     nominal = size * (given["nominal"] if null is None else null)
-    lower, upper = size * given["lower"], size * given["upper"]
-    upper = min(upper, given.get("of_window", np.inf) * window_s)
+    lower = size * given["lower"]
+    upper = max(size * given["upper"], driven * given.get("of_driven", -np.inf))
+    upper = min(upper, given.get("of_window", np.inf) * sizes.window_s)
     probes = tuple(size * p for p in given.get("probes", ()) if size * p <= upper)
     null = None if null is None else nominal
     return Parameter(name, unit, lower, upper, nominal, null=null, probes=probes)

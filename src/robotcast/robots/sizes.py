@@ -35,8 +35,8 @@ class Sizes:
 
     Attributes
     ----------
-    torque : of what moves a joint and holds it, and of its own inertial torque; or what it is
-        driven by.
+    torque : of what moves a joint and holds it, and of its own inertial torque.
+    driven : the same, or what a joint is driven by where that is more: it may stick.
     position, speed : about the mean position, and of the speed.
     inertia : of a joint with all that hangs on it.
     lowest, highest : the range of positions.
@@ -57,6 +57,7 @@ class Sizes:
     log_s: float
     reach_m: float
     touches: bool
+    driven: np.ndarray
     window_s: float = np.inf
 
     def of(self, kind: str, dofs: Sequence[int], channels: Sequence[int]) -> tuple[float, str]:
@@ -103,8 +104,7 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
     """Measure them by inverse dynamics on states that are spread over the logs.
 
     At a pose that is measured, what touches and what stops a joint may give any force: no more
-    of it counts than nine of ten states stay below, of a free body none. A joint that sticks needs
-    no torque to move as it does: what it is driven by counts where that is more.
+    of it counts than nine of ten states stay below, of a free body none.
     """
     model, data = robot.model, mujoco.MjData(robot.model)
     qpos_of = coordinates(model)
@@ -132,10 +132,11 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         found = np.sqrt((values**2).mean(axis=0))
         return np.maximum(found, STILL * found.max() + 1e-12)
 
-    kinds = model.jnt_type[model.dof_jntid]
+    usual, kinds = own * size(torque / own), model.jnt_type[model.dof_jntid]
     reach_m = np.linalg.norm(model.body_ipos[1:], axis=1)
     return Sizes(
-        torque=np.maximum(own * size(torque / own), np.sqrt((given**2).mean(axis=0))),
+        torque=usual,
+        driven=np.maximum(usual, np.sqrt((given**2).mean(axis=0))),
         speed=size(speed),
         position=size(position - position.mean(axis=0)),
         inertia=own,
