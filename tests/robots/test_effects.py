@@ -162,9 +162,7 @@ def test_one_signal_beyond_its_floor_is_not_lost_among_many_at_theirs(tmp_path: 
 
     found = diagnosed(hidden(0.009))
     assert found["verdict"] == ["dry_friction_right_knee_joint"]
-    assert found["notes"][0].startswith(
-        "All signals together are near what noise leaves, but right"
-    )
+    assert "right knee joint position is at 3.0 times what noise leaves" in found["notes"][0]
     weak = diagnosed(hidden(0.005))  # all signals together stand within 1.5 times their floor
     assert weak["verdict"] == ["none"] and weak["unexplained"]
     assert weak["sentence"].endswith(

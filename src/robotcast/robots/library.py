@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from difflib import SequenceMatcher
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -19,6 +21,7 @@ from robotcast.robots.sizes import Sizes
 from robotcast.robots.transmission import drives_of, is_plain, is_servo
 
 FEW_JOINTS = 4  # up to as many, each is looked at alone; of more, groups of them
+NEAR = 5  # names that are said where one is wrong
 FIELD_KNOTS = np.array([-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0])
 PLACES = 21  # of a field over the range of positions: ripple has several waves there
 PROBE, BOUND = 0.1, 2.0  # of a field, in usual torques
@@ -41,6 +44,18 @@ def candidates(
                 found.append(effect)
     joints = (*parts["joint"], *parts.get("free motion", ()))
     return (*found, *_fields(robot.model, joints, sizes))
+
+
+def refuse_unknown(key: str, names: Iterable[str], known: Iterable[str]) -> None:
+    """Raise ValueError for a name of no effect, with those that are most like it."""
+
+    def like(name: str, other: str) -> tuple[int, float]:
+        shared = {*name.split("_")} & {*other.split("_")}
+        return len(shared), SequenceMatcher(None, name, other).ratio()
+
+    if unknown := sorted({*names} - {*known}):
+        near = sorted(known, key=partial(like, unknown[0]), reverse=True)[:NEAR]
+        raise ValueError(f"{key}: no effect is called {unknown[0]}; nearest is {', '.join(near)}")
 
 
 def alone(robot: RobotFile) -> Mapping[str, Sequence[Where]]:

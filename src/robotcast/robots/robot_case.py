@@ -3,16 +3,15 @@
 It is asked for groups of joints first, then within the group that is named, and for single joints.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import SequenceMatcher
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from robotcast.diagnosis.decision import Code, Unexplained, strengths
+from robotcast.diagnosis.decision import Unexplained, strengths
 from robotcast.diagnosis.diagnose import Case, Tell, diagnose, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.library import library_at
@@ -21,7 +20,7 @@ from robotcast.diagnosis.report import unexplained
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import TorqueField
-from robotcast.robots.library import alone, candidates, parts_of
+from robotcast.robots.library import alone, candidates, parts_of, refuse_unknown
 from robotcast.robots.logs import Log, periods, read_logs
 from robotcast.robots.names import name_of_dof, to_si
 from robotcast.robots.next_motions import Motions, motions
@@ -39,7 +38,6 @@ LONGEST_S = 2.0
 LEAST_NOISE = 1e-9  # of a joint that never moves
 LOOKED_INTO = 20  # effects of single joints and links that are tried at once
 LIKE = 2  # times as many sets are tried as of a cable: mass, inertia and armature are alike
-NEAR = 5  # names that are said where one is wrong
 LOOKED_AT = 24  # starts from which the length of windows is judged
 
 
@@ -104,9 +102,9 @@ class RobotCase:
         left_out, single = {*exclude, *self.robot.exclude}, self.of_single_parts
         every = self.model.effects | single
         laws = [n for n, e in every.items() if e.depends_on is None]
-        _refuse_unknown(f"{self.robot.path}: exclude", self.robot.exclude, laws)
-        _refuse_unknown("exclude", exclude, laws)
-        _refuse_unknown("effects", fixed, every)
+        refuse_unknown(f"{self.robot.path}: exclude", self.robot.exclude, laws)
+        refuse_unknown("exclude", exclude, laws)
+        refuse_unknown("effects", fixed, every)
         self.model.effects.update({n: single[n] for n in (*left_out, *fixed) if n in single})
         names = [n for n in laws if n not in single]
         asked = Case(
@@ -133,19 +131,8 @@ class RobotCase:
             numerical_error=self.floor.step_percent,
         )
 
-    def standing_out(self, question: Case, found: Mapping[str, Any]) -> np.ndarray:
-        """Tell which signals, (n_signals,), the found model misses by more than an honest one."""
-        rule, named = question.rule, found["code"] == Code.NAMED.value
-        honest = rule.beyond if named and question.floor_is_least else rule.at_floor
-        return self._times_floor(found) > honest
-
-    def said_of(self, found: Mapping[str, Any], some: np.ndarray) -> str:
-        """Say how far above its floor each of some signals is."""
-        pairs = zip(self.wording.axes, self._times_floor(found), some, strict=True)
-        told = " and ".join(f"{axis.name} is at {by:.1f}" for axis, by, own in pairs if own)
-        return f"{told} times what {self.wording.floor}"
-
-    def _times_floor(self, found: Mapping[str, Any]) -> np.ndarray:
+    def times_floor(self, found: Mapping[str, Any]) -> np.ndarray:
+        """Return how many times its floor the found model misses each signal, (n_signals,)."""
         model, last = self.model, found["model"]
         if not last:
             return np.zeros(len(self.floor.signals))
@@ -159,23 +146,10 @@ class RobotCase:
         old = self.model
         units, rollout = old.units.weighing(some, self.floor.signals), old.rollout
         noise = old.units.noise * old.units.si
-        model = RobotModel(
-            self.robot, rollout.logs, rollout.windows, noise, (), rollout.threads, units
-        )
+        windows, threads = rollout.windows, rollout.threads
+        model = RobotModel(self.robot, rollout.logs, windows, noise, (), threads, units)
         model.effects = old.effects
         return replace(self, model=model, floor=RobotFloor.of(model))
-
-
-def _refuse_unknown(key: str, names: Iterable[str], known: Iterable[str]) -> None:
-    """Raise ValueError for a name of no effect, with those that are most like it."""
-
-    def like(name: str, other: str) -> tuple[int, float]:
-        shared = {*name.split("_")} & {*other.split("_")}
-        return len(shared), SequenceMatcher(None, name, other).ratio()
-
-    if unknown := sorted({*names} - {*known}):
-        near = sorted(known, key=partial(like, unknown[0]), reverse=True)[:NEAR]
-        raise ValueError(f"{key}: no effect is called {unknown[0]}; nearest is {', '.join(near)}")
 
 
 def read_case(folder: Path, threads: int = 0) -> RobotCase:
@@ -313,44 +287,36 @@ def diagnose_by_joint(
     single joints and links those are tried beside it that the slopes promise most of, and fields of
     single joints. Where the whole is at its floor and some signals are not, they are looked at so.
     """
-    found, said = diagnose(question, tell, progress), []
+    found, ask = diagnose(question, tell, progress), partial(_ask_again, [], tell, progress)
     effects, single = case.model.effects, _of_single_joints(case, question)
     laws = [n for n, e in single.items() if e.depends_on is None]
     named = [n for n in found["verdict"] if n in effects]
     if own := [n for n in laws if any(single[n].is_part_of(effects[name]) for name in named)]:
         effects.update({n: single[n] for n in laws})
-        said.append(f"First, of a group: {' + '.join(named)}. Then its joints were told apart.")
+        why = f"First, of a group: {' + '.join(named)}. Then its joints were told apart."
         cases = Inquiry(case.model, question.records, 1.0).special_cases
         own += [one for n in own for one in cases(n, laws)]
         asked = replace(question, candidates=list(dict.fromkeys([*named, *own])))
-        found = _ask_again(asked, found, said, tell, progress)
-    weighed, more = False, True
-    while look := _look_again(case, question, found, weighed, more):
-        weighed, (case, why) = weighed or look[0] is not case, look
-        question = case.ask(question)
-        named = [n for n in found["verdict"] if n in effects]
-        others = [n for n in (*laws, *(question.candidates if weighed else ())) if n not in named]
-        more = bool(others) and len(named) < question.rule.most_effects
-        if not more:
-            continue
+        found = ask(asked, found, why)
+    while laws and _unfinished(question, found):
         effects.update(single)
-        parts = [n for n in others if any(effects[n].is_part_of(effects[name]) for name in named)]
-        promising = _promising(case, question, found, named, others)
-        promising += [n for n in parts if n not in promising]
-        said.append(
-            f"{why}, so of {len(others)} effects of single joints and links {len(promising)} were "
-            "tried: those that promise most, their special cases, and what a named group may come "
-            "down to."
-        )
-        comparisons = len(named) + len(others)
-        asked = replace(question, candidates=[*named, *promising], comparisons=comparisons)
-        found = _ask_again(asked, found, said, tell, progress, anyway=weighed)
-        more = found["code"] == "named" and len(found["verdict"]) > len(named)
-    rest = case.standing_out(question, found)
-    if found["code"] in ("none", "named") and not found["unexplained"] and rest.any():
+        named = [n for n in found["verdict"] if n in effects]
+        why = f"Too little was explained by {' + '.join(named) or 'what all joints may lack'}"
+        found = _look_at(case, question, found, laws, why, ask)
+        if found["code"] != "named" or len(found["verdict"]) <= len(named):
+            break
+    some, standing = _standing_out(case, question, found)
+    if some.any() and not some.all():
+        effects.update(single)
+        why = f"{standing}: that counts here as much as all other signals together"
+        weighed, laws = case.weighing(some), [*laws, *question.candidates]
+        question, ask = weighed.ask(question), partial(ask, weighed=True)
+        found = _look_at(weighed, question, found, laws, why, ask)
+        some, standing = _standing_out(case, question, found)
+    if some.any() and not found["unexplained"]:
         left = unexplained(Inquiry(case.model, question.records, 1.0), Unexplained(), draw_field)
-        but = f" But {case.said_of(found, rest)}."
-        found = {**found, "unexplained": left, "sentence": found["sentence"] + but}
+        sentence = f"{found['sentence']} But {standing}."
+        found = {**found, "unexplained": left, "sentence": sentence}
         tell(found)
     return found
 
@@ -368,25 +334,45 @@ def _of_single_joints(case: RobotCase, question: Case) -> dict[str, RobotEffect]
     return {n: e for n, e in others.items() if not any(map(e.is_part_of, left_out))}
 
 
-def _look_again(
-    case: RobotCase, question: Case, found: dict[str, Any], weighed: bool, more: bool
-) -> tuple[RobotCase, str] | None:
-    """Return the case to look at once more, and why; None where all is explained.
-
-    It is looked at as it is for as long as `more` was found the last time. Of many signals that are
-    at their floor, one that is not would hardly be seen: so it counts as much as all others, once.
-    """
-    if more and _unfinished(question, found):
-        named = " + ".join(n for n in found["verdict"] if n in case.model.effects)
-        return case, f"Too little was explained by {named or 'what all joints may lack'}"
-    some = case.standing_out(question, found)
-    if weighed or found["code"] not in ("none", "named") or not some.any() or some.all():
-        return None
-    return case.weighing(some), (
-        f"All signals together are near what {case.wording.floor}, but "
-        f"{case.said_of(found, some)}: here that counts as much as all others together. Too little "
-        "was explained"
+def _look_at(
+    case: RobotCase,
+    question: Case,
+    found: dict[str, Any],
+    laws: Sequence[str],
+    why: str,
+    ask: Callable[[Case, dict[str, Any], str], dict[str, Any]],
+) -> dict[str, Any]:
+    """Try what promises most of some effects beside those that are named."""
+    effects = case.model.effects
+    named = [n for n in found["verdict"] if n in effects]
+    others = [n for n in laws if n not in named]
+    if not others or len(named) == question.rule.most_effects:
+        return found
+    parts = [n for n in others if any(effects[n].is_part_of(effects[name]) for name in named)]
+    promising = _promising(case, question, found, named, others)
+    promising += [n for n in parts if n not in promising]
+    why += (
+        f", so of {len(others)} effects of single joints and links {len(promising)} were tried: "
+        "those that promise most, their special cases, and what a named group may come down to."
     )
+    comparisons = len(named) + len(others)
+    asked = replace(question, candidates=[*named, *promising], comparisons=comparisons)
+    return ask(asked, found, why)
+
+
+def _standing_out(
+    case: RobotCase, question: Case, found: Mapping[str, Any]
+) -> tuple[np.ndarray, str]:
+    """Return which signals (n_signals,) are above their floor, more than is honest; and say so.
+
+    Of many signals at their floor, one that is not would hardly be seen.
+    """
+    rule, code, times = question.rule, found["code"], case.times_floor(found)
+    least = rule.beyond if code == "named" and question.floor_is_least else rule.at_floor
+    some = (times > least) & (code in ("none", "named"))
+    pairs = zip(case.wording.axes, times, some, strict=True)
+    told = " and ".join(f"{axis.name} is at {by:.1f}" for axis, by, own in pairs if own)
+    return some, f"{told} times what {case.wording.floor}"
 
 
 def _unfinished(question: Case, found: dict[str, Any]) -> bool:
@@ -401,25 +387,30 @@ def _unfinished(question: Case, found: dict[str, Any]) -> bool:
 
 
 def _ask_again(
-    question: Case,
-    found: dict[str, Any],
     said: list[str],
     tell: Tell,
     progress: Progress,
-    anyway: bool = False,
+    question: Case,
+    found: dict[str, Any],
+    why: str,
+    weighed: bool = False,
 ) -> dict[str, Any]:
     """Return another diagnosis if it names something else, or what is missing where nothing did.
 
-    Else the last of what is `said` is taken back, unless what named nothing gives way `anyway`.
+    Where signals are `weighed` otherwise, it stands where the whole named nothing, else it must
+    keep what that named. It is `said` why each one that stands was asked for.
     """
     again = diagnose(question, tell, progress)
     other = {*again["verdict"]} != {*found["verdict"]}
     was, now = ((one["unexplained"] or {}).get("explains", False) for one in (found, again))
     clearer = again["code"] == "unknown" and found["code"] != "named" and (other or now > was)
-    if clearer or (anyway and found["code"] == "none") or (again["code"] == "named" and other):
+    better = again["code"] == "named" and other
+    if weighed:
+        clearer = found["code"] == "none"
+        better = better and {*found["verdict"]} < {*again["verdict"]}
+    if clearer or better:
+        said.append(why)
         found = {**again, "notes": [*said, *again["notes"]]}
-    else:
-        said.pop()
     tell(found)
     return found
 
