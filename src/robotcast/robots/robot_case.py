@@ -3,7 +3,7 @@
 It is asked for groups of joints first, then within the group that is named, and for single joints.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
