@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from difflib import SequenceMatcher
-from functools import partial
+from difflib import get_close_matches
 from typing import Any
 
 import mujoco
@@ -46,15 +45,10 @@ def candidates(
     return (*found, *_fields(robot.model, joints, sizes))
 
 
-def refuse_unknown(key: str, names: Iterable[str], known: Iterable[str]) -> None:
+def refuse_unknown(key: str, names: Iterable[str], known: Sequence[str]) -> None:
     """Raise ValueError for a name of no effect, with those that are most like it."""
-
-    def like(name: str, other: str) -> tuple[int, float]:
-        shared = {*name.split("_")} & {*other.split("_")}
-        return len(shared), SequenceMatcher(None, name, other).ratio()
-
     if unknown := sorted({*names} - {*known}):
-        near = sorted(known, key=partial(like, unknown[0]), reverse=True)[:NEAR]
+        near = get_close_matches(unknown[0], known, NEAR, cutoff=0.0)
         raise ValueError(f"{key}: no effect is called {unknown[0]}; nearest is {', '.join(near)}")
 
 

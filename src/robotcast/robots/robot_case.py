@@ -104,7 +104,7 @@ class RobotCase:
         laws = [n for n, e in every.items() if e.depends_on is None]
         refuse_unknown(f"{self.robot.path}: exclude", self.robot.exclude, laws)
         refuse_unknown("exclude", exclude, laws)
-        refuse_unknown("effects", fixed, every)
+        refuse_unknown("effects", fixed, [*every])
         self.model.effects.update({n: single[n] for n in (*left_out, *fixed) if n in single})
         names = [n for n in laws if n not in single]
         asked = Case(
