@@ -76,6 +76,14 @@ def test_effects_that_only_help_together_are_not_named() -> None:
     assert verdict.code is Code.UNKNOWN and verdict.near == (together,)
 
 
+@pytest.mark.parametrize(("level", "enough"), [(2.0, True), (2.4, False), (3.1, False)])
+def test_no_effect_is_chosen_that_adds_nothing_that_matters(level: float, enough: bool) -> None:
+    """Nor is a part of what pays taken that does not help, or leaves what matters."""
+    alone = rung(level, "tilt")
+    known = found(3.0, rung(1.9, "tilt", "drag"), FLOOR, alone)
+    assert known.enough(("tilt", "drag")) == ([alone] if enough else [])
+
+
 def test_without_repeats_nothing_is_called_fit() -> None:
     known = found(1.0, None, UNKNOWN_FLOOR)
     verdict = decide(known, lambda: NOTHING, lambda own: known)

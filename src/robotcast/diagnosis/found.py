@@ -69,6 +69,17 @@ class Found:
         scales = self.known_scales
         return scales.floor.above(rung.errors.waypoint[scales.usual], times)
 
+    def enough(self, effects: Effects) -> list[Rung]:
+        """Return parts of a set that are likely to help, to which the rest adds too little."""
+        rule, whole = self.known_scales.rule, self.judged[effects]
+        return [
+            part
+            for some, part in self.judged.items()
+            if set(self.base.effects) < set(some) < set(effects)
+            and self.gain(self.base, part).promises(rule)
+            and not self.gain(part, whole).matters(rule)
+        ]
+
     @property
     def known_scales(self) -> Scales:
         """How errors are compared, once the base model is known."""

@@ -304,7 +304,10 @@ class Selection:
             self._keep(Revision(self._fixed, again))
 
     def _choose(self) -> None:
-        """Choose the smallest model that pays over which no larger one does."""
+        """Choose the smallest model that pays over which no larger one does.
+
+        It proves that something is missing; of it, no more is chosen than a part that is enough.
+        """
         found = self.found
         known = usual([r.errors.low for r in found.judged.values()], self._floor, self._rule)
         scales = Scales(self._floor, 1.0, self._inquiry.groups, known, self._rule)
@@ -321,6 +324,9 @@ class Selection:
             larger = [rung for effects, rung in judged.items() if len(effects) > size]
             if not any(self._pays(found.gain(judged[chosen], rung)) for rung in larger):
                 break
+        if parts := found.enough(chosen):
+            fewest = min(len(rung.effects) for rung in parts)
+            chosen = self._simplest([rung for rung in parts if len(rung.effects) == fewest])
         self.found = replace(found, judged=judged, chosen=chosen)
 
     def _simplest(self, rungs: Sequence[Rung]) -> Effects:
