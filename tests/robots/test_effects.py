@@ -28,7 +28,8 @@ LEGS = "".join(
     f"""<body name="{side}_thigh" pos="{k} 0 0"><joint name="{side}_hip_joint" axis="0 1 0"/>
 <inertial pos="0 0 -0.1" mass="1" diaginertia="0.01 0.01 0.01"/>
 <body name="{side}_shank" pos="0 0 -0.2"><joint name="{side}_knee_joint" axis="0 1 0"/>
-<inertial pos="0 0 -0.1" mass="1" diaginertia="0.01 0.01 0.01"/></body></body>"""
+<inertial pos="0 0 -0.1" mass="1" diaginertia="0.01 0.01 0.01"/><body name="{side}_foot"/>
+</body></body>"""
     for k, side in enumerate(("left", "right", "third"))
 )
 WALKER = f"""<mujoco><option timestep="0.005"/><worldbody>{LEGS}</worldbody><actuator>
@@ -114,6 +115,8 @@ def test_stribeck_friction_falls_from_its_peak_to_dry_friction() -> None:
 def test_joints_that_are_alike_share_effects_until_one_is_named(tmp_path: Path) -> None:
     windows = {"length_s": 0.3, "most": 4}
     case = read_case(write_folder(tmp_path, WALKER, logs=1, windows=windows))
+    shanks = [where.name for where in parts_of(case.robot)["body"]]  # their feet do not move
+    assert shanks == ["left_shank", "right_shank", "third_shank"]
     parts = {where.name: where.dofs for where in parts_of(case.robot)["joint"]}
     assert parts == {"hip_joint": (0, 2, 4), "knee_joint": (1, 3, 5)}
     legs = "left_{0}, right_{0}, third_{0}".format

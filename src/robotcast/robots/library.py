@@ -79,7 +79,8 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     bodies = [int(model.dof_bodyid[dof]) for dof in range(model.nv)]
     if model.nv > FEW_JOINTS:  # loads hang on the last bodies, or on what moves freely
         free = {int(model.dof_bodyid[dof]) for dof in np.flatnonzero(loose(model))}
-        bodies = [b for b in bodies if b in free or not (model.body_parentid == b).any()]
+        carry = {int(model.body_weldid[model.body_parentid[b]]) for b in bodies}
+        bodies = [b for b in bodies if b in free or b not in carry]
     pairs = [
         _where(robot, "_and_".join(pair), tuple(int(model.joint(j).dofadr[0]) for j in pair), ())
         for pair in coupled(model)
