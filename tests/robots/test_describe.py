@@ -78,6 +78,7 @@ TENDON = '<motor name="drive" tendon="cable"/>'
         (SERVO, "cmd", "actuator[drive]", None),
         (MOTOR, "tau_cmd", "actuator[drive]", None),
         (MOTOR, "elbow_torque_mNm", "actuator[drive]", "mN m"),
+        (MOTOR, "current_mA", "actuator[drive]", "mA"),  # which then asks for its constant
         (GEARED, "elbow_tau_cmd", "joint[elbow].torque", "N m"),
         (SERVO, "tau", "joint[elbow].torque", "N m"),
         (TENDON, "drive_N", "actuator[drive]", "N"),

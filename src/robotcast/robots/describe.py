@@ -38,7 +38,7 @@ TOO_MUCH = 30.0  # times the energy that gravity and drives can give: the angle 
 SPELLED = {  # SI unit → how a column's name has a unit of its kind → the unit
     si: {re.sub("/s$| ", "", unit).lower(): unit for unit in reversed(known)}
     for si, known in UNITS.items()
-}
+} | {"A": {"ma": "mA"}}  # of a drive: a torque by its constant, which robot.yaml must be given
 LENGTHS = {*SPELLED["rad"], *SPELLED["m"]}
 ANY = LENGTHS.union(*SPELLED.values()) - set(SPELLED["s"])
 TORQUES = ("N m", "N")
@@ -195,10 +195,10 @@ class _Guess:
         kind, name = target.removesuffix(".torque")[:-1].split("[", 1)
         if kind == "joint":
             si = "N m" if self._length(name) == "rad" else "N"
-            return _named_unit(column, name, si) or si, None
+            return _named_unit(column, name, si, "A") or si, None
         si, on = _control(self._model, list(self._moved).index(name)), self._moved[name]
         place, unit = self.measured.get(f"joint[{on}].position", ("", ""))
-        kinds = TORQUES if si in TORQUES else (si,) if si else ()
+        kinds = (*TORQUES, "A") if si in TORQUES else (si,) if si else ()
         named = _named_unit(column, f"{name} {on}", *kinds)
         if named or not place or si not in ("rad", *TORQUES):
             return named, None
