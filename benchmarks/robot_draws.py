@@ -228,7 +228,7 @@ class _Draw:
         changed = {}
         for at in effect.addresses(model)[first]:
             old = float(at.nominal(model)[0])
-            changed[at.name] = old * (1 + size) if effect.how == "scale" else old + size
+            changed[at.name] = old * (1 + size) if effect.how[first] == "scale" else old + size
         return {"fields": changed, "sizes": sizes}
 
     def _law(

@@ -66,6 +66,7 @@ def test_what_rolls_far_because_others_push_it_turns_in_radians(tmp_path: Path) 
 SERVO = '<position name="drive" joint="elbow" kp="25"/>'
 MOTOR = '<motor name="drive" joint="elbow"/>'
 GEARED = '<motor name="drive" joint="elbow" gear="50"/>'
+SERVO_OF_SHOULDER = '<position name="s" joint="shoulder" kp="25" kv="1.2"/>'
 MOTOR_OF_SHOULDER = '<motor name="s" joint="shoulder" gear="-5" ctrlrange="-40 40"/>'
 TENDON = '<motor name="drive" tendon="cable"/>'
 
@@ -105,8 +106,7 @@ def test_a_motor_that_is_logged_by_commanded_positions_asks_for_the_gains_of_its
     folder = write_folder(tmp_path, ARM.replace('<motor name="e" joint="elbow"/>', ""), logs=2)
     wanted = read_case(folder).model
     text = (folder / "robot.xml").read_text()
-    servo = '<position name="s" joint="shoulder" kp="25" kv="1.2"/>'
-    (folder / "robot.xml").write_text(text.replace(servo, MOTOR_OF_SHOULDER))
+    (folder / "robot.xml").write_text(text.replace(SERVO_OF_SHOULDER, MOTOR_OF_SHOULDER))
     (folder / "robot.yaml").unlink()
     if unit == "deg":
         rewrite(folder, pl.col("u_s").degrees())
@@ -120,6 +120,16 @@ def test_a_motor_that_is_logged_by_commanded_positions_asks_for_the_gains_of_its
     assert found.robot.model.actuator_forcerange[0].tolist() == [-40, 40]
     for one, other in zip(found.model.nominal_misses, wanted.nominal_misses, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6)
+
+
+def test_a_springy_joint_beside_servos_has_one_too(tmp_path: Path) -> None:
+    motor, servo = '<motor name="e" joint="elbow"/>', '<position name="e" joint="elbow" kp="5"/>'
+    folder = write_folder(tmp_path, ARM.replace(motor, servo), logs=2)
+    elbow, text = '<joint name="elbow"', ARM.replace(SERVO_OF_SHOULDER, MOTOR_OF_SHOULDER)
+    (folder / "robot.xml").write_text(text.replace(elbow, f'{elbow} stiffness="1"'))
+    (folder / "robot.yaml").unlink()
+    path, _ = describe(folder)
+    assert [*yaml.safe_load(path.read_text())["servos"]] == ["actuator[*]"]
 
 
 def test_a_torque_that_looks_like_its_joints_position_is_no_command(tmp_path: Path) -> None:

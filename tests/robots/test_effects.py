@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from robotcast.diagnosis.diagnose import diagnose
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.effect import Motion, Where
@@ -22,6 +23,21 @@ from robotcast.robots.effects import (
 from robotcast.robots.library import alone, candidates, parts_of
 from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
 from tests.robots.made_up_robot import ARM, PERIOD_S, rewrite, write_folder
+
+
+def diagnosed(case: RobotCase, *tried: str) -> dict[str, Any]:
+    """Return what a diagnosis with a few candidates says."""
+    laws = [n for n, e in case.model.effects.items() if e.depends_on is None]
+    tried = tried or (
+        "dry_friction_axis",
+        "viscous_friction_axis",
+        "drive_gain_axis",
+        "spring_axis",
+    )
+    others = [n for n in laws if n not in tried]
+    effort = Effort(some=12, tried=3, finalists=1)
+    return diagnose(case.question(others, (), Rule(), effort), lambda known: None)
+
 
 WHERE = Where("axis", (0,), (1,), (0,), (0,))
 LEGS = "".join(
@@ -98,7 +114,7 @@ def test_a_drive_pushes_no_faster_than_its_speed_but_brakes_from_any() -> None:
     effect = SpeedLimit("limit", "", parameters("s"), WHERE)
     speed = np.array([[0.5], [1.0], [2.0], [2.0]])
     torque = np.array([[3.0], [3.0], [3.0], [-3.0]])
-    motion = Motion(np.zeros((4, 1)), speed, speed, torque)
+    motion = Motion(*np.zeros((2, 4, 1)), speed, speed, torque)
     left = torque + effect.force(motion, s=np.ones((4, 1)))
     np.testing.assert_allclose(left[:, 0], [3.0, 0.0, 0.0, -3.0], atol=1e-12)
 
@@ -106,7 +122,7 @@ def test_a_drive_pushes_no_faster_than_its_speed_but_brakes_from_any() -> None:
 def test_stribeck_friction_falls_from_its_peak_to_dry_friction() -> None:
     effect = Stribeck("stribeck", "", parameters("torque", "peak", "speed"), WHERE)
     speed = np.array([[0.0, 0.1, 5.0]])
-    motion = Motion(np.zeros((1, 1)), speed, speed, speed)
+    motion = Motion(*np.zeros((2, 1, 1)), speed, speed, speed)
     one = {name: np.array([[v]]) for name, v in (("torque", 2.0), ("peak", 1.0), ("speed", 0.1))}
     found = effect.friction(motion, **one)
     np.testing.assert_allclose(found[0], [3.0, 2 + np.exp(-1), 2.0])
@@ -191,3 +207,48 @@ def test_what_one_link_lacks_is_named_beside_what_a_group_lacks(tmp_path: Path) 
     assert {*found["verdict"]} == {kept, "mass_left_thigh"}
     mass = found["model"]["parameters"]["mass_left_thigh.k"]
     assert mass["value"] == pytest.approx(1.5, abs=0.1)
+
+
+def test_a_payload_beside_the_centre_of_a_light_link_is_one_effect(tmp_path: Path) -> None:
+    def hide(model: mujoco.MjModel) -> None:
+        fore = model.body("fore").id  # 0.4 kg, 0.144 m below the centre of 0.05 kg
+        model.body_mass[fore] *= 9
+        model.body_inertia[fore] *= 9
+        model.body_ipos[fore, 2] -= 0.128
+
+    xml = ARM.replace('mass="0.5" diaginertia="0.003 0.003', 'mass="0.05" diaginertia="3e-4 3e-4')
+    case = read_case(write_folder(tmp_path, xml, change=hide))
+    of_the_link = ["mass_fore", "centre_of_mass_fore", "payload_fore", "inertia_fore"]
+    found = diagnosed(case, *of_the_link, "viscous_friction_elbow", "armature_elbow")
+    assert found["verdict"] == ["payload_fore"]
+    sizes = found["model"]["parameters"]
+    assert sizes["payload_fore.k"]["value"] == pytest.approx(8.0, rel=0.05)
+    assert sizes["payload_fore.z"]["value"] == pytest.approx(-0.128, rel=0.1)
+
+
+def test_what_repeats_with_the_motion_is_found(tmp_path: Path) -> None:
+    waves = 2 * np.pi * pl.col("q_axis") / 0.06  # of a torque that the logs do not show
+    folder = rewrite(write_folder(tmp_path), pl.col("u_motor") - 3.0 * waves.sin())
+    case = read_case(folder)
+    assert case.sizes.period == pytest.approx(0.06, rel=0.01)
+    found = diagnosed(case)
+    assert found["verdict"] == ["unknown"]
+    assert found["unexplained"]["depends_on"].startswith("the position of axis within")
+    assert np.ptp(found["unexplained"]["field"]["values"]) == pytest.approx(6.0, rel=0.2)
+
+
+def test_friction_that_grows_from_log_to_log_is_found(tmp_path: Path) -> None:
+    for number in range(6):
+        made = write_folder(
+            tmp_path / str(number),
+            logs=number + 1,
+            change=lambda model, number=number: model.dof_frictionloss.fill(0.4 * number),
+        )
+        (made / f"log{number}.csv").rename(tmp_path / f"log{number}.csv")
+    for name in ("robot.xml", "robot.yaml"):
+        (made / name).rename(tmp_path / name)
+    found = diagnosed(read_case(tmp_path))
+    assert found["verdict"] == ["unknown"]
+    assert found["unexplained"]["depends_on"] == "the order of the logs"
+    values = np.ravel(found["unexplained"]["field"]["values"])
+    np.testing.assert_allclose(values, np.linspace(0, 2, 5), atol=0.15)

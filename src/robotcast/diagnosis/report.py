@@ -45,11 +45,10 @@ def sentence(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording,
             more = f"so more is missing that has no name here{_most(where)}"
             said += f" That is still {times}, {more}."
     else:
-        better = "is confirmed" if near else f"makes the model predict held-out {trials} better"
         beside = f", where {wording.floor} {floor.percent:.2f}" if floor.percent else ""
         said = (
-            f"No effect of the library {better}: the typical error on held-out {trials} stays at "
-            f"{before:.2f} {unit}{beside}.{_left(verdict, times, where)}"
+            "No effect of the library is confirmed: the typical error on held-out "
+            f"{trials} stays at {before:.2f} {unit}{beside}.{_left(verdict, times, where)}"
         )
     return f"{said}{near}{_blunders(usual, wording)}"
 
@@ -68,7 +67,8 @@ def _times(found: Found, middle: float, wording: Wording) -> str:
 
 def _left(verdict: Verdict, times: str, where: str) -> str:
     if verdict.code is Code.CANNOT_TELL:
-        return " Nothing was repeated, so nobody can say how much of it is noise."
+        above = f" That is {times}{_most(where)}." if times else ""
+        return f"{above} Nothing was repeated: nobody can say what else differs from run to run."
     if verdict.left is None:
         return ""
     return f" That is {times}{_most(where)}, and nothing that was tried explains it."

@@ -207,9 +207,10 @@ class _Guess:
         if si == "rad":
             far = np.nanstd(commanded) > MORE * np.nanstd(measured) > 0
             return "deg" if far else "", None
-        springy = self._model.jnt_stiffness[self._joints.index(on)] > 0  # it follows a torque too
-        if _tokens(column) & KINDS["torque"] or springy:
+        if _tokens(column) & KINDS["torque"]:
             return "", None
+        if self._model.jnt_stiffness[self._joints.index(on)] > 0:  # it follows a torque, too
+            return "", ""
         named = _named_unit(column, f"{name} {on}", length)
         for one in [named] if named else [unit, length, *(["deg"] * (length == "rad"))]:
             off = commanded * UNITS[length][one] - measured

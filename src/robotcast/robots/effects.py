@@ -23,15 +23,21 @@ class ModelField(RobotEffect):
     """An effect that MuJoCo has itself: numbers of the model are other ones.
 
     Each parameter `writes` fields of the part, "damping" or "ipos[0]": what it does, `how`, is to
-    "add" the parameter, to "subtract" it, or to "scale" by 1 + it.
+    "add" the parameter, to "subtract" it, or to "scale" by 1 + it, given for all or by name.
     """
 
     def __init__(
-        self, *args: Any, writes: Mapping[str, Sequence[str]], how: str = "add", **more: Any
+        self,
+        *args: Any,
+        writes: Mapping[str, Sequence[str]],
+        how: str | Mapping[str, str] = "add",
+        **more: Any,
     ) -> None:
         super().__init__(*args, **more)
         self.writes = {name: tuple(fields) for name, fields in writes.items()}
-        self.how = how
+        known = {} if isinstance(how, str) else how
+        rest = how if isinstance(how, str) else "add"
+        self.how = {name: known.get(name, rest) for name in self.writes}
 
     def addresses(self, model: mujoco.MjModel) -> dict[str, list[Address]]:
         """Return what each parameter changes."""
@@ -66,10 +72,10 @@ class ModelField(RobotEffect):
     def write(self, fields: ModelFields, **values: np.ndarray) -> None:
         for name, some in self.addresses(fields.model).items():
             for at in some:
-                if self.how == "scale":
+                if self.how[name] == "scale":
                     fields.multiply(at, 1 + values[name])
                 else:
-                    fields.add(at, values[name] if self.how == "add" else -values[name])
+                    fields.add(at, values[name] if self.how[name] == "add" else -values[name])
 
 
 class Tilt(RobotEffect):
@@ -332,27 +338,54 @@ class EncoderScale(Encoder):
         return qpos / (1 + k)
 
 
-class TorqueField(RobotEffect):
-    """A flexible field: any torque that depends on one quantity, piecewise linear between knots.
+class Field(RobotEffect):
+    """A flexible field that depends on one quantity, piecewise linear between knots.
 
-    It is a field `of` "position", "speed", "torque" or "time", with a parameter at each knot (n,):
-    of one curve for all joints, or of one after the other for each.
+    It is a field `of` "position", "speed", "torque", "time" or "log", with a parameter at each knot
+    (n,): of one curve for all joints, or of one after the other for each. What repeats ends as it
+    began, so that its last knot, a period from the first, has no parameter.
     """
 
-    def __init__(self, *args: Any, of: str, knots: np.ndarray, **more: Any) -> None:
+    def __init__(
+        self, *args: Any, of: str, knots: np.ndarray, repeats: bool = False, **more: Any
+    ) -> None:
         super().__init__(*args, **more)
-        self.of, self.knots = of, knots
+        self.of, self.knots, self.repeats = of, knots, repeats
 
-    def force(self, motion: Motion, **values: np.ndarray) -> np.ndarray:
+    def table(self, values: np.ndarray) -> np.ndarray:
+        """Return parameters (n_sim, n) as the curves' values at the knots, (n_sim, n_curves, n)."""
+        table = values.reshape(len(values), -1, len(self.knots) - self.repeats)
+        return np.dstack([table, table[:, :, :1]]) if self.repeats else table
+
+    def curve(self, motion: Motion, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the field's value at every joint, (n_sim, n_dofs)."""
         at = {
             "position": motion.qpos,
             "speed": motion.qvel,
             "torque": motion.torque,
-            "time": np.broadcast_to(motion.log_time_s, motion.qpos.shape),
+            "time": motion.log_time_s,
+            "log": motion.log,
         }[self.of]
-        table = np.hstack(list(values.values())).reshape(len(at), -1, len(self.knots))
+        at = np.broadcast_to(at, motion.qpos.shape)
+        if self.repeats:
+            at = np.mod(at, self.knots[-1])
+        table = self.table(np.hstack(list(values.values())))
         place = np.interp(at, self.knots, np.arange(len(self.knots)))
         left = np.minimum(place.astype(int), len(self.knots) - 2)
         share = place - left
         own = np.arange(len(table))[:, None], np.arange(table.shape[1])
         return (1 - share) * table[*own, left] + share * table[*own, left + 1]
+
+
+class TorqueField(Field):
+    """Any torque that depends on one quantity."""
+
+    def force(self, motion: Motion, **values: np.ndarray) -> np.ndarray:
+        return self.curve(motion, values)
+
+
+class FrictionField(Field):
+    """Any dry friction that depends on one quantity."""
+
+    def friction(self, motion: Motion, **values: np.ndarray) -> np.ndarray:
+        return self.curve(motion, values)

@@ -13,7 +13,7 @@ from robotcast.build import CONFIGURATION, build
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.couplings import coupled
 from robotcast.robots.effect import RobotEffect, Where
-from robotcast.robots.effects import ModelField, TorqueField
+from robotcast.robots.effects import FrictionField, ModelField, TorqueField
 from robotcast.robots.names import driven_dof, loose, name_of_dof, names_of, turning
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.sizes import Sizes
@@ -23,6 +23,22 @@ FEW_JOINTS = 4  # up to as many, each is looked at alone; of more, groups of the
 NEAR = 5  # names that are said where one is wrong
 FIELD_KNOTS = np.array([-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0])
 PLACES = 21  # of a field over the range of positions: ripple has several waves there
+PHASES = 9  # of a field that repeats
+FIELDS = {  # what a field is, and what it depends on
+    "speed": ("a torque on {joint} that depends on its speed", "the speed of {joint}"),
+    "position": ("a torque on {joint} that depends on its position", "the position of {joint}"),
+    "time": ("a torque on {joint} that depends on the time into the log", "time"),
+    "torque": (
+        "a torque on {joint} that depends on the torque it carries",
+        "the torque of {joint}",
+    ),
+    "ripple": (
+        "a torque on {joint} that repeats every {period}",
+        "the position of {joint} within {period}",
+    ),
+    "log": ("dry friction in {joint} that changes from log to log", "the order of the logs"),
+}
+FEW_LOGS, MANY_LOGS = 3, 5  # from so many on there is a field of them, of no more knots than that
 PROBE, BOUND = 0.1, 2.0  # of a field, in usual torques
 
 
@@ -172,6 +188,8 @@ def _made(
     dofs = where.dofs or tuple(range(model.nv))
     if not _needed(model, entry.get("needs"), where, sizes):
         return None
+    own_kg = float(model.body_mass[list(where.bodies)].max(initial=0.0))
+    heaviest = float(model.body_mass.max()) / own_kg if own_kg > 0 else 0.0
     if "usual" in more:
         more["usual"] = sizes.of(more["usual"], dofs, where.channels)[0]
     effect = build(
@@ -179,7 +197,7 @@ def _made(
         name=f"{name}_{where.name}" if where.name else name,
         text=entry["text"].format(where=where.name.replace("_", " ")),
         parameters=[
-            _parameter(n, given, sizes, dofs, where.channels)
+            _parameter(n, given, sizes, replace(where, dofs=dofs), heaviest)
             for n, given in entry["parameters"].items()
         ],
         where=where,
@@ -212,28 +230,32 @@ def _needed(model: mujoco.MjModel, what: str | None, where: Where, sizes: Sizes)
 
 
 def _parameter(
-    name: str, given: Mapping[str, Any], sizes: Sizes, dofs: Sequence[int], channels: Sequence[int]
+    name: str, given: Mapping[str, Any], sizes: Sizes, where: Where, heaviest: float
 ) -> Parameter:
     """Make a parameter whose numbers are in units of a usual size.
 
     A joint that sticks needs little torque to move as it does: what brakes it may be larger, up to
-    what drives it. What an encoder shows late moved before the window: so much of it is measured,
-    not predicted.
+    what drives it. A light flange may carry as much as the `heaviest` link weighs, in its own
+    masses. What an encoder shows late moved before the window: so much of it is measured, not
+    predicted.
     """
-    (size, unit), null = sizes.of(given["of"], dofs, channels), given.get("null_at")
-    driven, _ = replace(sizes, torque=sizes.driven).of(given["of"], dofs, channels)
+    on, null = (given["of"], where.dofs, where.channels), given.get("null_at")
+    size, unit = sizes.of(*on)
+    driven, _ = replace(sizes, torque=sizes.driven).of(*on)
     nominal = size * (given["nominal"] if null is None else null)
     lower = size * given["lower"]
     upper = max(size * given["upper"], driven * given.get("of_driven", -np.inf))
-    upper = min(upper, given.get("of_window", np.inf) * sizes.window_s)
-    probes = tuple(size * p for p in given.get("probes", ()) if size * p <= upper)
+    wide = np.sqrt(max(1.0, heaviest * given.get("of_heaviest", 0.0) / given["upper"]))
+    upper = min(wide**2 * upper, given.get("of_window", np.inf) * sizes.window_s)
+    probes = tuple(size * p * (wide if p > 0 else 1.0) for p in given.get("probes", ()))
+    probes = tuple(p for p in probes if p <= upper)
     null = None if null is None else nominal
     return Parameter(name, unit, lower, upper, nominal, null=null, probes=probes)
 
 
 def _keep_physical(model: mujoco.MjModel, effect: RobotEffect) -> None:
     """Keep what is added to friction, damping and armature from making them negative."""
-    if not isinstance(effect, ModelField) or effect.how != "add" or effect.part != "joint":
+    if not isinstance(effect, ModelField) or effect.part != "joint":
         return
     bounded = []
     for parameter in effect.parameters:
@@ -260,32 +282,39 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
     """Make the flexible fields of every joint, with a curve for each axis of a free motion."""
     found: list[RobotEffect] = []
     for where in joints:
-        torque, unit = sizes.of("torque", where.dofs, ())
-        curves = len(where.dofs) if loose(model)[list(where.dofs)].any() else 1
-        speed, _ = sizes.of("speed", where.dofs, ())
-        at, joint = list(where.dofs), where.name.replace("_", " ")
-        span = np.linspace(sizes.lowest[at].min(), sizes.highest[at].max(), PLACES)
+        (torque, unit), (speed, _) = (sizes.of(s, where.dofs, ()) for s in ("torque", "speed"))
+        at, free = list(where.dofs), bool(loose(model)[list(where.dofs)].any())
+        period = float(np.sort(sizes.period[at])[len(at) // 2])
         knots = {
             "speed": speed * FIELD_KNOTS,
-            "position": span,
+            "position": np.linspace(sizes.lowest[at].min(), sizes.highest[at].max(), PLACES),
             "time": np.linspace(0.0, sizes.log_s, 5),
+            "torque": torque * FIELD_KNOTS,
+            "ripple": np.linspace(0.0, period, PHASES),
+            "log": np.linspace(0.0, sizes.logs - 1, min(sizes.logs, MANY_LOGS)),
         }
-        if turning(model)[at].any():
-            del knots["position"]
-        if where.channels:
-            knots["torque"] = torque * FIELD_KNOTS
-        for of, places in knots.items():
-            bound, probes = BOUND * torque, (PROBE * torque,)
+        lacks = {
+            "position": turning(model)[at].any(),
+            "torque": not where.channels,
+            "ripple": free or not np.isfinite(period),
+            "log": free or sizes.logs < FEW_LOGS,
+        }
+        words = {
+            "joint": where.name.replace("_", " "),
+            "period": f"{period:.3g} {'rad' if unit == 'N m' else 'm'}",
+        }
+        for name, places in knots.items():
+            if lacks.get(name):
+                continue
+            bound, probes, repeats = BOUND * torque, (PROBE * torque,), name == "ripple"
+            n = (len(where.dofs) if free else 1) * (len(places) - repeats)
             own = [
                 Parameter(f"c{k}", unit, -bound, bound, 0.0, null=0.0, probes=probes)
-                for k in range(curves * len(places))
+                for k in range(n)
             ]
-            what = {"time": "the time into the log", "torque": "the torque it carries"}
-            text = f"a torque on {joint} that depends on {what.get(of, f'its {of}')}"
-            name, depends = (
-                f"{of}_field_{where.name}",
-                "time" if of == "time" else f"the {of} of {joint}",
-            )
-            more = {"depends_on": depends, "of": of, "knots": places}
-            found.append(TorqueField(name, text, own, where, **more))
+            text, depends_on = (said.format(**words) for said in FIELDS[name])
+            kind = FrictionField if name == "log" else TorqueField
+            more = {"of": "position" if repeats else name, "knots": places, "repeats": repeats}
+            name = f"{name}_field_{where.name}"
+            found.append(kind(name, text, own, where, depends_on=depends_on, **more))
     return found

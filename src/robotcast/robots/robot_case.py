@@ -19,7 +19,7 @@ from robotcast.diagnosis.model import Axis, Wording
 from robotcast.diagnosis.report import unexplained
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.robots.effect import RobotEffect
-from robotcast.robots.effects import TorqueField
+from robotcast.robots.effects import Field
 from robotcast.robots.library import alone, candidates, parts_of, refuse_unknown
 from robotcast.robots.logs import Log, periods, read_logs
 from robotcast.robots.names import name_of_dof, to_si
@@ -189,17 +189,17 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
 def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:
     """Return a fitted torque over what it depends on, as `unexplained.field` has it."""
     field = inquiry.model.effects[left.field or ""]
-    if not isinstance(field, TorqueField):
+    if not isinstance(field, Field):
         return None
     torque = field.parameters[0].unit
     length = "rad" if torque == "N m" else "m"
-    unit = {"position": length, "speed": f"{length}/s", "torque": torque, "time": "s"}[field.of]
+    unit = {"position": length, "speed": f"{length}/s", "torque": torque, "time": "s", "log": "1"}
     return {
         "acts_on": field.where.name.replace("_", " "),
-        "axes": [f"{field.of} [{unit}]"],
+        "axes": [f"{field.of} [{unit[field.of]}]"],
         "unit": torque,
         "points": [[knot] for knot in field.knots],
-        "values": strengths(inquiry, left).reshape(-1, len(field.knots)).T.tolist(),
+        "values": field.table(strengths(inquiry, left)[None])[0].T.tolist(),
     }
 
 

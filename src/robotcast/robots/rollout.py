@@ -362,6 +362,7 @@ class _Forces:
         )
         began = [owner.logs[w.log].times_s[w.first] - owner.logs[w.log].times_s[0] for w in windows]
         self._log_time_s = np.array(began)[:, None]
+        self._log = np.array([w.log for w in windows])[:, None]
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
         self._applied, self._actuated = batch.bind("qfrc_applied"), batch.bind("qfrc_actuator")
         self._qpos_of_dof = owner.qpos_of_dof
@@ -375,7 +376,8 @@ class _Forces:
         qpos = self._qpos[:, self._qpos_of_dof]
 
         def of(dofs: list[int]) -> Motion:
-            return Motion(log_time_s, qpos[:, dofs], self._qvel[:, dofs], torque[:, dofs])
+            seen = qpos[:, dofs], self._qvel[:, dofs], torque[:, dofs]
+            return Motion(self._log, log_time_s, *seen)
 
         for dofs, force, own in self._forces:
             self._applied[:, dofs] += force(of(dofs), **own)

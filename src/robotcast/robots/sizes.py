@@ -14,6 +14,8 @@ from robotcast.robots.windows import StartStates
 MOST_STATES = 200
 OFTEN = 0.9  # of the states: forces of contacts and stops count up to what these stay below
 STILL = 1e-3  # of the fastest joint, that one is taken to move by at least
+WAVES = 3  # over what a joint travels: of a torque that repeats with it, more are looked for
+FINE = 8  # steps in which their number grows by one
 SIZES: dict[str, tuple[str, str, Callable[["Sizes"], np.ndarray]]] = {
     # its unit, of a hinge and of a slide, and what it is of each joint
     "torque": ("N m", "N", lambda usual: usual.torque),
@@ -43,6 +45,8 @@ class Sizes:
     command : the largest that was commanded of every channel, (n_channels,).
     reach_m : how far the bodies' centres lie from the joints, the median.
     touches : whether anything touched anything.
+    period : of the joint's motion, after which the torque that the model lacks seems to repeat.
+    logs : how many there are.
     window_s : how long the windows are.
     """
 
@@ -58,6 +62,8 @@ class Sizes:
     reach_m: float
     touches: bool
     driven: np.ndarray
+    period: np.ndarray
+    logs: int
     window_s: float = np.inf
 
     def of(self, kind: str, dofs: Sequence[int], channels: Sequence[int]) -> tuple[float, str]:
@@ -108,7 +114,7 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
     """
     model, data = robot.model, mujoco.MjData(robot.model)
     qpos_of = coordinates(model)
-    rows, touches = [], False
+    rows, lacks, touches = [], [], False
     mass = np.empty((model.nv, model.nv))
     for log, first, qpos, qvel, qacc in inverse_states(logs, starts, MOST_STATES):
         data.qpos[:], data.qvel[:], data.qacc[:] = qpos, qvel, qacc
@@ -119,6 +125,7 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         needed = own * qacc, data.qfrc_inverse + held, held
         given = driven(model, data, robot.drive, logs[log].drive[first])
         rows.append((*needed, given, qvel, qpos[qpos_of], own))
+        lacks.append((given - data.qfrc_inverse, qacc))
     if not rows:
         raise ValueError("no state can be taken from the logs: too many samples are missing")
     parts = (np.array(part) for part in zip(*rows, strict=True))
@@ -147,4 +154,33 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         log_s=max(log.times_s[-1] - log.times_s[0] for log in logs),
         reach_m=float(np.median(reach_m[reach_m > 0])) if (reach_m > 0).any() else 0.1,
         touches=touches,
+        period=_periods(position, speed, np.array(lacks), starts.span_s),
+        logs=len(logs),
     )
+
+
+def _periods(
+    position: np.ndarray, speed: np.ndarray, lacks: np.ndarray, span_s: float
+) -> np.ndarray:
+    """Return after which travel what a model lacks seems to repeat, (nv,).
+
+    Of positions and speeds (n, nv), and of torques it lacks with the accelerations, (n, 2, nv).
+    It is where a sine explains most beside constant, spring, damping, friction and inertia (Lomb
+    1976), as long at least as what a joint usually passes while its acceleration is estimated.
+    """
+    found = np.full(position.shape[1], np.inf)
+    for k, (q, v, (lack, a)) in enumerate(zip(position.T, speed.T, lacks.T, strict=True)):
+        travel, least = np.ptp(q), np.sqrt((v**2).mean()) * span_s
+        if not 0 < WAVES * least < travel:
+            continue
+        waves = np.linspace(WAVES, travel / least, int(FINE * travel / least)) / travel
+        base = np.linalg.qr(np.column_stack([np.ones(len(q)), q, v, np.sign(v), a]))[0]
+        angle = 2 * np.pi * waves[:, None] * q
+        pair = np.stack([np.cos(angle), np.sin(angle)])
+        pair, lack = pair - pair @ base @ base.T, lack - base @ (base.T @ lack)
+        inner, both = np.einsum("iwn,jwn->wij", pair, pair), np.einsum("iwn,n->wi", pair, lack)
+        explained = (both * np.linalg.solve(inner + 1e-9 * np.eye(2), both[..., None])[..., 0]).sum(
+            axis=1
+        )
+        found[k] = 1 / waves[int(np.argmax(explained))]
+    return found
