@@ -3,16 +3,13 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import mujoco
 import numpy as np
 
-from robotcast.robots.model_fields import loaded
-from robotcast.robots.names import name_of_dof, turning
+from robotcast.robots.names import name_of_dof
 from robotcast.robots.robot_case import RobotCase
-from robotcast.robots.sizes import driven, inverse_states
+from robotcast.robots.sizes import missing_torques
 
 QUANTILES = (0.5, 0.9, 1.0)  # of the windows, by what the model as it is misses
-MOST_STATES = 400
 
 
 def shown(case: RobotCase, base: Mapping[str, Any], last: Mapping[str, Any]) -> dict[str, Any]:
@@ -73,20 +70,8 @@ def _torques(case: RobotCase) -> list[dict[str, Any]]:
 
     By the model as it is: dry friction shows as a step, viscous friction as a slope.
     """
-    robot, rollout = case.robot, case.model.rollout
-    models = [
-        loaded(robot.model, log.payloads) if log.payloads else robot.model for log in rollout.logs
-    ]
-    data, rows = [mujoco.MjData(model) for model in models], []
-    for log, first, qpos, qvel, qacc in inverse_states(rollout.logs, case.starts, MOST_STATES):
-        model, now = models[log], data[log]
-        now.qpos[:], now.qvel[:], now.qacc[:] = qpos, qvel, qacc
-        mujoco.mj_inverse(model, now)
-        needed = now.qfrc_inverse.copy()
-        place = np.where(turning(model), 0.0, qpos[rollout.qpos_of_dof])  # it turns about many axes
-        given = driven(model, now, robot.drive, rollout.logs[log].drive[first])
-        rows.append((place, qvel, given - needed))
-    position, speed, missing = (np.array(part) for part in zip(*rows, strict=True))
+    robot, logs = case.robot, case.model.rollout.logs
+    position, speed, _, missing = missing_torques(robot, logs, case.starts)
     degrees = any(column.unit == "deg" for column in robot.measured.values())
     found = []
     for dof, hinge in enumerate(case.sizes.hinge):

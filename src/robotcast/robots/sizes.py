@@ -7,11 +7,12 @@ import mujoco
 import numpy as np
 
 from robotcast.robots.logs import Log
+from robotcast.robots.model_fields import loaded
 from robotcast.robots.names import Channel, coordinates, loose, turning
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.windows import StartStates
 
-MOST_STATES = 200
+MOST_STATES, MANY_STATES = 200, 400
 OFTEN = 0.9  # of the states: forces of contacts and stops count up to what these stay below
 STILL = 1e-3  # of the fastest joint, that one is taken to move by at least
 WAVES = 3  # over what a joint travels: of a torque that repeats with it, more are looked for
@@ -114,7 +115,7 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
     """
     model, data = robot.model, mujoco.MjData(robot.model)
     qpos_of = coordinates(model)
-    rows, lacks, touches = [], [], False
+    rows, touches = [], False
     mass = np.empty((model.nv, model.nv))
     for log, first, qpos, qvel, qacc in inverse_states(logs, starts, MOST_STATES):
         data.qpos[:], data.qvel[:], data.qacc[:] = qpos, qvel, qacc
@@ -125,7 +126,6 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         needed = own * qacc, data.qfrc_inverse + held, held
         given = driven(model, data, robot.drive, logs[log].drive[first])
         rows.append((*needed, given, qvel, qpos[qpos_of], own))
-        lacks.append((given - data.qfrc_inverse, qacc))
     if not rows:
         raise ValueError("no state can be taken from the logs: too many samples are missing")
     parts = (np.array(part) for part in zip(*rows, strict=True))
@@ -154,22 +154,40 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         log_s=max(log.times_s[-1] - log.times_s[0] for log in logs),
         reach_m=float(np.median(reach_m[reach_m > 0])) if (reach_m > 0).any() else 0.1,
         touches=touches,
-        period=_periods(position, speed, np.array(lacks), starts.span_s),
+        period=_periods(missing_torques(robot, logs, starts), starts.span_s),
         logs=len(logs),
     )
 
 
-def _periods(
-    position: np.ndarray, speed: np.ndarray, lacks: np.ndarray, span_s: float
-) -> np.ndarray:
-    """Return after which travel what a model lacks seems to repeat, (nv,).
+def missing_torques(
+    robot: RobotFile, logs: Sequence[Log], starts: StartStates
+) -> tuple[np.ndarray, ...]:
+    """Return what drove every joint less what it needed, by the model as it is, at many states.
 
-    Of positions and speeds (n, nv), and of torques it lacks with the accelerations, (n, 2, nv).
+    Positions, speeds, accelerations and those torques, (n, nv) each; positions of what turns about
+    several axes are 0.
+    """
+    models = [loaded(robot.model, log.payloads) if log.payloads else robot.model for log in logs]
+    data, rows = [mujoco.MjData(model) for model in models], []
+    straight, at = ~turning(robot.model), coordinates(robot.model)
+    for log, first, qpos, qvel, qacc in inverse_states(logs, starts, MANY_STATES):
+        model, now = models[log], data[log]
+        now.qpos[:], now.qvel[:], now.qacc[:] = qpos, qvel, qacc
+        mujoco.mj_inverse(model, now)
+        needed = now.qfrc_inverse.copy()
+        given = driven(model, now, robot.drive, logs[log].drive[first])
+        rows.append((straight * qpos[at], qvel, qacc, given - needed))
+    return tuple(np.array(rows).swapaxes(0, 1))
+
+
+def _periods(states: tuple[np.ndarray, ...], span_s: float) -> np.ndarray:
+    """Return after which travel what the model lacks seems to repeat, (nv,), by `missing_torques`.
+
     It is where a sine explains most beside constant, spring, damping, friction and inertia (Lomb
     1976), as long at least as what a joint usually passes while its acceleration is estimated.
     """
-    found = np.full(position.shape[1], np.inf)
-    for k, (q, v, (lack, a)) in enumerate(zip(position.T, speed.T, lacks.T, strict=True)):
+    found = np.full(states[0].shape[1], np.inf)
+    for k, (q, v, a, lack) in enumerate(zip(*(one.T for one in states), strict=True)):
         travel, least = np.ptp(q), np.sqrt((v**2).mean()) * span_s
         if not 0 < WAVES * least < travel:
             continue
