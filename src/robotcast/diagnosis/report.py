@@ -67,8 +67,9 @@ def _times(found: Found, middle: float, wording: Wording) -> str:
 
 def _left(verdict: Verdict, times: str, where: str) -> str:
     if verdict.code is Code.CANNOT_TELL:
-        above = f" That is {times}{_most(where)}." if times else ""
-        return f"{above} Nothing was repeated: nobody can say what else differs from run to run."
+        if not times:
+            return " Nothing was repeated, so nobody can say how much of it is noise."
+        return f" That is {times}{_most(where)}. Repeats would tell what else differs by chance."
     if verdict.left is None:
         return ""
     return f" That is {times}{_most(where)}, and nothing that was tried explains it."
