@@ -2,11 +2,16 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 import polars as pl
 import yaml
+
+from robotcast.diagnosis.diagnose import diagnose
+from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.robots.robot_case import RobotCase
 
 SLIDER = """
 <mujoco><option timestep="0.005" integrator="implicitfast"/><worldbody>
@@ -24,6 +29,7 @@ ARM = """
 <actuator><position name="s" joint="shoulder" kp="25" kv="1.2"/>
 <motor name="e" joint="elbow"/></actuator></mujoco>"""
 
+FEW = ("dry_friction_axis", "viscous_friction_axis", "drive_gain_axis", "mass_table")
 PERIOD_S, QUANTUM = 0.01, 1e-4
 AMPLITUDE = np.array([1.0, 0.3])
 
@@ -88,3 +94,11 @@ def rewrite(folder: Path, *columns: pl.Expr) -> Path:
     for path in folder.glob("*.csv"):
         pl.read_csv(path).with_columns(*columns).write_csv(path)
     return folder
+
+
+def diagnosed(case: RobotCase, *more: str) -> dict[str, Any]:
+    """Return what a diagnosis with a few candidates says."""
+    laws = [n for n, e in case.model.effects.items() if e.depends_on is None]
+    others = [n for n in laws if n not in (*FEW, *more)]
+    effort = Effort(some=12, tried=3, finalists=1)
+    return diagnose(case.question(others, (), Rule(), effort), lambda known: None)

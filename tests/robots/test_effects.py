@@ -8,7 +8,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-from robotcast.diagnosis.diagnose import diagnose
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.effect import Motion, Where
@@ -21,23 +20,9 @@ from robotcast.robots.effects import (
     Stribeck,
 )
 from robotcast.robots.library import alone, candidates, parts_of
+from robotcast.robots.model_fields import OneModel, Payload, load
 from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
-from tests.robots.made_up_robot import ARM, PERIOD_S, rewrite, write_folder
-
-
-def diagnosed(case: RobotCase, *tried: str) -> dict[str, Any]:
-    """Return what a diagnosis with a few candidates says."""
-    laws = [n for n, e in case.model.effects.items() if e.depends_on is None]
-    tried = tried or (
-        "dry_friction_axis",
-        "viscous_friction_axis",
-        "drive_gain_axis",
-        "spring_axis",
-    )
-    others = [n for n in laws if n not in tried]
-    effort = Effort(some=12, tried=3, finalists=1)
-    return diagnose(case.question(others, (), Rule(), effort), lambda known: None)
-
+from tests.robots.made_up_robot import ARM, PERIOD_S, diagnosed, rewrite, write_folder
 
 WHERE = Where("axis", (0,), (1,), (0,), (0,))
 LEGS = "".join(
@@ -114,7 +99,7 @@ def test_a_drive_pushes_no_faster_than_its_speed_but_brakes_from_any() -> None:
     effect = SpeedLimit("limit", "", parameters("s"), WHERE)
     speed = np.array([[0.5], [1.0], [2.0], [2.0]])
     torque = np.array([[3.0], [3.0], [3.0], [-3.0]])
-    motion = Motion(*np.zeros((2, 4, 1)), speed, speed, torque)
+    motion = Motion(np.ones((4, 1)), np.zeros((4, 1)), speed, speed, torque)
     left = torque + effect.force(motion, s=np.ones((4, 1)))
     np.testing.assert_allclose(left[:, 0], [3.0, 0.0, 0.0, -3.0], atol=1e-12)
 
@@ -122,7 +107,7 @@ def test_a_drive_pushes_no_faster_than_its_speed_but_brakes_from_any() -> None:
 def test_stribeck_friction_falls_from_its_peak_to_dry_friction() -> None:
     effect = Stribeck("stribeck", "", parameters("torque", "peak", "speed"), WHERE)
     speed = np.array([[0.0, 0.1, 5.0]])
-    motion = Motion(*np.zeros((2, 1, 1)), speed, speed, speed)
+    motion = Motion(np.ones((1, 1)), np.zeros((1, 1)), speed, speed, speed)
     one = {name: np.array([[v]]) for name, v in (("torque", 2.0), ("peak", 1.0), ("speed", 0.1))}
     found = effect.friction(motion, **one)
     np.testing.assert_allclose(found[0], [3.0, 2 + np.exp(-1), 2.0])
@@ -173,21 +158,21 @@ def test_one_signal_beyond_its_floor_is_not_lost_among_many_at_theirs(tmp_path: 
             write_folder(folder, WALKER, logs=12, windows=windows, change=hide, noise=2e-3)
         )
 
-    def diagnosed(case: RobotCase) -> dict[str, Any]:
+    def by_joint(case: RobotCase) -> dict[str, Any]:
         kept = ("viscous_friction_knee_joint", "dry_friction_knee_joint")
         laws = [n for n, e in case.model.effects.items() if e.depends_on is None and n not in kept]
         effort = Effort(some=12, tried=3, finalists=1)
         return diagnose_by_joint(case, case.question(laws, (), Rule(), effort), lambda known: None)
 
-    found = diagnosed(hidden(0.009))
+    found = by_joint(hidden(0.009))
     assert found["verdict"] == ["dry_friction_right_knee_joint"]
     assert "right knee joint position is at 3.0 times what noise leaves" in found["notes"][0]
-    weak = diagnosed(hidden(0.005))  # all signals together stand within 1.5 times their floor
+    weak = by_joint(hidden(0.005))  # all signals together stand within 1.5 times their floor
     assert weak["verdict"] == ["none"] and weak["unexplained"]
     assert weak["sentence"].endswith(
         "But right knee joint position is at 1.8 times what noise leaves."
     )
-    perfect = diagnosed(hidden(0.0))
+    perfect = by_joint(hidden(0.0))
     assert perfect["verdict"] == ["none"] and not perfect["unexplained"]
 
 
@@ -211,10 +196,9 @@ def test_what_one_link_lacks_is_named_beside_what_a_group_lacks(tmp_path: Path) 
 
 def test_a_payload_beside_the_centre_of_a_light_link_is_one_effect(tmp_path: Path) -> None:
     def hide(model: mujoco.MjModel) -> None:
-        fore = model.body("fore").id  # 0.4 kg, 0.144 m below the centre of 0.05 kg
-        model.body_mass[fore] *= 9
-        model.body_inertia[fore] *= 9
-        model.body_ipos[fore, 2] -= 0.128
+        on_fore = Payload(model.body("fore").id, 0.4, (0, 0, -0.264))  # of 0.05 kg, with 0.12 m
+        load([[on_fore]], OneModel(model))
+        mujoco.mj_setConst(model, mujoco.MjData(model))
 
     xml = ARM.replace('mass="0.5" diaginertia="0.003 0.003', 'mass="0.05" diaginertia="3e-4 3e-4')
     case = read_case(write_folder(tmp_path, xml, change=hide))
@@ -230,7 +214,7 @@ def test_what_repeats_with_the_motion_is_found(tmp_path: Path) -> None:
     waves = 2 * np.pi * pl.col("q_axis") / 0.06  # of a torque that the logs do not show
     folder = rewrite(write_folder(tmp_path), pl.col("u_motor") - 3.0 * waves.sin())
     case = read_case(folder)
-    assert case.sizes.period == pytest.approx(0.06, rel=0.01)
+    assert case.sizes.wave == pytest.approx(0.06, rel=0.01)
     found = diagnosed(case)
     assert found["verdict"] == ["unknown"]
     assert found["unexplained"]["depends_on"].startswith("the position of axis within")
@@ -244,9 +228,8 @@ def test_friction_that_grows_from_log_to_log_is_found(tmp_path: Path) -> None:
             logs=number + 1,
             change=lambda model, number=number: model.dof_frictionloss.fill(0.4 * number),
         )
-        (made / f"log{number}.csv").rename(tmp_path / f"log{number}.csv")
-    for name in ("robot.xml", "robot.yaml"):
-        (made / name).rename(tmp_path / name)
+        for name in (f"log{number}.csv", "robot.xml", "robot.yaml"):
+            (made / name).replace(tmp_path / name)
     found = diagnosed(read_case(tmp_path))
     assert found["verdict"] == ["unknown"]
     assert found["unexplained"]["depends_on"] == "the order of the logs"

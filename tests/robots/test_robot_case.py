@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from robotcast.diagnosis.diagnose import Case, diagnose
+from robotcast.diagnosis.diagnose import Case
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.rule import Effort, Rule
@@ -24,7 +24,15 @@ from robotcast.robots.patch import write_patched
 from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
 from robotcast.robots.robot_file import load_spec, write_parameters
 from robotcast.robots.shown import shown
-from tests.robots.made_up_robot import ARM, PERIOD_S, QUANTUM, SLIDER, rewrite, write_folder
+from tests.robots.made_up_robot import (
+    ARM,
+    PERIOD_S,
+    QUANTUM,
+    SLIDER,
+    diagnosed,
+    rewrite,
+    write_folder,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -222,17 +230,6 @@ def test_repeats_tell_the_floor(tmp_path: Path) -> None:
     assert case.floor.repeated
     parts = {w.log: w.part for w in case.model.rollout.windows if w.log < 2 and w.first < 20}
     assert parts[0] == parts[1]
-
-
-FEW = ("dry_friction_axis", "viscous_friction_axis", "drive_gain_axis", "mass_table")
-
-
-def diagnosed(case: RobotCase, *more: str) -> dict[str, Any]:
-    """Return what a diagnosis with a few candidates says."""
-    effects = case.model.effects
-    others = [n for n, e in effects.items() if e.depends_on is None and n not in (*FEW, *more)]
-    effort = Effort(some=12, tried=3, finalists=1)
-    return diagnose(case.question(others, (), Rule(), effort), lambda known: None)
 
 
 @pytest.fixture(scope="module")

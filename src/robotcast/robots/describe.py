@@ -190,7 +190,7 @@ class _Guess:
         """Return the unit of a column that drives, nothing where it is that of the actuator.
 
         Then, of a motor's column that is no torque, the unit of the position that its joint
-        follows: nothing where it does not, and None where the column can be no position.
+        follows: nothing where nobody can tell, and None where the column can be no position.
         """
         kind, name = target.removesuffix(".torque")[:-1].split("[", 1)
         if kind == "joint":
@@ -209,9 +209,11 @@ class _Guess:
             return "deg" if far else "", None
         if _tokens(column) & KINDS["torque"]:
             return "", None
-        if self._model.jnt_stiffness[self._joints.index(on)] > 0:  # it follows a torque, too
-            return "", ""
         named = _named_unit(column, f"{name} {on}", length)
+        if (
+            self._model.jnt_stiffness[self._joints.index(on)] > 0
+        ):  # a torque moves it like that, too
+            return "", named
         for one in [named] if named else [unit, length, *(["deg"] * (length == "rad"))]:
             off = commanded * UNITS[length][one] - measured
             if np.nanvar(off) < AS_COMMANDED * np.nanvar(measured):

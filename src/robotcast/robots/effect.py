@@ -39,7 +39,7 @@ class Motion:
 
     Attributes
     ----------
-    log : its number, in the order of robot.yaml's `logs`, (n_sim, 1).
+    log : its number from 1, in the order of robot.yaml's `logs`, (n_sim, 1).
     log_time_s : since its start, (n_sim, 1).
     qpos, qvel : of the effect's joints, (n_sim, n_dofs).
     torque : what drove each of them in the step before, (n_sim, n_dofs) [N m or N].

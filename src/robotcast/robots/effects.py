@@ -370,7 +370,8 @@ class Field(RobotEffect):
         if self.repeats:
             at = np.mod(at, self.knots[-1])
         table = self.table(np.hstack(list(values.values())))
-        place = np.interp(at, self.knots, np.arange(len(self.knots)))
+        # of a run that diverges there is no place
+        place = np.nan_to_num(np.interp(at, self.knots, np.arange(len(self.knots))))
         left = np.minimum(place.astype(int), len(self.knots) - 2)
         share = place - left
         own = np.arange(len(table))[:, None], np.arange(table.shape[1])

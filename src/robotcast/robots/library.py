@@ -1,5 +1,6 @@
 """The candidates for one robot: every entry of conf/robot_effects.yaml on every part it fits."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
@@ -33,10 +34,10 @@ FIELDS = {  # what a field is, and what it depends on
         "the torque of {joint}",
     ),
     "ripple": (
-        "a torque on {joint} that repeats every {period}",
-        "the position of {joint} within {period}",
+        "a torque on {joint} that repeats every {wave}",
+        "the position of {joint} within {wave}",
     ),
-    "log": ("dry friction in {joint} that changes from log to log", "the order of the logs"),
+    "log": ("dry friction in {joint} that changes from log to log", "{log}"),
 }
 FEW_LOGS, MANY_LOGS = 3, 5  # from so many on there is a field of them, of no more knots than that
 PROBE, BOUND = 0.1, 2.0  # of a field, in usual torques
@@ -188,8 +189,11 @@ def _made(
     dofs = where.dofs or tuple(range(model.nv))
     if not _needed(model, entry.get("needs"), where, sizes):
         return None
-    own_kg = float(model.body_mass[list(where.bodies)].max(initial=0.0))
-    heaviest = float(model.body_mass.max()) / own_kg if own_kg > 0 else 0.0
+    own_kg, links_kg = (
+        float(model.body_mass[list(some)].max(initial=0.0))
+        for some in (where.bodies, np.unique(model.dof_bodyid))
+    )
+    heaviest = links_kg / own_kg if own_kg > 0 else 0.0
     if "usual" in more:
         more["usual"] = sizes.of(more["usual"], dofs, where.channels)[0]
     effect = build(
@@ -236,8 +240,8 @@ def _parameter(
 
     A joint that sticks needs little torque to move as it does: what brakes it may be larger, up to
     what drives it. A light flange may carry as much as the `heaviest` link weighs, in its own
-    masses. What an encoder shows late moved before the window: so much of it is measured, not
-    predicted.
+    masses; a first look at it is taken in between. What an encoder shows late moved before the
+    window: so much of it is measured, not predicted.
     """
     on, null = (given["of"], where.dofs, where.channels), given.get("null_at")
     size, unit = sizes.of(*on)
@@ -245,7 +249,9 @@ def _parameter(
     nominal = size * (given["nominal"] if null is None else null)
     lower = size * given["lower"]
     upper = max(size * given["upper"], driven * given.get("of_driven", -np.inf))
-    wide = np.sqrt(max(1.0, heaviest * given.get("of_heaviest", 0.0) / given["upper"]))
+    wide = 1.0
+    if "of_heaviest" in given:
+        wide = math.sqrt(max(1.0, heaviest * given["of_heaviest"] / given["upper"]))
     upper = min(wide**2 * upper, given.get("of_window", np.inf) * sizes.window_s)
     probes = tuple(size * p * (wide if p > 0 else 1.0) for p in given.get("probes", ()))
     probes = tuple(p for p in probes if p <= upper)
@@ -259,6 +265,9 @@ def _keep_physical(model: mujoco.MjModel, effect: RobotEffect) -> None:
         return
     bounded = []
     for parameter in effect.parameters:
+        if effect.how[parameter.name] != "add":
+            bounded.append(parameter)
+            continue
         least = min(at.nominal(model).min() for at in effect.addresses(model)[parameter.name])
         lower = max(parameter.lower, -float(least))
         probes = tuple(p for p in parameter.probes if p > lower)
@@ -284,32 +293,36 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
     for where in joints:
         (torque, unit), (speed, _) = (sizes.of(s, where.dofs, ()) for s in ("torque", "speed"))
         at, free = list(where.dofs), bool(loose(model)[list(where.dofs)].any())
-        period = float(np.sort(sizes.period[at])[len(at) // 2])
+        wave = float(np.sort(sizes.wave[at])[len(at) // 2])
         knots = {
             "speed": speed * FIELD_KNOTS,
             "position": np.linspace(sizes.lowest[at].min(), sizes.highest[at].max(), PLACES),
             "time": np.linspace(0.0, sizes.log_s, 5),
             "torque": torque * FIELD_KNOTS,
-            "ripple": np.linspace(0.0, period, PHASES),
-            "log": np.linspace(0.0, sizes.logs - 1, min(sizes.logs, MANY_LOGS)),
+            "ripple": np.linspace(0.0, wave, PHASES),
+            "log": np.linspace(1.0, sizes.logs, min(sizes.logs, MANY_LOGS)),
         }
         lacks = {
             "position": turning(model)[at].any(),
             "torque": not where.channels,
-            "ripple": free or not np.isfinite(period),
+            "ripple": free or np.isnan(wave),
             "log": free or sizes.logs < FEW_LOGS,
         }
         words = {
             "joint": where.name.replace("_", " "),
-            "period": f"{period:.3g} {'rad' if unit == 'N m' else 'm'}",
+            "wave": f"{wave:.3g} {'rad' if unit == 'N m' else 'm'}",
+            "log": "the order of the logs" if sizes.logs > MANY_LOGS else "the log",
         }
         for name, places in knots.items():
             if lacks.get(name):
                 continue
             bound, probes, repeats = BOUND * torque, (PROBE * torque,), name == "ripple"
             n = (len(where.dofs) if free else 1) * (len(places) - repeats)
+            least = -bound
+            if name == "log":  # friction brakes
+                least = max(least, -float(model.dof_frictionloss[at].min()))
             own = [
-                Parameter(f"c{k}", unit, -bound, bound, 0.0, null=0.0, probes=probes)
+                Parameter(f"c{k}", unit, least, bound, 0.0, null=0.0, probes=probes)
                 for k in range(n)
             ]
             text, depends_on = (said.format(**words) for said in FIELDS[name])

@@ -1,5 +1,6 @@
 """Logs of a robot: read, converted to SI units, and checked before anything is simulated."""
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -40,6 +41,7 @@ class Log:
     measured : ndarray of shape (k, n_signals), NaN where a sample is missing.
     payloads : what was fixed to the robot then.
     motion : number of the first log of the same motion.
+    number : in the order of robot.yaml, from 1; of one that is still to come, after all others.
     """
 
     path: Path
@@ -48,6 +50,7 @@ class Log:
     measured: np.ndarray
     payloads: tuple[Payload, ...] = ()
     motion: int = 0
+    number: float = math.inf
 
     @property
     def period_s(self) -> float:
@@ -88,7 +91,8 @@ def read_logs(robot: RobotFile) -> tuple[Log, ...]:
     for group in robot.repeats:
         own = {motions[_number(robot, "repeats", paths, name)] for name in group}
         motions = [min(own) if motion in own else motion for motion in motions]
-    logs = [replace(log, motion=motion) for log, motion in zip(logs, motions, strict=True)]
+    numbered = enumerate(zip(logs, motions, strict=True), 1)
+    logs = [replace(log, motion=motion, number=number) for number, (log, motion) in numbered]
     for name, loads in robot.payloads.items():
         number = _number(robot, "payloads", paths, name)
         logs[number] = replace(logs[number], payloads=(*logs[number].payloads, *loads))

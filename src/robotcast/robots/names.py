@@ -10,6 +10,7 @@ import math
 import re
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Any, Literal
 
 import mujoco
@@ -273,6 +274,11 @@ def _rows(model: mujoco.MjModel, i: int, field: str) -> list[int]:
         return [i]
     first = int(model.jnt_dofadr[i])
     return list(range(first, first + WIDTH.get(int(model.jnt_type[i]), 1)))
+
+
+def counted(path: Path) -> str:
+    """Return what paths are sorted by, so that log2 comes before log10."""
+    return re.sub(r"\d+", lambda number: number[0].zfill(9), path.as_posix())
 
 
 def loose(model: Any) -> np.ndarray:

@@ -193,10 +193,11 @@ def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:
         return None
     torque = field.parameters[0].unit
     length = "rad" if torque == "N m" else "m"
-    unit = {"position": length, "speed": f"{length}/s", "torque": torque, "time": "s", "log": "1"}
+    unit = {"position": length, "speed": f"{length}/s", "torque": torque, "time": "s", "log": ""}
+    within = " within a wave" if field.repeats else ""
     return {
         "acts_on": field.where.name.replace("_", " "),
-        "axes": [f"{field.of} [{unit[field.of]}]"],
+        "axes": [f"{field.of}{within} [{unit[field.of]}]"],
         "unit": torque,
         "points": [[knot] for knot in field.knots],
         "values": field.table(strengths(inquiry, left)[None])[0].T.tolist(),

@@ -21,6 +21,7 @@ from robotcast.robots.names import (
     Signal,
     address,
     channel,
+    counted,
     matching,
     names_of,
     signal,
@@ -303,7 +304,7 @@ class _Said:
 def _log_paths(folder: Path, said: _Said) -> tuple[Path, ...]:
     found: list[Path] = []
     for pattern in said.names("logs"):
-        some = sorted(folder.glob(pattern))
+        some = sorted(folder.glob(pattern), key=counted)
         found += some
         if not some:
             raise ValueError(f"{said.at('logs')}: no file matches {pattern!r} in {folder}")

@@ -362,7 +362,7 @@ class _Forces:
         )
         began = [owner.logs[w.log].times_s[w.first] - owner.logs[w.log].times_s[0] for w in windows]
         self._log_time_s = np.array(began)[:, None]
-        self._log = np.array([w.log for w in windows])[:, None]
+        self._log = np.array([owner.logs[w.log].number for w in windows])[:, None]
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
         self._applied, self._actuated = batch.bind("qfrc_applied"), batch.bind("qfrc_actuator")
         self._qpos_of_dof = owner.qpos_of_dof

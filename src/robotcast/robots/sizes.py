@@ -15,8 +15,9 @@ from robotcast.robots.windows import StartStates
 MOST_STATES, MANY_STATES = 200, 400
 OFTEN = 0.9  # of the states: forces of contacts and stops count up to what these stay below
 STILL = 1e-3  # of the fastest joint, that one is taken to move by at least
-WAVES = 3  # over what a joint travels: of a torque that repeats with it, more are looked for
+WAVES, MOST_WAVES = 3, 2000  # over what a joint travels, of a torque that repeats with it
 FINE = 8  # steps in which their number grows by one
+BY_CHANCE = 0.01  # that noise seems to repeat
 SIZES: dict[str, tuple[str, str, Callable[["Sizes"], np.ndarray]]] = {
     # its unit, of a hinge and of a slide, and what it is of each joint
     "torque": ("N m", "N", lambda usual: usual.torque),
@@ -46,7 +47,7 @@ class Sizes:
     command : the largest that was commanded of every channel, (n_channels,).
     reach_m : how far the bodies' centres lie from the joints, the median.
     touches : whether anything touched anything.
-    period : of the joint's motion, after which the torque that the model lacks seems to repeat.
+    wave : length of a joint's motion after which the torque that the model lacks repeats, or NaN.
     logs : how many there are.
     window_s : how long the windows are.
     """
@@ -63,7 +64,7 @@ class Sizes:
     reach_m: float
     touches: bool
     driven: np.ndarray
-    period: np.ndarray
+    wave: np.ndarray
     logs: int
     window_s: float = np.inf
 
@@ -141,6 +142,7 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
 
     usual, kinds = own * size(torque / own), model.jnt_type[model.dof_jntid]
     reach_m = np.linalg.norm(model.body_ipos[1:], axis=1)
+    missing = [one.T for one in missing_torques(robot, logs, starts)]
     return Sizes(
         torque=usual,
         driven=np.maximum(usual, np.sqrt((given**2).mean(axis=0))),
@@ -154,7 +156,9 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         log_s=max(log.times_s[-1] - log.times_s[0] for log in logs),
         reach_m=float(np.median(reach_m[reach_m > 0])) if (reach_m > 0).any() else 0.1,
         touches=touches,
-        period=_periods(missing_torques(robot, logs, starts), starts.span_s),
+        wave=np.array(
+            [_wave(q, v, a, f, starts.span_s) for q, v, a, f in zip(*missing, strict=True)]
+        ),
         logs=len(logs),
     )
 
@@ -180,25 +184,25 @@ def missing_torques(
     return tuple(np.array(rows).swapaxes(0, 1))
 
 
-def _periods(states: tuple[np.ndarray, ...], span_s: float) -> np.ndarray:
-    """Return after which travel what the model lacks seems to repeat, (nv,), by `missing_torques`.
+def _wave(q: np.ndarray, v: np.ndarray, a: np.ndarray, lacks: np.ndarray, span_s: float) -> float:
+    """Return the length [rad, m] after which what the model lacks of a joint repeats, NaN if none.
 
-    It is where a sine explains most beside constant, spring, damping, friction and inertia (Lomb
-    1976), as long at least as what a joint usually passes while its acceleration is estimated.
+    A sine of it explains most of `missing_torques` (n,) beside constant, spring, damping, friction
+    and inertia, and more than noise does by chance (Scargle 1982, doi 10.1086/160554). Nothing
+    shorter is looked for than what the joint usually passes while its acceleration is estimated.
     """
-    found = np.full(states[0].shape[1], np.inf)
-    for k, (q, v, a, lack) in enumerate(zip(*(one.T for one in states), strict=True)):
-        travel, least = np.ptp(q), np.sqrt((v**2).mean()) * span_s
-        if not 0 < WAVES * least < travel:
-            continue
-        waves = np.linspace(WAVES, travel / least, int(FINE * travel / least)) / travel
-        base = np.linalg.qr(np.column_stack([np.ones(len(q)), q, v, np.sign(v), a]))[0]
-        angle = 2 * np.pi * waves[:, None] * q
-        pair = np.stack([np.cos(angle), np.sin(angle)])
-        pair, lack = pair - pair @ base @ base.T, lack - base @ (base.T @ lack)
-        inner, both = np.einsum("iwn,jwn->wij", pair, pair), np.einsum("iwn,n->wi", pair, lack)
-        explained = (both * np.linalg.solve(inner + 1e-9 * np.eye(2), both[..., None])[..., 0]).sum(
-            axis=1
-        )
-        found[k] = 1 / waves[int(np.argmax(explained))]
-    return found
+    travel, least = np.ptp(q), 2 * np.sqrt((v**2).mean()) * span_s
+    most = min(travel / least, MOST_WAVES) if least > 0 else 0.0
+    if most <= WAVES:
+        return np.nan
+    base = np.linalg.qr(np.column_stack([np.ones(len(q)), q, v, np.sign(v), a]))[0]
+    lacks = lacks - base @ (base.T @ lacks)
+    tried, shares = np.linspace(WAVES, most, int(FINE * most)), []
+    for waves in tried:
+        angle = 2 * np.pi * waves / travel * q
+        pair = np.column_stack([np.cos(angle), np.sin(angle)])
+        pair = np.linalg.qr(pair - base @ (base.T @ pair))[0]
+        shares.append(((pair.T @ lacks) ** 2).sum() / (lacks @ lacks))
+    best = int(np.argmax(shares))
+    sure = best > 0 and shares[best] > 2 * np.log(len(tried) / BY_CHANCE) / len(q)
+    return travel / tried[best] if sure else np.nan
