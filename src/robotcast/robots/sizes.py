@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from robotcast.robots.logs import Log
+from robotcast.robots.logs import Log, periods
 from robotcast.robots.model_fields import loaded
 from robotcast.robots.names import Channel, coordinates, loose, turning
 from robotcast.robots.robot_file import RobotFile
@@ -157,7 +157,7 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         reach_m=float(np.median(reach_m[reach_m > 0])) if (reach_m > 0).any() else 0.1,
         touches=touches,
         wave=np.array(
-            [_wave(q, v, a, f, starts.span_s) for q, v, a, f in zip(*missing, strict=True)]
+            [_wave(q, v, a, f, periods(logs)) for q, v, a, f in zip(*missing, strict=True)]
         ),
         logs=len(logs),
     )
@@ -184,14 +184,14 @@ def missing_torques(
     return tuple(np.array(rows).swapaxes(0, 1))
 
 
-def _wave(q: np.ndarray, v: np.ndarray, a: np.ndarray, lacks: np.ndarray, span_s: float) -> float:
+def _wave(q: np.ndarray, v: np.ndarray, a: np.ndarray, lacks: np.ndarray, period_s: float) -> float:
     """Return the length [rad, m] after which what the model lacks of a joint repeats, NaN if none.
 
     A sine of it explains most of `missing_torques` (n,) beside constant, spring, damping, friction
     and inertia, and more than noise does by chance (Scargle 1982, doi 10.1086/160554). Nothing
-    shorter is looked for than what the joint usually passes while its acceleration is estimated.
+    shorter is looked for than twice what the joint usually passes between samples (Nyquist).
     """
-    travel, least = np.ptp(q), 2 * np.sqrt((v**2).mean()) * span_s
+    travel, least = np.ptp(q), 2 * np.sqrt((v**2).mean()) * period_s
     most = min(travel / least, MOST_WAVES) if least > 0 else 0.0
     if most <= WAVES:
         return np.nan

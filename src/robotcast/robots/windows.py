@@ -102,7 +102,6 @@ class StartStates:
         self._robot, self._logs, self._noise = robot, logs, noise
         # how many samples before and after a start are looked at
         self.margin = max(ABOUT_SAMPLES, round(ABOUT_S / periods(logs)))
-        self.span_s = 2 * self.margin * periods(logs)
         self._turns = {at.index: k for k, at in enumerate(robot.measured) if at.kind == "turn"}
 
     def at(self, log: int, first: int) -> tuple[np.ndarray, ...] | None:
