@@ -37,7 +37,7 @@ FIELDS = {  # what a field is, and what it depends on
         "a torque on {joint} that repeats every {wave}",
         "the position of {joint} within {wave}",
     ),
-    "log": ("dry friction in {joint} that changes from log to log", "{log}"),
+    "log": ("friction in {joint} that changes from log to log", "{log}"),
 }
 FEW_LOGS, MANY_LOGS = 3, 5  # from so many on there is a field of them, of no more knots than that
 PROBE, BOUND = 0.1, 2.0  # of a field, in usual torques
@@ -293,7 +293,7 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
     for where in joints:
         (torque, unit), (speed, _) = (sizes.of(s, where.dofs, ()) for s in ("torque", "speed"))
         at, free = list(where.dofs), bool(loose(model)[list(where.dofs)].any())
-        wave = float(np.sort(sizes.wave[at])[len(at) // 2])
+        wave, hinge = float(np.sort(sizes.wave[at])[len(at) // 2]), unit == "N m"
         knots = {
             "speed": speed * FIELD_KNOTS,
             "position": np.linspace(sizes.lowest[at].min(), sizes.highest[at].max(), PLACES),
@@ -310,7 +310,7 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
         }
         words = {
             "joint": where.name.replace("_", " "),
-            "wave": f"{wave:.3g} {'rad' if unit == 'N m' else 'm'}",
+            "wave": f"{wave:.3g} rad, {2 * np.pi / wave:.3g} a turn" if hinge else f"{wave:.3g} m",
             "log": "the order of the logs" if sizes.logs > MANY_LOGS else "the log",
         }
         for name, places in knots.items():
