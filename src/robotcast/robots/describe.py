@@ -210,9 +210,7 @@ class _Guess:
         if _tokens(column) & KINDS["torque"]:
             return "", None
         named = _named_unit(column, f"{name} {on}", length)
-        if (
-            self._model.jnt_stiffness[self._joints.index(on)] > 0
-        ):  # a torque moves it like that, too
+        if self._model.jnt_stiffness[self._joints.index(on)] > 0:  # torques move it so, too
             return "", named
         for one in [named] if named else [unit, length, *(["deg"] * (length == "rad"))]:
             off = commanded * UNITS[length][one] - measured

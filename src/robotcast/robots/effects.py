@@ -23,7 +23,7 @@ class ModelField(RobotEffect):
     """An effect that MuJoCo has itself: numbers of the model are other ones.
 
     Each parameter `writes` fields of the part, "damping" or "ipos[0]": what it does, `how`, is to
-    "add" the parameter, to "subtract" it, or to "scale" by 1 + it, given for all or by name.
+    "add" the parameter, to "subtract" it, or to "scale" by 1 + it, for all or by name.
     """
 
     def __init__(
@@ -35,9 +35,7 @@ class ModelField(RobotEffect):
     ) -> None:
         super().__init__(*args, **more)
         self.writes = {name: tuple(fields) for name, fields in writes.items()}
-        known = {} if isinstance(how, str) else how
-        rest = how if isinstance(how, str) else "add"
-        self.how = {name: known.get(name, rest) for name in self.writes}
+        self.how = dict.fromkeys(self.writes, how) if isinstance(how, str) else dict(how)
 
     def addresses(self, model: mujoco.MjModel) -> dict[str, list[Address]]:
         """Return what each parameter changes."""
@@ -343,7 +341,7 @@ class Field(RobotEffect):
 
     It is a field `of` "position", "speed", "torque", "time" or "log", with a parameter at each knot
     (n,): of one curve for all joints, or of one after the other for each. What repeats ends as it
-    began, so that its last knot, a period from the first, has no parameter.
+    began, so that its last knot, a wave from the first, has no parameter.
     """
 
     def __init__(

@@ -261,13 +261,14 @@ def _parameter(
 
 def _keep_physical(model: mujoco.MjModel, effect: RobotEffect) -> None:
     """Keep what is added to friction, damping and armature from making them negative."""
-    if not isinstance(effect, ModelField) or effect.part != "joint":
+    if (
+        not isinstance(effect, ModelField)
+        or effect.part != "joint"
+        or "scale" in effect.how.values()
+    ):
         return
     bounded = []
     for parameter in effect.parameters:
-        if effect.how[parameter.name] != "add":
-            bounded.append(parameter)
-            continue
         least = min(at.nominal(model).min() for at in effect.addresses(model)[parameter.name])
         lower = max(parameter.lower, -float(least))
         probes = tuple(p for p in parameter.probes if p > lower)
@@ -318,15 +319,14 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
                 continue
             bound, probes, repeats = BOUND * torque, (PROBE * torque,), name == "ripple"
             n = (len(where.dofs) if free else 1) * (len(places) - repeats)
-            least = -bound
-            if name == "log":  # friction brakes
-                least = max(least, -float(model.dof_frictionloss[at].min()))
+            brakes = name == "log"
+            least = max(-bound, -float(model.dof_frictionloss[at].min())) if brakes else -bound
             own = [
                 Parameter(f"c{k}", unit, least, bound, 0.0, null=0.0, probes=probes)
                 for k in range(n)
             ]
             text, depends_on = (said.format(**words) for said in FIELDS[name])
-            kind = FrictionField if name == "log" else TorqueField
+            kind = FrictionField if brakes else TorqueField
             more = {"of": "position" if repeats else name, "knots": places, "repeats": repeats}
             name = f"{name}_field_{where.name}"
             found.append(kind(name, text, own, where, depends_on=depends_on, **more))
