@@ -166,7 +166,7 @@ def test_one_signal_beyond_its_floor_is_not_lost_among_many_at_theirs(tmp_path: 
 
     found = by_joint(hidden(0.009))
     assert found["verdict"] == ["dry_friction_right_knee_joint"]
-    assert "right knee joint position is at 3.0 times what noise leaves" in found["notes"][0]
+    assert "right knee joint position at 3.0 times what noise leaves" in found["notes"][0]
     weak = by_joint(hidden(0.005))  # all signals together stand within 1.5 times their floor
     assert weak["verdict"] == ["none"] and weak["unexplained"]
     assert weak["sentence"].endswith(
@@ -214,7 +214,7 @@ def test_what_repeats_with_the_motion_is_found(tmp_path: Path) -> None:
     waves = 2 * np.pi * pl.col("q_axis") / 0.06  # of a torque that the logs do not show
     folder = rewrite(write_folder(tmp_path), pl.col("u_motor") - 3.0 * waves.sin())
     case = read_case(folder)
-    assert case.sizes.wave == pytest.approx(0.06, rel=0.01)
+    assert case.sizes.wave[0, 0] == pytest.approx(0.06, rel=0.01)
     found = diagnosed(case)
     assert found["verdict"] == ["unknown"]
     assert found["unexplained"]["depends_on"].startswith("the position of axis within")

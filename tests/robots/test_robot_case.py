@@ -70,6 +70,15 @@ def test_a_base_on_a_stand_collides_with_its_legs_no_more_than_before(tmp_path: 
     assert found[1] == set()
 
 
+def test_a_body_that_slides_is_held_as_mujoco_compiles_it(tmp_path: Path) -> None:
+    held = '<mujoco><worldbody><body><joint type="slide" armature="3"/><geom size="0.1"/></body>'
+    (tmp_path / "robot.xml").write_text(f"{held}</worldbody></mujoco>")
+    plain = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml"))
+    ours = load_spec(tmp_path / "robot.xml").compile()
+    for field in ("body_invweight0", "dof_invweight0"):
+        np.testing.assert_array_equal(getattr(ours, field), getattr(plain, field))
+
+
 def all_by_steps(tune: object, effects: object, vectors: np.ndarray) -> np.ndarray:
     return np.ones(len(vectors), bool)
 

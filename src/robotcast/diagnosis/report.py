@@ -34,7 +34,7 @@ def sentence(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording,
     times = _times(found, after, wording)
     near = _nearest(inquiry, found, verdict, wording)
     if verdict.code is Code.UNKNOWN:
-        said = _unknown(inquiry, verdict, before, times, where, wording)
+        said = _unknown(inquiry, found, verdict, before, times, where, wording)
     elif verdict.named:
         names = " and ".join(inquiry.model.effects[name].text for name in verdict.named)
         said = (
@@ -69,19 +69,32 @@ def _left(verdict: Verdict, times: str, where: str) -> str:
     if verdict.code is Code.CANNOT_TELL:
         if not times:
             return " Nothing was repeated, so nobody can say how much of it is noise."
-        return f" That is {times}{_most(where)}. Repeats would tell what else differs by chance."
+        beside = "how much of it differs from run to run, repeats would tell"
+        return f" That is {times}{_most(where)}. Nothing that was tried explains it; {beside}."
     if verdict.left is None:
         return ""
     return f" That is {times}{_most(where)}, and nothing that was tried explains it."
 
 
 def _unknown(
-    inquiry: Inquiry, verdict: Verdict, error: float, times: str, where: str, wording: Wording
+    inquiry: Inquiry,
+    found: Found,
+    verdict: Verdict,
+    error: float,
+    times: str,
+    where: str,
+    wording: Wording,
 ) -> str:
     said = "Something is missing that the library does not hold:"
     left, effects = verdict.left, inquiry.model.effects
     if left is not None and left.field is not None and left.enough:
-        return f"{said} {effects[left.field].text} explains what the model misses."
+        assert left.rung is not None
+        after = float(np.median(left.rung.errors.waypoint[found.known_scales.usual]))
+        return (
+            f"{said} {effects[left.field].text}. With a curve fitted to it the typical error on "
+            f"held-out {wording.trials} falls from {error:.2f} to {after:.2f} "
+            f"{inquiry.model.error_unit}."
+        )
     stays = (
         f"{said} the typical error on held-out {wording.trials} stays at {error:.2f} "
         f"{inquiry.model.error_unit}, {times}{_most(where)}."

@@ -204,13 +204,8 @@ class Selection:
 
     def _begin_in_place(self, effects: Effects, new: str, of: Effects, old: str) -> None:
         """Fit beginnings with a special case in the place of an effect, from where that is."""
-        inquiry, fitted = self._inquiry, self.found.judged[of].revision.fit.vector
-        start = inquiry.carried(effects, of, fitted)
-        held, own = (inquiry.model.effects[name].parameters for name in (old, new))
-        values = zip(held, fitted[inquiry.entries(of, old)], strict=True)
-        known = {p.name: p.from_unit(unit) for p, unit in values}
-        at = [np.clip(p.to_unit(np.asarray(known[p.name])), 0.0, 1.0) for p in own]
-        start[inquiry.entries(effects, new)] = at
+        fitted = self.found.judged[of].revision.fit.vector
+        start = self._inquiry.in_place(effects, new, of, old, fitted)
         self.early.fit(effects, start)
 
     def refit_singles(self, own: np.ndarray) -> Found:
@@ -353,16 +348,28 @@ class Selection:
         The fits to beginnings see the same trials, so that their losses compare them, trial by
         trial: slopes that point the same way are not enough to confuse two effects when a refit
         tells them apart: by a part that matters of what is explained and of what is left, and by
-        more than the model's own step errs by, in squares.
+        more than the model's own step errs by, in squares. A law of which the chosen effect is a
+        special case says nothing else than that does.
         """
         fits, chosen = self.found.early, self.found.chosen
         rivals: dict[str, tuple[str, ...]] = {}
         for other in fits:
             lost, gained = set(chosen) - set(other), set(other) - set(chosen)
             if len(lost) == len(gained) == 1 and self._cannot_tell(chosen, other):
-                name = lost.pop()
-                rivals[name] = (*rivals.get(name, ()), *gained)
+                name, rival = lost.pop(), gained.pop()
+                if not self._holds(other, rival, name):
+                    rivals[name] = (*rivals.get(name, ()), rival)
         return rivals
+
+    def _holds(self, larger: Effects, law: str, name: str) -> bool:
+        """Tell whether a law, its other strengths at null, predicts what a chosen effect does."""
+        inquiry, chosen = self.early.inquiry, self.found.chosen
+        if not inquiry.special_cases(law, [name]):
+            return False
+        fit = self.found.early[chosen]
+        vector = inquiry.in_place(larger, law, chosen, name, fit.vector)
+        apart = inquiry.residuals(larger)(vector[None], inquiry.everything)[0] - fit.residual
+        return float((apart**2).sum(axis=1).max()) < self._rule.faint**2
 
     def _cannot_tell(self, chosen: Effects, other: Effects) -> bool:
         judged, sets = self.found.judged, (self._fixed, chosen, other)

@@ -17,11 +17,15 @@ FEW_VALUES = 6  # a quantity with no more different values is split between them
 
 @dataclass(frozen=True)
 class Range:
-    """A range of one quantity: above `low` and not above `high`."""
+    """A range of one quantity: above `low` and not above `high`.
+
+    Of a quantity with few values it may hold a `single` one.
+    """
 
     low: float
     high: float
     decimals: int
+    single: float | None = None
 
     def holds(self, values: np.ndarray) -> np.ndarray:
         """Return where values lie inside; nowhere for NaN."""
@@ -32,6 +36,8 @@ class Range:
     ) -> str:
         """Say the range: "above 1.6 rad", "below …", "between … and …"."""
         unit = f" {unit}" if unit not in ("", "1") else ""
+        if self.single is not None:
+            return f"{self.single:.4g}{unit}".replace("-", "−")
         low, high = (_number(bound, self.decimals) for bound in (self.low, self.high))
         if math.isinf(self.high):
             return f"{above} {low}{unit}"
@@ -41,21 +47,27 @@ class Range:
 
 
 def ranges(values: np.ndarray) -> list[Range]:
-    """Return the lower and upper parts of values at round numbers, and the middle third last."""
+    """Return the lower and upper parts of values at round numbers, and the middle third last.
+
+    Of a quantity with few values also each of them.
+    """
     distinct = np.unique(values[np.isfinite(values)])
     if len(distinct) < 2:
         return []
     decimals = max(0, math.ceil(-math.log10((distinct[-1] - distinct[0]) / 40)))
+    singles: list[Range] = []
     if len(distinct) <= FEW_VALUES:
         cuts = (distinct[1:] + distinct[:-1]) / 2
         low, high = cuts[[0, -1]]
+        ends = zip([-math.inf, *cuts], [*cuts, math.inf], distinct.tolist(), strict=True)
+        singles = [Range(float(a), float(b), decimals, one) for a, b, one in ends]
     else:
         quantiles = np.round(np.nanquantile(values, QUANTILES), decimals)
         cuts = np.unique(quantiles)
         low, high = quantiles[[2, 6]]
     below = [Range(-math.inf, float(cut), decimals) for cut in cuts]
     above = [Range(float(cut), math.inf, decimals) for cut in cuts]
-    return [*below, *above, Range(float(low), float(high), decimals)]
+    return [*singles, *below, *above, Range(float(low), float(high), decimals)]
 
 
 def thirds(values: np.ndarray) -> list[Range]:

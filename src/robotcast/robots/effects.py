@@ -341,14 +341,21 @@ class Field(RobotEffect):
 
     It is a field `of` "position", "speed", "torque", "time" or "log", with a parameter at each knot
     (n,): of one curve for all joints, or of one after the other for each. What repeats ends as it
-    began, so that its last knot, a wave from the first, has no parameter.
+    began, so that its last knot, a wave from the first, has no parameter. A `guess` (n,) is what
+    its parameters may be.
     """
 
     def __init__(
-        self, *args: Any, of: str, knots: np.ndarray, repeats: bool = False, **more: Any
+        self,
+        *args: Any,
+        of: str,
+        knots: np.ndarray,
+        repeats: bool = False,
+        guess: np.ndarray | None = None,
+        **more: Any,
     ) -> None:
         super().__init__(*args, **more)
-        self.of, self.knots, self.repeats = of, knots, repeats
+        self.of, self.knots, self.repeats, self.guess = of, knots, repeats, guess
 
     def table(self, values: np.ndarray) -> np.ndarray:
         """Return parameters (n_sim, n) as the curves' values at the knots, (n_sim, n_curves, n)."""

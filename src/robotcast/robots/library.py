@@ -229,8 +229,18 @@ def _needed(model: mujoco.MjModel, what: str | None, where: Where, sizes: Sizes)
         "servo": servo,
         "limited servo": servo and bool(model.actuator_forcelimited[own].all()),
         "others": len(where.dofs) < model.nv,
+        "turning": any(_turns(model, b) for b in where.bodies),
         "contact": sizes.touches,
     }[what]
+
+
+def _turns(model: mujoco.MjModel, body: int) -> bool:
+    """Tell whether a body moves other than along slides, so that its centre of mass matters."""
+    while body:
+        if (model.jnt_type[model.jnt_bodyid == body] != mujoco.mjtJoint.mjJNT_SLIDE).any():
+            return True
+        body = int(model.body_parentid[body])
+    return False
 
 
 def _parameter(
@@ -294,7 +304,8 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
     for where in joints:
         (torque, unit), (speed, _) = (sizes.of(s, where.dofs, ()) for s in ("torque", "speed"))
         at, free = list(where.dofs), bool(loose(model)[list(where.dofs)].any())
-        wave, hinge = float(np.sort(sizes.wave[at])[len(at) // 2]), unit == "N m"
+        own = sizes.wave[at]
+        (wave, *sine), hinge = own[np.argsort(own[:, 0])[len(at) // 2]].tolist(), unit == "N m"
         knots = {
             "speed": speed * FIELD_KNOTS,
             "position": np.linspace(sizes.lowest[at].min(), sizes.highest[at].max(), PLACES),
@@ -328,6 +339,9 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
             text, depends_on = (said.format(**words) for said in FIELDS[name])
             kind = FrictionField if brakes else TorqueField
             more = {"of": "position" if repeats else name, "knots": places, "repeats": repeats}
+            if repeats:
+                angle = 2 * np.pi * places[:-1] / wave
+                more["guess"] = sine[0] * np.cos(angle) + sine[1] * np.sin(angle)
             name = f"{name}_field_{where.name}"
             found.append(kind(name, text, own, where, depends_on=depends_on, **more))
     return found

@@ -11,7 +11,7 @@ import numpy as np
 from mujoco.batch import Batch
 from scipy.spatial.transform import Rotation
 
-from robotcast.robots.names import Address, field_of
+from robotcast.robots.names import SLIDES, Address, field_of
 
 CONSTANTS = ("body_mass", "body_inertia", "body_ipos", "dof_armature", "actuator_armature")
 """Fields from which MuJoCo derives others: `mj_setConst` follows a change of them."""
@@ -104,6 +104,9 @@ def load(of_sim: Sequence[Sequence[Payload]], fields: ModelFields) -> None:
     for sim, payloads in enumerate(of_sim):
         for one in payloads:
             b, own = one.body, mass[sim, one.body]
+            if fields.model.body_simple[b] == SLIDES:
+                mass[sim, b] += one.mass_kg
+                continue
             turn = Rotation.from_quat(iquat[sim, b], scalar_first=True).as_matrix()
             whole, off = own + one.mass_kg, np.array(one.place_m) - ipos[sim, b]
             reduced = own * one.mass_kg / max(whole, 1e-12)

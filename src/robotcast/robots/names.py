@@ -23,6 +23,7 @@ def _called_after(prefix: str, names: str) -> dict[str, str]:
     return {name: f"{prefix}{name}" for name in names.split()}
 
 
+SLIDES = 2  # `body_simple` of a body that only slides: its centre of mass moves nothing
 FIELDS = {  # what may be set of each: a field of MjModel, most of them called as in MJCF
     "joint": {
         "damping": "dof_damping",
@@ -166,6 +167,8 @@ def address(model: mujoco.MjModel, text: str, where: str) -> Address:
         raise ValueError(f"{where}: it has {size} elements; end it with [0] to [{size - 1}]")
     _refuse_index(None if size else index, where)
     along: tuple[Address, ...] = ()
+    if attribute == "ipos" and (model.body_simple[found] == SLIDES).any():
+        raise ValueError(f"{where}: that body only slides; its centre of mass moves nothing")
     if attribute == "mass":
         along = tuple(Address(text, "body_inertia", rows, axis) for axis in range(3))
     elif attribute == "kp":

@@ -213,7 +213,8 @@ def _length(
     joint that hardly moves that is one beyond its noise.
     """
     spans_s = [log.times_s[-1] - log.times_s[0] for log in logs]
-    longest_s = max(min(LONGEST_S, sum(spans_s) / (2 * GROUPS), min(spans_s) / 2.5), 1e-9)
+    usual_s = float(np.median(spans_s))
+    longest_s = max(min(LONGEST_S, sum(spans_s) / (2 * GROUPS), usual_s / 2.5), 1e-9)
     wide = replace(robot, most_windows=LOOKED_AT)
     windows = cut(wide, logs, starts, longest_s)
     rollout = Rollout(robot, logs, windows, threads)
@@ -267,6 +268,9 @@ def _notes(
             "states leave of a perfect model. What else differs from run to run is not in it: "
             "repeat one motion three times and name the logs in repeats."
         )
+    left = [log.path.name for k, log in enumerate(logs) if k not in {w.log for w in windows}]
+    if left and len(windows) < robot.most_windows:
+        notes.append(f"No window fits into {', '.join(left)}: left out.")
     if (parts := len({w.part for w in windows})) > len(logs):
         few = "One log is" if len(logs) == 1 else f"{len(logs)} logs are"
         notes.append(
@@ -372,8 +376,8 @@ def _standing_out(
     least = rule.beyond if code == "named" and question.floor_is_least else rule.at_floor
     some = (times > least) & (code in ("none", "named"))
     pairs = zip(case.wording.axes, times, some, strict=True)
-    told = " and ".join(f"{axis.name} is at {by:.1f}" for axis, by, own in pairs if own)
-    return some, f"{told} times what {case.wording.floor}"
+    told = " and ".join(f"{axis.name} at {by:.1f}" for axis, by, own in pairs if own)
+    return some, f"{told.replace(' at ', ' is at ', 1)} times what {case.wording.floor}"
 
 
 def _unfinished(question: Case, found: dict[str, Any]) -> bool:

@@ -101,10 +101,10 @@ class RobotFile:
 def load_spec(path: Path, weld: Sequence[str] = ()) -> mujoco.MjSpec:
     """Return the model of an MJCF or URDF file, or refuse it with MuJoCo's own words.
 
-    No body is compiled as a simple one, whose centre of mass could not be moved. Joints that are
-    welded are left out, with their actuators, sensors, and the keyframes. Bodies that a joint links
-    do not collide, and MuJoCo makes an exception of those on what is welded to the world: a base
-    that is put on a stand keeps the rule.
+    No body that turns is compiled as a simple one, whose centre of mass could not be moved; what
+    only slides keeps the constraints of one. Joints that are welded are left out, with their
+    actuators, sensors, and the keyframes. Bodies that a joint links do not collide, but MuJoCo
+    excepts those on what is welded to the world: a base that is put on a stand keeps the rule.
     """
     if not path.is_file():
         raise ValueError(f"{path}: there is no such model; give an MJCF or URDF file")
@@ -112,8 +112,9 @@ def load_spec(path: Path, weld: Sequence[str] = ()) -> mujoco.MjSpec:
         spec = mujoco.MjSpec.from_file(str(path))
     except (ValueError, mujoco.FatalError) as error:
         raise ValueError(f"{path}: MuJoCo cannot read it: {_one_line(error)}") from None
-    for body in spec.bodies[1:]:
-        body.simple = 0
+    for joint in spec.joints:
+        if joint.type != mujoco.mjtJoint.mjJNT_SLIDE:
+            joint.parent.simple = 0
     if unknown := [name for name in weld if name not in called(spec.joints)]:
         has = ", ".join(called(spec.joints))
         raise ValueError(f"{path}: weld: the model has no joint {unknown[0]!r}; it has {has}")

@@ -47,7 +47,8 @@ class Sizes:
     command : the largest that was commanded of every channel, (n_channels,).
     reach_m : how far the bodies' centres lie from the joints, the median.
     touches : whether anything touched anything.
-    wave : length of a joint's motion after which the torque that the model lacks repeats, or NaN.
+    wave : length of a joint's motion after which the torque that the model lacks repeats, or NaN,
+        and the cosine and the sine of a torque that would act so, (nv, 3).
     logs : how many there are.
     window_s : how long the windows are.
     """
@@ -184,8 +185,12 @@ def missing_torques(
     return tuple(np.array(rows).swapaxes(0, 1))
 
 
-def _wave(q: np.ndarray, v: np.ndarray, a: np.ndarray, lacks: np.ndarray, period_s: float) -> float:
+def _wave(
+    q: np.ndarray, v: np.ndarray, a: np.ndarray, lacks: np.ndarray, period_s: float
+) -> tuple[float, float, float]:
     """Return the length [rad, m] after which what the model lacks of a joint repeats, NaN if none.
+
+    And the cosine and the sine of a torque that would act so [N m, N].
 
     A sine of it explains most of `missing_torques` (n,) beside constant, spring, damping, friction
     and inertia, and more than noise does by chance (Scargle 1982, doi 10.1086/160554). Nothing
@@ -194,15 +199,18 @@ def _wave(q: np.ndarray, v: np.ndarray, a: np.ndarray, lacks: np.ndarray, period
     travel, least = np.ptp(q), 2 * np.sqrt((v**2).mean()) * period_s
     most = min(travel / least, MOST_WAVES) if least > 0 else 0.0
     if most <= WAVES:
-        return np.nan
+        return np.nan, 0.0, 0.0
     base = np.linalg.qr(np.column_stack([np.ones(len(q)), q, v, np.sign(v), a]))[0]
     lacks = lacks - base @ (base.T @ lacks)
-    tried, shares = np.linspace(WAVES, most, int(FINE * most)), []
+    tried, found = np.linspace(WAVES, most, int(FINE * most)), []
     for waves in tried:
         angle = 2 * np.pi * waves / travel * q
         pair = np.column_stack([np.cos(angle), np.sin(angle)])
-        pair = np.linalg.qr(pair - base @ (base.T @ pair))[0]
-        shares.append(((pair.T @ lacks) ** 2).sum() / (lacks @ lacks))
-    best = int(np.argmax(shares))
-    sure = best > 0 and shares[best] > 2 * np.log(len(tried) / BY_CHANCE) / len(q)
-    return travel / tried[best] if sure else np.nan
+        pair -= base @ (base.T @ pair)
+        acts = -np.linalg.lstsq(pair, lacks, rcond=None)[0]
+        share = ((pair @ acts) ** 2).sum() / (lacks @ lacks)
+        found.append((share, travel / waves, *acts.tolist()))
+    best = int(np.argmax([share for share, *_ in found]))
+    if best == 0 or found[best][0] <= 2 * np.log(len(tried) / BY_CHANCE) / len(q):
+        return np.nan, 0.0, 0.0
+    return found[best][1:]
