@@ -35,6 +35,7 @@ LOSES = 0.5  # of how far a joint moves in a log: predictions that err by more h
 MOVES = 20.0  # times the noise: what moves less stands still
 FAR_OFF = 2.0  # times the usual motion, from which a unit may be wrong
 LONGEST_S = 2.0
+SHORT = 0.5  # of a usual log: what is shorter does not shorten the windows
 LEAST_NOISE = 1e-9  # of a joint that never moves
 LOOKED_INTO = 20  # effects of single joints and links that are tried at once
 LIKE = 2  # times as many sets are tried as of a cable: mass, inertia and armature are alike
@@ -213,8 +214,8 @@ def _length(
     joint that hardly moves that is one beyond its noise.
     """
     spans_s = [log.times_s[-1] - log.times_s[0] for log in logs]
-    usual_s = float(np.median(spans_s))
-    longest_s = max(min(LONGEST_S, sum(spans_s) / (2 * GROUPS), usual_s / 2.5), 1e-9)
+    shortest_s = min(span_s for span_s in spans_s if span_s >= SHORT * np.median(spans_s))
+    longest_s = max(min(LONGEST_S, sum(spans_s) / (2 * GROUPS), shortest_s / 2.5), 1e-9)
     wide = replace(robot, most_windows=LOOKED_AT)
     windows = cut(wide, logs, starts, longest_s)
     rollout = Rollout(robot, logs, windows, threads)

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from robotcast.robots.names import name_of_dof
+from robotcast.robots.names import name_of_dof, turning
 from robotcast.robots.robot_case import RobotCase
-from robotcast.robots.sizes import missing_torques
+from robotcast.robots.sizes import dynamics
 
 QUANTILES = (0.5, 0.9, 1.0)  # of the windows, by what the model as it is misses
 
@@ -71,7 +71,7 @@ def _torques(case: RobotCase) -> list[dict[str, Any]]:
     By the model as it is: dry friction shows as a step, viscous friction as a slope.
     """
     robot, logs = case.robot, case.model.rollout.logs
-    position, speed, _, missing = missing_torques(robot, logs, case.starts)
+    of, straight = dynamics(robot, logs, case.starts), ~turning(robot.model)
     degrees = any(column.unit == "deg" for column in robot.measured.values())
     found = []
     for dof, hinge in enumerate(case.sizes.hinge):
@@ -81,9 +81,9 @@ def _torques(case: RobotCase) -> list[dict[str, Any]]:
             {
                 "joint": name_of_dof(robot.model, dof),
                 "units": {"length": length, "torque": "N m" if hinge else "N"},
-                "position": scale * position[:, dof],
-                "speed": scale * speed[:, dof],
-                "torque": missing[:, dof],
+                "position": scale * straight[dof] * of.position[:, dof],
+                "speed": scale * of.speed[:, dof],
+                "torque": of.missing[:, dof],
             }
         )
     return found

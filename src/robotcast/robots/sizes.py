@@ -1,6 +1,6 @@
 """How large things usually are on a robot's logs, so that bounds of effects fit any robot."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -8,11 +8,11 @@ import numpy as np
 
 from robotcast.robots.logs import Log, periods
 from robotcast.robots.model_fields import loaded
-from robotcast.robots.names import Channel, coordinates, loose, turning
+from robotcast.robots.names import coordinates, loose, turning
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.windows import StartStates
 
-MOST_STATES, MANY_STATES = 200, 400
+STATES = 400
 OFTEN = 0.9  # of the states: forces of contacts and stops count up to what these stay below
 STILL = 1e-3  # of the fastest joint, that one is taken to move by at least
 WAVES, MOST_WAVES = 3, 2000  # over what a joint travels, of a torque that repeats with it
@@ -82,30 +82,74 @@ class Sizes:
         return float(np.median(size(self)[at])), of_hinge if self.hinge[at[0]] else of_slide
 
 
-def inverse_states(
-    logs: Sequence[Log], starts: StartStates, most: int
-) -> Iterator[tuple[int, int, np.ndarray, np.ndarray, np.ndarray]]:
-    """Yield states that are spread over the logs: log, sample, qpos, qvel, qacc."""
-    every, gap = max(1, sum(len(log.times_s) for log in logs) // most), starts.margin
+@dataclass(frozen=True)
+class Dynamics:
+    """What the model as it is says of states that are spread over the logs, (n, nv) each.
+
+    Attributes
+    ----------
+    position, speed, acceleration : as measured.
+    inertia : of a joint with all that hangs on it.
+    needed : what the motion takes beside what touches and stops the joint, `held`.
+    given : what drove it.
+    touches : whether anything touched anything.
+    """
+
+    position: np.ndarray
+    speed: np.ndarray
+    acceleration: np.ndarray
+    inertia: np.ndarray
+    needed: np.ndarray
+    held: np.ndarray
+    given: np.ndarray
+    touches: bool
+
+    @property
+    def missing(self) -> np.ndarray:
+        """What drove every joint less what it needed."""
+        return self.given - self.needed
+
+
+def dynamics(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Dynamics:
+    """Take states from the logs, and work out their dynamics.
+
+    Raises
+    ------
+    ValueError
+        Where too many samples are missing.
+    """
+    at, touches, rows = coordinates(robot.model), False, []
+    mass = np.empty((robot.model.nv, robot.model.nv))
+    every, gap = max(1, sum(len(log.times_s) for log in logs) // STATES), starts.margin
     for index, log in enumerate(logs):
+        model = loaded(robot.model, log.payloads) if log.payloads else robot.model
+        data = mujoco.MjData(model)
         for first in range(2 * gap, len(log.times_s) - 2 * gap, every):
             before, here, after = (starts.at(index, first + step) for step in (-gap, 0, gap))
-            if before and here and after:
-                span_s = log.times_s[first + gap] - log.times_s[first - gap]
-                yield index, first, here[0], here[1], (after[1] - before[1]) / span_s
+            if not (before and here and after):
+                continue
+            qpos, qvel = here[:2]
+            qacc = (after[1] - before[1]) / (log.times_s[first + gap] - log.times_s[first - gap])
+            data.qpos[:], data.qvel[:], data.qacc[:] = qpos, qvel, qacc
+            mujoco.mj_inverse(model, data)
+            mujoco.mj_fullM(model, data, mass)
+            touches |= data.ncon > 0
+            needed = np.diag(mass).copy(), data.qfrc_inverse.copy(), data.qfrc_constraint.copy()
+            rows.append((qpos[at], qvel, qacc, *needed, _given(robot, data, log.drive[first])))
+    if not rows:
+        raise ValueError("no state can be taken from the logs: too many samples are missing")
+    return Dynamics(*np.array(rows).swapaxes(0, 1), touches=touches)
 
 
-def driven(
-    model: mujoco.MjModel, data: mujoco.MjData, channels: Iterable[Channel], commands: np.ndarray
-) -> np.ndarray:
+def _given(robot: RobotFile, data: mujoco.MjData, commands: np.ndarray) -> np.ndarray:
     """Return what commands (n_channels,) drive every degree of freedom by, at the state of data."""
-    given = np.zeros(model.nv)
-    for value, at in zip(commands, channels, strict=True):
+    given = np.zeros(data.model.nv)
+    for value, at in zip(commands, robot.drive, strict=True):
         if at.dof is not None:
             given[at.dof] += value
         else:
             data.ctrl[at.actuator] = value
-    mujoco.mj_forward(model, data)
+    mujoco.mj_forward(data.model, data)
     return given + data.qfrc_actuator
 
 
@@ -115,27 +159,13 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
     At a pose that is measured, what touches and what stops a joint may give any force: no more
     of it counts than nine of ten states stay below, of a free body none.
     """
-    model, data = robot.model, mujoco.MjData(robot.model)
-    qpos_of = coordinates(model)
-    rows, touches = [], False
-    mass = np.empty((model.nv, model.nv))
-    for log, first, qpos, qvel, qacc in inverse_states(logs, starts, MOST_STATES):
-        data.qpos[:], data.qvel[:], data.qacc[:] = qpos, qvel, qacc
-        mujoco.mj_inverse(model, data)
-        touches |= data.ncon > 0
-        mujoco.mj_fullM(model, data, mass)
-        own, held = np.diag(mass).copy(), data.qfrc_constraint.copy()
-        needed = own * qacc, data.qfrc_inverse + held, held
-        given = driven(model, data, robot.drive, logs[log].drive[first])
-        rows.append((*needed, given, qvel, qpos[qpos_of], own))
-    if not rows:
-        raise ValueError("no state can be taken from the logs: too many samples are missing")
-    parts = (np.array(part) for part in zip(*rows, strict=True))
-    inertial, freely, held, given, speed, position, inertia = parts
-    most = np.where(loose(model), 0.0, np.quantile(np.abs(held), OFTEN, axis=0))
-    torque = np.hypot(inertial, freely - np.clip(held, -most, most))
-    given = np.minimum(np.abs(given), np.quantile(np.abs(given), OFTEN, axis=0))
-    own = inertia.mean(axis=0)
+    model, found = robot.model, dynamics(robot, logs, starts)
+    most = np.where(loose(model), 0.0, np.quantile(np.abs(found.held), OFTEN, axis=0))
+    moves = found.needed + found.held - np.clip(found.held, -most, most)
+    torque = np.hypot(found.inertia * found.acceleration, moves)
+    given = np.abs(found.given)
+    given = np.minimum(given, np.quantile(given, OFTEN, axis=0))
+    own, position = found.inertia.mean(axis=0), found.position
 
     def size(values: np.ndarray) -> np.ndarray:
         found = np.sqrt((values**2).mean(axis=0))
@@ -143,11 +173,11 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
 
     usual, kinds = own * size(torque / own), model.jnt_type[model.dof_jntid]
     reach_m = np.linalg.norm(model.body_ipos[1:], axis=1)
-    missing = [one.T for one in missing_torques(robot, logs, starts)]
+    by_joint = (position.T, found.speed.T, found.acceleration.T, found.missing.T)
     return Sizes(
         torque=usual,
         driven=np.maximum(usual, np.sqrt((given**2).mean(axis=0))),
-        speed=size(speed),
+        speed=size(found.speed),
         position=size(position - position.mean(axis=0)),
         inertia=own,
         lowest=position.min(axis=0),
@@ -156,33 +186,10 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         command=np.maximum(np.max([np.abs(log.drive).max(axis=0) for log in logs], axis=0), 1e-9),
         log_s=max(log.times_s[-1] - log.times_s[0] for log in logs),
         reach_m=float(np.median(reach_m[reach_m > 0])) if (reach_m > 0).any() else 0.1,
-        touches=touches,
-        wave=np.array(
-            [_wave(q, v, a, f, periods(logs)) for q, v, a, f in zip(*missing, strict=True)]
-        ),
+        touches=found.touches,
+        wave=np.array([_wave(*own, periods(logs)) for own in zip(*by_joint, strict=True)]),
         logs=len(logs),
     )
-
-
-def missing_torques(
-    robot: RobotFile, logs: Sequence[Log], starts: StartStates
-) -> tuple[np.ndarray, ...]:
-    """Return what drove every joint less what it needed, by the model as it is, at many states.
-
-    Positions, speeds, accelerations and those torques, (n, nv) each; positions of what turns about
-    several axes are 0.
-    """
-    models = [loaded(robot.model, log.payloads) if log.payloads else robot.model for log in logs]
-    data, rows = [mujoco.MjData(model) for model in models], []
-    straight, at = ~turning(robot.model), coordinates(robot.model)
-    for log, first, qpos, qvel, qacc in inverse_states(logs, starts, MANY_STATES):
-        model, now = models[log], data[log]
-        now.qpos[:], now.qvel[:], now.qacc[:] = qpos, qvel, qacc
-        mujoco.mj_inverse(model, now)
-        needed = now.qfrc_inverse.copy()
-        given = driven(model, now, robot.drive, logs[log].drive[first])
-        rows.append((straight * qpos[at], qvel, qacc, given - needed))
-    return tuple(np.array(rows).swapaxes(0, 1))
 
 
 def _wave(
@@ -192,7 +199,7 @@ def _wave(
 
     And the cosine and the sine of a torque that would act so [N m, N].
 
-    A sine of it explains most of `missing_torques` (n,) beside constant, spring, damping, friction
+    A sine of it explains most of `Dynamics.missing` (n,) beside constant, spring, damping, friction
     and inertia, and more than noise does by chance (Scargle 1982, doi 10.1086/160554). Nothing
     shorter is looked for than twice what the joint usually passes between samples (Nyquist).
     """
