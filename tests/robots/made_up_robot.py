@@ -89,10 +89,10 @@ def write_folder(
     return folder
 
 
-def rewrite(folder: Path, *columns: pl.Expr) -> Path:
+def rewrite(folder: Path, *columns: pl.Expr, **named: pl.Series) -> Path:
     """Replace columns of all logs."""
     for path in folder.glob("*.csv"):
-        pl.read_csv(path).with_columns(*columns).write_csv(path)
+        pl.read_csv(path).with_columns(*columns, **named).write_csv(path)
     return folder
 
 

@@ -1,16 +1,22 @@
 """Between a drive and its link: the resonance of a spring, the dead band of a gap, no more."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 import mujoco
 import numpy as np
+import polars as pl
 import pytest
 from mujoco.batch import Batch
 
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.effect import Where
 from robotcast.robots.effects import Backlash, ElasticJoint
+from robotcast.robots.logs import read_logs
+from robotcast.robots.robot_file import read_robot
 from robotcast.robots.transmission import Transmission
+from robotcast.robots.windows import StartStates
+from tests.robots.made_up_robot import SLIDER, rewrite, write_folder
 
 ROTOR, LINK, STEP_S = 0.02, 0.05, 0.002
 JOINT = f"""
@@ -62,9 +68,7 @@ def moved(
     Dry friction by which the link is `held` [N m] is in a tendon along the joint.
     """
     xml = JOINT.replace("DRIVE", drive).replace("BRAKE", brake)
-    spec = mujoco.MjSpec.from_string(xml)
-    spec.bodies[1].simple = 0  # as `load_spec` has it
-    model = spec.compile()
+    model = mujoco.MjModel.from_xml_string(xml)
     model.opt.timestep, model.tendon_frictionloss[:] = step_s, held
     own = {name: np.array(some)[:, None] for name, some in values.items()}
     batch = Batch(model, len(next(iter(own.values()))), nthread=1)
@@ -157,3 +161,24 @@ def test_a_second_joint_in_the_patched_model_moves_alike(
         mujoco.mj_step(model, data, 2)
     off, moves = np.abs(shown[:, 0] - path).max(), np.abs(shown[:, 0] - shown[:, 1]).max()
     assert off < 0.15 * moves
+
+
+def test_a_start_knows_that_the_drive_pushes_a_rotor_anew_with_every_command(
+    tmp_path: Path,
+) -> None:
+    rotor, period_s = 3.0, 0.01
+    heavy = SLIDER.replace('range="-3 3"', f'range="-3 3" armature="{rotor}"')
+    folder = write_folder(tmp_path, heavy, logs=1)
+    times_s = period_s * np.arange(150)
+    pushed = np.random.default_rng(0).uniform(-10, 10, len(times_s)) / rotor
+    held = pl.Series(5 / rotor / 8**2 * np.sin(8 * times_s))  # by a spring, with 5 sin(8 t) N
+    rate = np.r_[0.0, np.cumsum(pushed[:-1] * period_s)]
+    path = np.r_[0.0, np.cumsum((rate[1:] + rate[:-1]) / 2 * period_s)]
+    rewrite(folder, u_motor=pl.Series(rotor * pushed), q_axis=held + path)
+    robot = read_robot(folder)
+    starts = StartStates(robot, read_logs(robot), np.array([1e-6]))
+    at = np.arange(20, 130)
+    found = np.array([known[3][:, 0] for k in at if (known := starts.at(0, int(k)))])
+    spring = -5 / rotor * np.array([np.sin(8 * times_s[at]), 8 * np.cos(8 * times_s[at])]).T
+    wanted = spring + np.column_stack([pushed[at], np.zeros(len(at))])
+    assert (np.abs(found - wanted) < 0.02 * np.abs(spring).max(axis=0)).all()

@@ -64,6 +64,16 @@ def link_inertia(model: mujoco.MjModel, dofs: Sequence[int]) -> np.ndarray:
     return np.maximum(whole - model.dof_armature[list(dofs)], LEAST_ROTOR * whole)
 
 
+def rotor_inertia(model: mujoco.MjModel, dofs: Sequence[int], armature: np.ndarray) -> np.ndarray:
+    """Return the inertia of joints' rotors, (…, n) as their `armature`."""
+    drives = [drives_of(model, dof) for dof in dofs]
+    geared = [
+        sum(model.actuator_armature[a] * model.actuator_gear[a, 0] ** 2 for a in own)
+        for own in drives
+    ]
+    return np.maximum(armature + np.array(geared), LEAST_ROTOR * link_inertia(model, dofs))
+
+
 class Transmission:
     """The rotors of all joints that some effect makes soft, in all simulations of a batch.
 
@@ -99,12 +109,10 @@ class Transmission:
         self.soft = (compliance > 0) | (self._half_gap > 0)
         self._armature = self._batch.expand("dof_armature")
         self._rigid = self._armature[:, self.dofs].copy()
-        rotor = self._rigid.copy()
-        for k, dof in enumerate(self.dofs):
-            for a in drives_of(model, dof):
-                rotor[:, k] += model.actuator_armature[a] * model.actuator_gear[a, 0] ** 2
+        self._inertia = self._batch.expand("dof_M0")  # with armature, read of what only slides
+        self._others = self._inertia[:, self.dofs] - self._rigid
         self._link = link = link_inertia(model, self.dofs)
-        self._rotor = np.maximum(rotor, LEAST_ROTOR * link)  # J
+        self._rotor = rotor_inertia(model, self.dofs, self._rigid)  # J
         both = self._rotor * link / (self._rotor + link)
         # teeth are as stiff as a step resolves; less where they would yield by more than the gap
         compliance = compliance + np.minimum(teeth, dt**2 / both)
@@ -211,7 +219,11 @@ class Transmission:
             drive - brake * speed + rotor / dt * (self._rate - speed)
         )
         felt = share * (rotor + dt * brake)
-        self._armature[:, self.dofs] = np.where(self.soft, self._rigid - rotor + felt, self._rigid)
+        armature = np.where(self.soft, self._rigid - rotor + felt, self._rigid)
+        self._armature[:, self.dofs], self._inertia[:, self.dofs] = (
+            armature,
+            self._others + armature,
+        )
         given = self._applied[:, self.dofs]
         self._applied[:, self.dofs] = np.where(self.soft, carried, given)
         self._last = speed, carried, felt

@@ -15,6 +15,7 @@ from scipy.interpolate import CubicHermiteSpline
 from robotcast.robots.logs import Log, periods
 from robotcast.robots.names import (
     coordinates,
+    driven_dof,
     moved,
     quaternions,
     rate_of_turn,
@@ -23,6 +24,7 @@ from robotcast.robots.names import (
     turning,
 )
 from robotcast.robots.robot_file import RobotFile
+from robotcast.robots.transmission import rotor_inertia
 
 ABOUT_S, ABOUT_SAMPLES = 0.02, 4  # on either side of a start: what tells its state
 LEAST_SAMPLES = 12  # of a window
@@ -103,11 +105,27 @@ class StartStates:
         # how many samples before and after a start are looked at
         self.margin = max(ABOUT_SAMPLES, round(ABOUT_S / periods(logs)))
         self._turns = {at.index: k for k, at in enumerate(robot.measured) if at.kind == "turn"}
+        self._pushes = self._accelerates()
+
+    def _accelerates(self) -> dict[int, np.ndarray]:
+        """Return by how much commands (n_channels,) accelerate the rotor of every driven joint."""
+        model, found = self._robot.model, {}
+        for channel, at in enumerate(self._robot.drive):
+            dof, force = driven_dof(model, at), 1.0
+            if dof is None:
+                continue
+            if (a := at.actuator) is not None:
+                force = float(model.actuator_gear[a, 0] * model.actuator_gainprm[a, 0])
+            rotor = rotor_inertia(model, [dof], model.dof_armature[[dof]])[0]
+            own = found.setdefault(dof, np.zeros(len(self._robot.drive)))
+            own[channel] = force / rotor
+        return found
 
     def at(self, log: int, first: int) -> tuple[np.ndarray, ...] | None:
         """Return qpos (nq,), qvel (nv,) and their deviations (2, nv); None where samples lack.
 
-        Then acceleration and its rate, and their deviations, (2, nv) each.
+        Then acceleration and its rate, and their deviations, (2, nv) each: of what is driven, as of
+        a rotor that the drive pushes at, from a command to the next, and all else smoothly.
         """
         model, some = self._robot.model, self._logs[log]
         rows = slice(first - self.margin, first + self.margin + 1)
@@ -120,6 +138,12 @@ class StartStates:
             if fitted is None:
                 return None
             known[:, dof], sd[:, dof] = fitted
+            if dof in self._pushes:
+                pushed = some.drive[rows] @ self._pushes[dof]
+                fitted = _fitted(since_s, _without(since_s, pushed, signals))
+                assert fitted is not None
+                known[2:, dof], sd[2:, dof] = fitted[0][2:], fitted[1][2:]
+                known[2, dof] += pushed[self.margin]
         qpos = model.qpos0.copy()
         qpos[coordinates(model)[~turning(model)]] = 0.0
         for index, k in self._turns.items():
@@ -192,6 +216,18 @@ def _fitted(
     sd = np.sqrt(np.diag(np.linalg.inv(design.T @ design)) * max(1.0, left))
     derivative = np.array([1.0, 1.0, 2.0, 6.0]) / span**powers
     return found * derivative, sd * derivative
+
+
+def _without(
+    since_s: np.ndarray, pushed: np.ndarray, signals: Sequence[tuple[bool, np.ndarray, float]]
+) -> list[tuple[bool, np.ndarray, float]]:
+    """Return signals less a motion from the middle on, by accelerations (n,) that are held."""
+    steps, mid = np.diff(since_s), len(since_s) // 2
+    rate = np.r_[0.0, np.cumsum(pushed[:-1] * steps)]
+    rate -= rate[mid]
+    path = np.r_[0.0, np.cumsum((rate[1:] + rate[:-1]) / 2 * steps)]
+    path -= path[mid]
+    return [(is_rate, v - (rate if is_rate else path), noise) for is_rate, v, noise in signals]
 
 
 def cut(
