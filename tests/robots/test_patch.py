@@ -20,6 +20,8 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> RobotCase:
     windows = {"length_s": 0.4, "most": 4}
     more = {"windows": windows, "tune": tune, "servos": {"actuator[e]": {"kp": 2.0, "kd": 0.1}}}
     xml = ARM.replace('name="e"', 'name="e" ctrlrange="-0.05 0.2"')
+    cable = '<tendon><fixed name="cable"><joint joint="elbow" coef="1"/></fixed></tendon>'
+    xml = xml.replace("<actuator>", f"{cable}<actuator>")
     return read_case(write_folder(folder, xml, logs=3, **more))
 
 

@@ -109,8 +109,8 @@ class CoupledFriction(RobotEffect):
         fields.add(Address("tendon.frictionloss", "tendon_frictionloss", (row,), None), friction)
 
     def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, **values: float) -> bool:
-        if not any(tendon.name == model.tendon(0).name for tendon in spec.tendons):
-            couple(spec)
+        if not any(tendon.name == model.tendon(model.ntendon - 1).name for tendon in spec.tendons):
+            couple(spec)  # the file's own tendons come before
         return True
 
 
