@@ -18,13 +18,13 @@ from robotcast.robots.effects import FrictionField, ModelField, TorqueField
 from robotcast.robots.names import driven_dof, loose, name_of_dof, names_of, turning
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.sizes import Sizes
-from robotcast.robots.transmission import drives_of, is_plain, is_servo
+from robotcast.robots.transmission import FILTERS, drives_of, is_plain, is_servo
 
 FEW_JOINTS = 4  # up to as many, each is looked at alone; of more, groups of them
 NEAR = 5  # names that are said where one is wrong
 FIELD_KNOTS = np.array([-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0])
 PLACES = 21  # of a field over the range of positions: ripple has several waves there
-PHASES = 9  # of a field that repeats
+PHASES, TIMES = 9, 5  # of a field that repeats, and of one over the time
 FIELDS = {  # what a field is, and what it depends on
     "speed": ("a torque on {joint} that depends on its speed", "the speed of {joint}"),
     "position": ("a torque on {joint} that depends on its position", "the position of {joint}"),
@@ -38,7 +38,9 @@ FIELDS = {  # what a field is, and what it depends on
         "the position of {joint} within {wave}",
     ),
     "log": ("friction in {joint} that changes from log to log", "{log}"),
+    "warmth": ("friction in {joint} that changes within a log", "the time into the log"),
 }
+FRICTIONS = ("log", "warmth")
 FEW_LOGS, MANY_LOGS = 3, 5  # from so many on there is a field of them, of no more knots than that
 PROBE, BOUND = 0.1, 2.0  # of a field, in usual torques
 
@@ -228,6 +230,7 @@ def _needed(model: mujoco.MjModel, what: str | None, where: Where, sizes: Sizes)
         "motor": bool(where.dofs) and not servo,
         "servo": servo,
         "limited servo": servo and bool(model.actuator_forcelimited[own].all()),
+        "filter": bool(own) and all(model.actuator_dyntype[a] in FILTERS for a in own),
         "others": len(where.dofs) < model.nv,
         "turning": any(_turns(model, b) for b in where.bodies),
         "contact": sizes.touches,
@@ -309,16 +312,18 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
         knots = {
             "speed": speed * FIELD_KNOTS,
             "position": np.linspace(sizes.lowest[at].min(), sizes.highest[at].max(), PLACES),
-            "time": np.linspace(0.0, sizes.log_s, 5),
+            "time": np.linspace(0.0, sizes.log_s, TIMES),
             "torque": torque * FIELD_KNOTS,
             "ripple": np.linspace(0.0, wave, PHASES),
             "log": np.linspace(1.0, sizes.logs, min(sizes.logs, MANY_LOGS)),
+            "warmth": np.linspace(0.0, sizes.log_s, TIMES),
         }
         lacks = {
             "position": turning(model)[at].any(),
             "torque": not where.channels,
             "ripple": free or np.isnan(wave),
             "log": free or sizes.logs < FEW_LOGS,
+            "warmth": free,
         }
         words = {
             "joint": where.name.replace("_", " "),
@@ -330,7 +335,7 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
                 continue
             bound, probes, repeats = BOUND * torque, (PROBE * torque,), name == "ripple"
             n = (len(where.dofs) if free else 1) * (len(places) - repeats)
-            brakes = name == "log"
+            brakes = name in FRICTIONS
             least = max(-bound, -float(model.dof_frictionloss[at].min())) if brakes else -bound
             own = [
                 Parameter(f"c{k}", unit, least, bound, 0.0, null=0.0, probes=probes)
@@ -338,7 +343,8 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
             ]
             text, depends_on = (said.format(**words) for said in FIELDS[name])
             kind = FrictionField if brakes else TorqueField
-            more = {"of": "position" if repeats else name, "knots": places, "repeats": repeats}
+            of = {"ripple": "position", "warmth": "time"}.get(name, name)
+            more = {"of": of, "knots": places, "repeats": repeats}
             if repeats:
                 angle = 2 * np.pi * places[:-1] / wave
                 more["guess"] = sine[0] * np.cos(angle) + sine[1] * np.sin(angle)

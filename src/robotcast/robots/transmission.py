@@ -31,6 +31,7 @@ LEAST_ROTOR = 0.02  # of a joint's inertia, taken from its link where the model 
 IMPLICIT = 2 / 3  # of a step, by which a spring that it does not resolve is damped
 SURE_SIDE = 0.1  # of the usual torque, from which it is known on which side of a gap a joint rests
 POWERS = np.arange(3)  # of the speed, by which a joint's damping grows
+FILTERS = [int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT)]
 FIXED_GAIN, AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
 
 
