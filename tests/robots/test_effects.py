@@ -160,7 +160,11 @@ def test_one_signal_beyond_its_floor_is_not_lost_among_many_at_theirs(tmp_path: 
 
     def by_joint(case: RobotCase) -> dict[str, Any]:
         kept = ("viscous_friction_knee_joint", "dry_friction_knee_joint")
-        laws = [n for n, e in case.model.effects.items() if e.depends_on is None and n not in kept]
+        every = case.model.effects | case.of_single_parts
+        laws = [n for n in case.model.effects if every[n].depends_on is None and n not in kept]
+        laws += [
+            n for n, e in case.of_single_parts.items() if e.part == "body"
+        ]  # so weak, they fit
         effort = Effort(some=12, tried=3, finalists=1)
         return diagnose_by_joint(case, case.question(laws, (), Rule(), effort), lambda known: None)
 

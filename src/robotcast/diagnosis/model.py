@@ -154,7 +154,7 @@ class Wording:
 
     def numbered(self, trials: Sequence[int]) -> str:
         """Return trials as they are read, "casts 3, 4 and 7"."""
-        *first, last = map(str, trials)
+        *first, last = map(str, sorted(trials))
         return f"{self.trials} {', '.join(first)} and {last}" if first else f"{self.trial} {last}"
 
     def in_plane(self, d: int) -> bool:

@@ -69,16 +69,13 @@ def next_trials(
     inquiry: Inquiry,
     contests: Sequence[Contest],
     further: Further,
-    decides: float,
+    rule: Rule,
 ) -> list[NextTrial]:
     """Choose the trials that separate the models of all contests, the most telling first.
 
     One after another is taken, each time the one that helps the contest which is decided least;
-    contests that no such choice could decide are left aside.
-
-    Parameters
-    ----------
-    decides : squared noise by which two models must differ on the chosen trials together.
+    contests that no such choice could decide are left aside, and it ends with a trial that shows
+    nothing more.
     """
     if not contests or not further.records:
         return []
@@ -92,7 +89,7 @@ def next_trials(
     rows = np.argsort(-shares.max(axis=0), kind="stable")[: min(LOOKED_INTO, int(usable.sum()))]
     evidence = [_Evidence(inquiry, bench, contest, rows) for contest in contests]
     known = np.all([e.known for e in evidence], axis=0)
-    open_ones = [k for k, e in enumerate(evidence) if e.value(e.best(known)) > decides]
+    open_ones = [k for k, e in enumerate(evidence) if e.value(e.best(known)) > rule.decides]
     if not open_ones:
         return []
     chosen: list[NextTrial] = []
@@ -101,6 +98,8 @@ def next_trials(
         least = min(open_ones, key=lambda k: evidence[k].value(taken))
         taken.append(evidence[least].next_best(known, taken))
         row = int(rows[taken[-1]])
+        if apart[least, row] < rule.faint * inquiry.noise:
+            break
         percent = 100 * float(apart[least, row]) / inquiry.model.scale
         chosen.append(NextTrial(further.records[row], contests[least], percent))
     return chosen

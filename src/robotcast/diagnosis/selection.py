@@ -362,14 +362,25 @@ class Selection:
         return rivals
 
     def _holds(self, larger: Effects, law: str, name: str) -> bool:
-        """Tell whether a law, its other strengths at null, predicts what a chosen effect does."""
+        """Tell whether a law, its other strengths at null, predicts about what an effect does.
+
+        That is so where the two differ by less than matters of what the effect moves.
+        """
         inquiry, chosen = self.early.inquiry, self.found.chosen
         if not inquiry.special_cases(law, [name]):
             return False
         fit = self.found.early[chosen]
-        vector = inquiry.in_place(larger, law, chosen, name, fit.vector)
-        apart = inquiry.residuals(larger)(vector[None], inquiry.everything)[0] - fit.residual
-        return float((apart**2).sum(axis=1).max()) < self._rule.faint**2
+        held = inquiry.in_place(larger, law, chosen, name, fit.vector)
+        without = fit.vector.copy()
+        own = inquiry.entries(chosen, name)
+        without[own] = inquiry.nominal(chosen)[own]
+        apart, moved = (
+            float(
+                ((inquiry.residuals(e)(v[None], inquiry.everything)[0] - fit.residual) ** 2).sum()
+            )
+            for e, v in ((larger, held), (chosen, without))
+        )
+        return apart < self._rule.material**2 * moved
 
     def _cannot_tell(self, chosen: Effects, other: Effects) -> bool:
         judged, sets = self.found.judged, (self._fixed, chosen, other)

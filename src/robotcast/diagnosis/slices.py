@@ -19,7 +19,7 @@ FEW_VALUES = 6  # a quantity with no more different values is split between them
 class Range:
     """A range of one quantity: above `low` and not above `high`.
 
-    Of a quantity with few values it may hold a `single` one.
+    Of a quantity with few values, all whole numbers, it may hold a `single` one.
     """
 
     low: float
@@ -37,7 +37,7 @@ class Range:
         """Say the range: "above 1.6 rad", "below …", "between … and …"."""
         unit = f" {unit}" if unit not in ("", "1") else ""
         if self.single is not None:
-            return f"{self.single:.4g}{unit}".replace("-", "−")
+            return f"{self.single:.0f}{unit}".replace("-", "−")
         low, high = (_number(bound, self.decimals) for bound in (self.low, self.high))
         if math.isinf(self.high):
             return f"{above} {low}{unit}"
@@ -49,7 +49,7 @@ class Range:
 def ranges(values: np.ndarray) -> list[Range]:
     """Return the lower and upper parts of values at round numbers, and the middle third last.
 
-    Of a quantity with few values also each of them.
+    Of a quantity with few values, all whole numbers, also each of them.
     """
     distinct = np.unique(values[np.isfinite(values)])
     if len(distinct) < 2:
@@ -59,8 +59,9 @@ def ranges(values: np.ndarray) -> list[Range]:
     if len(distinct) <= FEW_VALUES:
         cuts = (distinct[1:] + distinct[:-1]) / 2
         low, high = cuts[[0, -1]]
-        ends = zip([-math.inf, *cuts], [*cuts, math.inf], distinct.tolist(), strict=True)
-        singles = [Range(float(a), float(b), decimals, one) for a, b, one in ends]
+        if not (distinct % 1).any():  # numbers of things
+            ends = zip([-math.inf, *cuts], [*cuts, math.inf], distinct.tolist(), strict=True)
+            singles = [Range(float(a), float(b), decimals, one) for a, b, one in ends]
     else:
         quantiles = np.round(np.nanquantile(values, QUANTILES), decimals)
         cuts = np.unique(quantiles)

@@ -40,7 +40,9 @@ SPELLED = {  # SI unit → how a column's name has a unit of its kind → the un
     for si, known in UNITS.items()
 } | {"A": {"ma": "mA"}}  # of a drive: a torque by its constant, which robot.yaml must be given
 LENGTHS = {*SPELLED["rad"], *SPELLED["m"]}
+FORCES = {"n", "nm"}
 ANY = LENGTHS.union(*SPELLED.values()) - set(SPELLED["s"])
+VOLTS = {"v"}
 TORQUES = ("N m", "N")
 AS_COMMANDED = 0.5  # of a joint's variance: what is nearer to it is the position that it follows
 MORE = 8.0  # times as far as the joint: its command, or speed, is in degrees
@@ -172,6 +174,8 @@ class _Guess:
         model, moved = self._model, self._moved
         found = _assigned(by_kind["command"], {name: [name, on] for name, on in moved.items()})
         if found:
+            others = {name: [name, on] for name, on in moved.items() if name not in found}
+            found |= _called_alike(by_kind["torque"], others)
             return {f"actuator[{name}]": column for name, column in found.items()}
         place = {name: f"joint[{name}].torque" for name in single}
         for a, (name, on) in enumerate(moved.items()):
@@ -279,6 +283,10 @@ def _kind(column: str, joints: Sequence[str], actuators: Sequence[str]) -> str |
 
     tokens = _tokens(column)
     said = more(joints) or tokens  # a joint may be called pos_1
+    if said == tokens and more(actuators) < tokens and more(actuators) <= {*ANY, *VOLTS}:
+        return "command"
+    if said & FORCES and said <= {*FORCES, "m", "k"}:
+        return "torque"
     for kind, words in KINDS.items():
         if said & words:
             return kind
@@ -291,18 +299,21 @@ def _assigned(
     columns: Sequence[str], called: Mapping[str, Sequence[str]], in_order: Sequence[str] = ()
 ) -> dict[str, str]:
     """Match columns to things by what these are called, else in order where there are enough."""
+    found, order = _called_alike(columns, called), in_order or list(called)
+    if not found and len(columns) >= len(order):
+        found = dict(zip(order, columns, strict=False))
+    return found
+
+
+def _called_alike(columns: Sequence[str], called: Mapping[str, Sequence[str]]) -> dict[str, str]:
+    """Match columns to things by what these are called; to none where two have one column."""
     found = {}
     for thing, names in called.items():
         words = [_tokens(n) for n in names if n and not n.isdigit()]
         same = [c for c in columns if any(some <= _tokens(c) for some in words)]
         if same:  # the shortest: wrist before wrist_roll
             found[thing] = min(same, key=lambda c: len(_tokens(c)))
-    if len(set(found.values())) < len(found):
-        found = {}
-    order = in_order or list(called)
-    if not found and len(columns) >= len(order):
-        found = dict(zip(order, columns, strict=False))
-    return found
+    return found if len(set(found.values())) == len(found) else {}
 
 
 def _named_unit(column: str, name: str, *kinds: str) -> str:

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from robotcast.robots.effect import Motion, RobotEffect
-from robotcast.robots.model_fields import ModelFields
+from robotcast.robots.model_fields import ModelFields, spread
 from robotcast.robots.names import Address, address, is_hinge, names_of
 from robotcast.robots.transmission import LEAST_ROTOR, drives_of, is_servo, link_inertia
 
@@ -74,6 +74,29 @@ class ModelField(RobotEffect):
                     fields.multiply(at, 1 + values[name])
                 else:
                     fields.add(at, values[name] if self.how[name] == "add" else -values[name])
+
+
+class LinkPayload(ModelField):
+    """A point mass on a link, `k` of the link's own; it moves the centre of both by x, y, z.
+
+    So far away it lies at a distance, by which the inertia grows; it is no farther than the ranges
+    of x, y and z allow.
+    """
+
+    def write(self, fields: ModelFields, *, k: np.ndarray, **moves: np.ndarray) -> None:
+        body = self.where.bodies[0]
+        own_kg = fields.field("body_mass")[:, body].copy()
+        for name, (at,) in self.addresses(fields.model).items():
+            if name == "k":
+                fields.multiply(replace(at, along=()), 1 + k)
+            else:
+                fields.add(at, moves[name])
+        moved_m, farthest_m = np.hstack(list(moves.values())), self.parameters[1].upper
+        for sim in np.flatnonzero((k[:, 0] > 0) & moved_m.any(axis=1)):
+            share = float(k[sim, 0] / (1 + k[sim, 0]))
+            off_m = moved_m[sim] / share
+            off_m *= min(1.0, farthest_m / float(np.linalg.norm(off_m)))
+            spread(fields, int(sim), body, own_kg[sim] * share, off_m)
 
 
 class Tilt(RobotEffect):

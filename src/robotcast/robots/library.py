@@ -1,6 +1,7 @@
 """The candidates for one robot: every entry of conf/robot_effects.yaml on every part it fits."""
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
@@ -26,15 +27,15 @@ FIELD_KNOTS = np.array([-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0])
 PLACES = 21  # of a field over the range of positions: ripple has several waves there
 PHASES, TIMES = 9, 5  # of a field that repeats, and of one over the time
 FIELDS = {  # what a field is, and what it depends on
-    "speed": ("a torque on {joint} that depends on its speed", "the speed of {joint}"),
-    "position": ("a torque on {joint} that depends on its position", "the position of {joint}"),
-    "time": ("a torque on {joint} that depends on the time into the log", "time"),
+    "speed": ("a {torque} on {joint} that depends on its speed", "the speed of {joint}"),
+    "position": ("a {torque} on {joint} that depends on its position", "the position of {joint}"),
+    "time": ("a {torque} on {joint} that depends on the time into the log", "time"),
     "torque": (
-        "a torque on {joint} that depends on the torque it carries",
-        "the torque of {joint}",
+        "a {torque} on {joint} that depends on the {torque} it carries",
+        "the {torque} of {joint}",
     ),
     "ripple": (
-        "a torque on {joint} that repeats every {wave}",
+        "a {torque} on {joint} that repeats every {wave}",
         "the position of {joint} within {wave}",
     ),
     "log": ("friction in {joint} that changes from log to log", "{log}"),
@@ -180,7 +181,8 @@ def _where(
 
 def _drive(robot: RobotFile, channel: int) -> Where:
     """Return a drive that moves no single joint."""
-    return _where(robot, list(robot.drive)[channel].name, (), (channel,))
+    name = re.sub(r"\W+", "_", list(robot.drive)[channel].name).strip("_")
+    return _where(robot, name, (), (channel,))
 
 
 def _made(
@@ -327,6 +329,7 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
         }
         words = {
             "joint": where.name.replace("_", " "),
+            "torque": "torque" if hinge else "force",
             "wave": f"{wave:.3g} rad, {2 * np.pi / wave:.3g} a turn" if hinge else f"{wave:.3g} m",
             "log": "the order of the logs" if sizes.logs > MANY_LOGS else "the log",
         }

@@ -99,24 +99,29 @@ class Payload:
 
 def load(of_sim: Sequence[Sequence[Payload]], fields: ModelFields) -> None:
     """Add every simulation's payloads to the masses of its bodies."""
-    parts = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
-    mass, ipos, inertia, iquat = map(fields.field, parts)
+    mass, ipos = map(fields.field, ("body_mass", "body_ipos"))
     for sim, payloads in enumerate(of_sim):
         for one in payloads:
             b, own = one.body, mass[sim, one.body]
             if fields.model.body_simple[b] == SLIDES:
                 mass[sim, b] += one.mass_kg
                 continue
-            turn = Rotation.from_quat(iquat[sim, b], scalar_first=True).as_matrix()
             whole, off = own + one.mass_kg, np.array(one.place_m) - ipos[sim, b]
-            reduced = own * one.mass_kg / max(whole, 1e-12)
-            full = turn * inertia[sim, b] @ turn.T
-            full += reduced * (off @ off * np.eye(3) - np.outer(off, off))
-            moments, turn = np.linalg.eigh(full)
-            turn = turn * np.sign(np.linalg.det(turn))
-            iquat[sim, b] = Rotation.from_matrix(turn).as_quat(scalar_first=True)
-            inertia[sim, b], mass[sim, b] = moments, whole
+            spread(fields, sim, b, own * one.mass_kg / max(whole, 1e-12), off)
+            mass[sim, b] = whole
             ipos[sim, b] += one.mass_kg / max(whole, 1e-12) * off
+
+
+def spread(fields: ModelFields, sim: int, body: int, reduced_kg: float, off_m: np.ndarray) -> None:
+    """Add to a body's inertia that of two masses, of a reduced mass, that are so far apart."""
+    inertia, iquat = map(fields.field, ("body_inertia", "body_iquat"))
+    turn = Rotation.from_quat(iquat[sim, body], scalar_first=True).as_matrix()
+    full = turn * inertia[sim, body] @ turn.T
+    full += reduced_kg * (off_m @ off_m * np.eye(3) - np.outer(off_m, off_m))
+    moments, turn = np.linalg.eigh(full)
+    turn = turn * np.sign(np.linalg.det(turn))
+    iquat[sim, body] = Rotation.from_matrix(turn).as_quat(scalar_first=True)
+    inertia[sim, body] = moments
 
 
 def loaded(model: mujoco.MjModel, payloads: Sequence[Payload]) -> mujoco.MjModel:

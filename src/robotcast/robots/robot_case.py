@@ -22,7 +22,7 @@ from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import Field
 from robotcast.robots.library import alone, candidates, parts_of, refuse_unknown
 from robotcast.robots.logs import Log, periods, read_logs
-from robotcast.robots.names import name_of_dof, to_si
+from robotcast.robots.names import name_of_dof, names_of, to_si
 from robotcast.robots.next_motions import Motions, motions
 from robotcast.robots.robot_file import RobotFile, read_robot
 from robotcast.robots.robot_model import RobotFloor, RobotModel, of_quaternions, tuned_parameters
@@ -263,6 +263,9 @@ def _notes(
     ]
     if groups:
         notes.append(f"Joints are looked at together first: {'; '.join(groups)}.")
+    driven = {channel.actuator for channel in robot.drive}
+    if idle := [n for a, n in enumerate(names_of(robot.model, "actuator")) if a not in driven]:
+        notes.append(f"No column drives {', '.join(idle)}: taken to do nothing.")
     if not robot.repeats:
         notes.append(
             "No log repeats another, so the noise floor is what the sensors' noise and the start "

@@ -209,15 +209,23 @@ def _wave(
         return np.nan, 0.0, 0.0
     base = np.linalg.qr(np.column_stack([np.ones(len(q)), q, v, np.sign(v), a]))[0]
     lacks = lacks - base @ (base.T @ lacks)
-    tried, found = np.linspace(WAVES, most, int(FINE * most)), []
-    for waves in tried:
-        angle = 2 * np.pi * waves / travel * q
-        pair = np.column_stack([np.cos(angle), np.sin(angle)])
-        pair -= base @ (base.T @ pair)
-        acts = -np.linalg.lstsq(pair, lacks, rcond=None)[0]
-        share = ((pair @ acts) ** 2).sum() / (lacks @ lacks)
-        found.append((share, travel / waves, *acts.tolist()))
+
+    def fitted(waves: np.ndarray) -> list[tuple[float, float, float, float]]:
+        found = []
+        for n in waves:
+            angle = 2 * np.pi * n / travel * q
+            pair = np.column_stack([np.cos(angle), np.sin(angle)])
+            pair -= base @ (base.T @ pair)
+            acts = -np.linalg.lstsq(pair, lacks, rcond=None)[0]
+            share = ((pair @ acts) ** 2).sum() / (lacks @ lacks)
+            found.append((share, n, *acts.tolist()))
+        return found
+
+    tried = np.linspace(WAVES, most, int(FINE * most))
+    found = fitted(tried)
     best = int(np.argmax([share for share, *_ in found]))
     if best == 0 or found[best][0] <= 2 * np.log(len(tried) / BY_CHANCE) / len(q):
         return np.nan, 0.0, 0.0
-    return found[best][1:]
+    around = fitted(tried[best] + np.linspace(-1, 1, 4 * FINE + 1) * (tried[1] - tried[0]))
+    _, waves, cosine, sine = max(around)
+    return travel / waves, cosine, sine
