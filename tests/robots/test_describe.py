@@ -68,6 +68,7 @@ MOTOR = '<motor name="drive" joint="elbow"/>'
 GEARED = '<motor name="drive" joint="elbow" gear="50"/>'
 SERVO_OF_SHOULDER = '<position name="s" joint="shoulder" kp="25" kv="1.2"/>'
 MOTOR_OF_SHOULDER = '<motor name="s" joint="shoulder" gear="-5" ctrlrange="-40 40"/>'
+VALVE = '<general name="drive" joint="elbow" gainprm="3"/>'
 TENDON = '<motor name="drive" tendon="cable"/>'
 
 
@@ -83,6 +84,8 @@ TENDON = '<motor name="drive" tendon="cable"/>'
         (GEARED, "elbow_tau_cmd", "joint[elbow].torque", "N m"),
         (SERVO, "tau", "joint[elbow].torque", "N m"),
         (TENDON, "drive_N", "actuator[drive]", "N"),
+        (MOTOR, "elbow_Nm", "actuator[drive]", "N m"),
+        (VALVE, "drive_V", "actuator[drive]", None),
     ],
 )
 def test_a_drive_and_its_unit_are_told_by_the_name_of_a_column(

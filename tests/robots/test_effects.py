@@ -214,6 +214,20 @@ def test_a_payload_beside_the_centre_of_a_light_link_is_one_effect(tmp_path: Pat
     assert sizes["payload_fore.z"]["value"] == pytest.approx(-0.128, rel=0.1)
 
 
+def test_a_payload_has_the_inertia_of_where_it_must_be(tmp_path: Path) -> None:
+    case = read_case(write_folder(tmp_path, ARM, logs=1))
+    model, effect = case.robot.model, case.model.effects["payload_fore"]
+    body, place = model.body("fore").id, np.array([0.03, -0.02, -0.2])
+    heavy, ours = (OneModel(mujoco.MjModel.from_xml_string(ARM)) for _ in range(2))
+    load([[Payload(body, 0.3, tuple(place))]], heavy)
+    shift = 0.3 / 0.8 * (place - model.body_ipos[body])
+    moves = {axis: np.array([[m]]) for axis, m in zip("xyz", shift, strict=True)}
+    effect.write(ours, k=np.array([[0.3 / 0.5]]), **moves)
+    for field in ("body_mass", "body_ipos", "body_inertia"):
+        wanted, found = (getattr(one.model, field)[body] for one in (heavy, ours))
+        np.testing.assert_allclose(found, wanted)
+
+
 def test_what_repeats_with_the_motion_is_found(tmp_path: Path) -> None:
     waves = 2 * np.pi * pl.col("q_axis") / 0.06  # of a torque that the logs do not show
     folder = rewrite(write_folder(tmp_path), pl.col("u_motor") - 3.0 * waves.sin())
@@ -223,6 +237,16 @@ def test_what_repeats_with_the_motion_is_found(tmp_path: Path) -> None:
     assert found["verdict"] == ["unknown"]
     assert found["unexplained"]["depends_on"].startswith("the position of axis within")
     assert np.ptp(found["unexplained"]["field"]["values"]) == pytest.approx(6.0, rel=0.2)
+
+
+def test_friction_that_fades_within_a_log_is_found(tmp_path: Path) -> None:
+    fades = 2.0 * (-pl.col("t") / 0.4).exp() * pl.col("q_axis").diff().fill_null(0.0).sign()
+    folder = rewrite(write_folder(tmp_path, logs=12), pl.col("u_motor") + fades)
+    found = diagnosed(read_case(folder))
+    assert found["verdict"] == ["unknown"]
+    assert found["unexplained"]["depends_on"] == "the time into the log"
+    first, *_, last = np.ravel(found["unexplained"]["field"]["values"])
+    assert first > 1.2 and abs(last) < 0.4
 
 
 def test_friction_that_grows_from_log_to_log_is_found(tmp_path: Path) -> None:

@@ -212,6 +212,18 @@ def test_windows_are_shorter_where_slopes_cannot_put_starts_right(tmp_path: Path
     assert missed < 1.1 * case.floor.percent
 
 
+def test_a_drive_without_a_column_and_a_log_without_a_window_are_said(tmp_path: Path) -> None:
+    drive = {"actuator[s]": {"column": "u_s"}}
+    folder = write_folder(tmp_path, ARM, logs=3, drive=drive)
+    pl.read_csv(tmp_path / "log1.csv").head(60).write_csv(tmp_path / "log1.csv")
+    notes = " ".join(read_case(folder).notes)
+    assert "No column drives e: taken to do nothing." in notes
+    (tmp_path / "robot.yaml").write_text(
+        (tmp_path / "robot.yaml").read_text() + "windows: { length_s: 0.7 }"
+    )
+    assert "No window fits into log1.csv: left out." in " ".join(read_case(folder).notes)
+
+
 def test_logs_of_one_file_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:
     same, loads = [["run0/log.csv", "run2/log.csv"]], {"body[table]": {"run1/log.csv": 0.5}}
     folder = write_folder(tmp_path, logs=13, repeats=same, payloads=loads)
