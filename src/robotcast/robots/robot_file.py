@@ -264,7 +264,7 @@ class _Said:
 
     def at(self, key: Any = "") -> str:
         """Return where it stands, or the value of a key in it."""
-        return f"{self.path}: {f'{self.where} {key}'.strip() or FILE}"
+        return f"{self.path}: {f'{self.where} {key}'.strip()}".rstrip(": ")
 
     def wrong(self, rule: str, got: Any, key: Any = "") -> ValueError:
         """Return the error that a rule was broken there."""
