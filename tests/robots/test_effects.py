@@ -216,16 +216,23 @@ def test_a_payload_beside_the_centre_of_a_light_link_is_one_effect(tmp_path: Pat
 
 def test_a_payload_has_the_inertia_of_where_it_must_be(tmp_path: Path) -> None:
     case = read_case(write_folder(tmp_path, ARM, logs=1))
-    model, effect = case.robot.model, case.model.effects["payload_fore"]
-    body, place = model.body("fore").id, np.array([0.03, -0.02, -0.2])
-    heavy, ours = (OneModel(mujoco.MjModel.from_xml_string(ARM)) for _ in range(2))
-    load([[Payload(body, 0.3, tuple(place))]], heavy)
-    shift = 0.3 / 0.8 * (place - model.body_ipos[body])
+    effect, place = case.model.effects["payload_fore"], np.array([0.03, -0.02, -0.2])
+    spec = mujoco.MjSpec.from_string(ARM)
+    hung = {"mass": 0.3, "ipos": [0, 0, 0], "inertia": [1e-12] * 3, "explicitinertial": True}
+    spec.body("fore").add_body(pos=place, **hung)
+    ours = OneModel(mujoco.MjModel.from_xml_string(ARM))
+    shift = 0.3 / 0.8 * (place - ours.model.body("fore").ipos)
     moves = {axis: np.array([[m]]) for axis, m in zip("xyz", shift, strict=True)}
     effect.write(ours, k=np.array([[0.3 / 0.5]]), **moves)
-    for field in ("body_mass", "body_ipos", "body_inertia"):
-        wanted, found = (getattr(one.model, field)[body] for one in (heavy, ours))
-        np.testing.assert_allclose(found, wanted)
+    mujoco.mj_setConst(ours.model, mujoco.MjData(ours.model))
+    inertia = []
+    for model in (spec.compile(), ours.model):
+        data, mass = mujoco.MjData(model), np.empty((2, 2))
+        data.qpos[:] = 0.4, -0.9
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, mass)
+        inertia.append([*mass.ravel(), *data.qfrc_bias])
+    np.testing.assert_allclose(*inertia, rtol=1e-6)
 
 
 def test_what_repeats_with_the_motion_is_found(tmp_path: Path) -> None:

@@ -217,11 +217,11 @@ def test_a_drive_without_a_column_and_a_log_without_a_window_are_said(tmp_path: 
     folder = write_folder(tmp_path, ARM, logs=3, drive=drive)
     pl.read_csv(tmp_path / "log1.csv").head(60).write_csv(tmp_path / "log1.csv")
     notes = " ".join(read_case(folder).notes)
-    assert "No column drives e: taken to do nothing." in notes
+    assert "No column drives e: controls that stay 0." in notes
     (tmp_path / "robot.yaml").write_text(
         (tmp_path / "robot.yaml").read_text() + "windows: { length_s: 0.7 }"
     )
-    assert "No window fits into log1.csv: left out." in " ".join(read_case(folder).notes)
+    assert "No window could be cut from log1.csv: left out." in " ".join(read_case(folder).notes)
 
 
 def test_logs_of_one_file_name_are_told_apart_by_their_folders(tmp_path: Path) -> None:

@@ -178,7 +178,7 @@ def test_a_start_knows_that_the_drive_pushes_a_rotor_anew_with_every_command(
     robot = read_robot(folder)
     starts = StartStates(robot, read_logs(robot), np.array([1e-6]))
     at = np.arange(20, 130)
-    found = np.array([known[3][:, 0] for k in at if (known := starts.at(0, int(k)))])
+    found = np.array([starts.bends(0, int(k))[0][:, 0] for k in at])
     spring = -5 / rotor * np.array([np.sin(8 * times_s[at]), 8 * np.cos(8 * times_s[at])]).T
     wanted = spring + np.column_stack([pushed[at], np.zeros(len(at))])
     assert (np.abs(found - wanted) < 0.02 * np.abs(spring).max(axis=0)).all()

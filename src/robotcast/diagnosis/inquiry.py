@@ -119,23 +119,6 @@ class Inquiry:
             found[self.entries(active, name)] = vector[self.entries(of, name)]
         return found
 
-    def in_place(
-        self, active: Sequence[str], new: str, of: Sequence[str], old: str, vector: np.ndarray
-    ) -> np.ndarray:
-        """Return a vector of other effects with `new` in the place of `old`.
-
-        It takes over the values of the parameters that both effects have.
-        """
-        found = self.carried(active, of, vector)
-        held, own = (self.model.effects[name].parameters for name in (old, new))
-        values = zip(held, vector[self.entries(of, old)], strict=True)
-        known = {p.name: p.from_unit(unit) for p, unit in values}
-        first = self.entries(active, new).start
-        for k, p in enumerate(own, first):
-            if p.name in known:
-                found[k] = np.clip(p.to_unit(np.asarray(known[p.name])), 0.0, 1.0)
-        return found
-
     def steps(self, active: Sequence[str]) -> np.ndarray:
         """Return the finite-difference steps of all parameters."""
         return difference_steps(self.parameters(active))

@@ -74,8 +74,8 @@ def next_trials(
     """Choose the trials that separate the models of all contests, the most telling first.
 
     One after another is taken, each time the one that helps the contest which is decided least;
-    contests that no such choice could decide are left aside, and it ends with a trial that shows
-    nothing more.
+    contests that no such choice could decide are left aside. None is taken that tells nothing more
+    of what is decided.
     """
     if not contests or not further.records:
         return []
@@ -96,10 +96,11 @@ def next_trials(
     taken: list[int] = []
     for _ in range(min(CHOSEN, int(known.sum()))):
         least = min(open_ones, key=lambda k: evidence[k].value(taken))
+        before = evidence[least].value(taken)
         taken.append(evidence[least].next_best(known, taken))
-        row = int(rows[taken[-1]])
-        if apart[least, row] < rule.faint * inquiry.noise:
+        if before > rule.decides and evidence[least].value(taken) - before < rule.faint**2:
             break
+        row = int(rows[taken[-1]])
         percent = 100 * float(apart[least, row]) / inquiry.model.scale
         chosen.append(NextTrial(further.records[row], contests[least], percent))
     return chosen

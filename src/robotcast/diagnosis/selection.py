@@ -204,8 +204,13 @@ class Selection:
 
     def _begin_in_place(self, effects: Effects, new: str, of: Effects, old: str) -> None:
         """Fit beginnings with a special case in the place of an effect, from where that is."""
-        fitted = self.found.judged[of].revision.fit.vector
-        start = self._inquiry.in_place(effects, new, of, old, fitted)
+        inquiry, fitted = self._inquiry, self.found.judged[of].revision.fit.vector
+        start = inquiry.carried(effects, of, fitted)
+        held, own = (inquiry.model.effects[name].parameters for name in (old, new))
+        values = zip(held, fitted[inquiry.entries(of, old)], strict=True)
+        known = {p.name: p.from_unit(unit) for p, unit in values}
+        at = [np.clip(p.to_unit(np.asarray(known[p.name])), 0.0, 1.0) for p in own]
+        start[inquiry.entries(effects, new)] = at
         self.early.fit(effects, start)
 
     def refit_singles(self, own: np.ndarray) -> Found:
@@ -348,8 +353,8 @@ class Selection:
         The fits to beginnings see the same trials, so that their losses compare them, trial by
         trial: slopes that point the same way are not enough to confuse two effects when a refit
         tells them apart: by a part that matters of what is explained and of what is left, and by
-        more than the model's own step errs by, in squares. A law of which the chosen effect is a
-        special case says nothing else than that does.
+        more than the model's own step errs by, in squares. A law that was fitted as its special
+        case, the chosen effect, is none.
         """
         fits, chosen = self.found.early, self.found.chosen
         rivals: dict[str, tuple[str, ...]] = {}
@@ -362,24 +367,16 @@ class Selection:
         return rivals
 
     def _holds(self, larger: Effects, law: str, name: str) -> bool:
-        """Tell whether a law, its other strengths at null, predicts about what an effect does.
+        """Tell whether a law, as it was fitted, is but the chosen effect that it has as a case.
 
-        That is so where the two differ by less than matters of what the effect moves.
+        So it is where the two differ by less than matters of what the chosen model explains.
         """
-        inquiry, chosen = self.early.inquiry, self.found.chosen
-        if not inquiry.special_cases(law, [name]):
+        if not self._inquiry.special_cases(law, [name]):
             return False
-        fit = self.found.early[chosen]
-        held = inquiry.in_place(larger, law, chosen, name, fit.vector)
-        without = fit.vector.copy()
-        own = inquiry.entries(chosen, name)
-        without[own] = inquiry.nominal(chosen)[own]
-        apart, moved = (
-            float(
-                ((inquiry.residuals(e)(v[None], inquiry.everything)[0] - fit.residual) ** 2).sum()
-            )
-            for e, v in ((larger, held), (chosen, without))
+        before, own, other = (
+            self.found.early[e].residual for e in (self._fixed, self.found.chosen, larger)
         )
+        apart, moved = (float(((one - own) ** 2).sum()) for one in (other, before))
         return apart < self._rule.material**2 * moved
 
     def _cannot_tell(self, chosen: Effects, other: Effects) -> bool:

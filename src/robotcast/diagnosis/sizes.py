@@ -77,9 +77,10 @@ def sizes(
     Both shrink as trials are added, but what a model misses everywhere in the same way does not
     (Kennedy and O'Hagan 2001): the most by which a misfit in every trial of this share,
     `discrepancy`, of what the model misses in a usual one can shift the value is added in
-    squares. It misses the noise at least. So is what the value leans on what was expected before
-    any trial, as if that were one more, of its own variance: what no trial tells may be anything
-    in its range. On either side comes what the model's own step shifts the value by.
+    squares. It misses the noise at least. So is how much it leans on what was expected before any
+    trial, as if that were one more, of its own variance: what no trial tells may be anything that
+    was expected. What is held has no width. On either side comes what the model's own step shifts
+    the value by.
     """
     sd = inquiry.expected(revision.effects)
     inverse = bread(revision.fit, sd)
@@ -87,7 +88,8 @@ def sizes(
     if vectors is not None and len(vectors) > 1:
         k = len(vectors)
         error = np.maximum(error, np.sqrt((k - 1) / k * ((vectors - vectors.mean(0)) ** 2).sum(0)))
-    error = np.hypot(error, np.sqrt(((inverse / sd) ** 2).sum(axis=1)))
+    leans = np.sqrt(((inverse / sd) ** 2).sum(axis=1))
+    error = np.hypot(error, leans * inquiry.free(revision.effects))
     error = np.hypot(error, _shift(revision.fit, inverse, discrepancy) / SPREAD)
     reach = SPREAD * error + np.abs(inquiry.step_shift(revision.effects, revision.fit, inverse))
     centre = revision.fit.vector

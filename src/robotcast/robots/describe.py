@@ -42,7 +42,6 @@ SPELLED = {  # SI unit → how a column's name has a unit of its kind → the un
 LENGTHS = {*SPELLED["rad"], *SPELLED["m"]}
 FORCES = {"n", "nm"}
 ANY = LENGTHS.union(*SPELLED.values()) - set(SPELLED["s"])
-VOLTS = {"v"}
 TORQUES = ("N m", "N")
 AS_COMMANDED = 0.5  # of a joint's variance: what is nearer to it is the position that it follows
 MORE = 8.0  # times as far as the joint: its command, or speed, is in degrees
@@ -283,15 +282,15 @@ def _kind(column: str, joints: Sequence[str], actuators: Sequence[str]) -> str |
 
     tokens = _tokens(column)
     said = more(joints) or tokens  # a joint may be called pos_1
-    if said == tokens and more(actuators) < tokens and more(actuators) <= {*ANY, *VOLTS}:
-        return "command"
-    if said & FORCES and said <= {*FORCES, "m", "k"}:
-        return "torque"
+    if said == tokens and column.endswith("V") and more(actuators) == {"v"}:
+        return "command"  # in volts
     for kind, words in KINDS.items():
         if said & words:
             return kind
     if said <= LENGTHS and said < tokens:
         return "position"
+    if said & FORCES and said <= {*FORCES, "m", "k"} and said < tokens:
+        return "torque"
     return "command" if more(actuators) < tokens and more(actuators) <= ANY else None
 
 

@@ -91,8 +91,9 @@ def motions(
         first = max(starts.margin, (len(log.times_s) - n) // 2)
         state = starts.at(index, first)
         assert state is not None  # nothing is missing in what was simulated
-        track = starts.track(index, first)
-        windows.append(Window(index, first, first + n, index, *state[:4], track=track))
+        qpos, qvel, sd = state
+        bends, track = starts.bends(index, first)[0], starts.track(index, first)
+        windows.append(Window(index, first, first + n, index, qpos, qvel, sd, bends, track))
     simulated = RobotModel(robot, made, windows, noise, (), model.rollout.threads, model.units)
     simulated.effects = model.effects  # and what will be added to them
     nowhere = [

@@ -265,7 +265,7 @@ def _notes(
         notes.append(f"Joints are looked at together first: {'; '.join(groups)}.")
     driven = {channel.actuator for channel in robot.drive}
     if idle := [n for a, n in enumerate(names_of(robot.model, "actuator")) if a not in driven]:
-        notes.append(f"No column drives {', '.join(idle)}: taken to do nothing.")
+        notes.append(f"No column drives {', '.join(idle)}: controls that stay 0.")
     if not robot.repeats:
         notes.append(
             "No log repeats another, so the noise floor is what the sensors' noise and the start "
@@ -274,7 +274,7 @@ def _notes(
         )
     left = [log.path.name for k, log in enumerate(logs) if k not in {w.log for w in windows}]
     if left and len(windows) < robot.most_windows:
-        notes.append(f"No window fits into {', '.join(left)}: left out.")
+        notes.append(f"No window could be cut from {', '.join(left)}: left out.")
     if (parts := len({w.part for w in windows})) > len(logs):
         few = "One log is" if len(logs) == 1 else f"{len(logs)} logs are"
         notes.append(

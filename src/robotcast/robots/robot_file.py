@@ -101,10 +101,9 @@ class RobotFile:
 def load_spec(path: Path, weld: Sequence[str] = ()) -> mujoco.MjSpec:
     """Return the model of an MJCF or URDF file, or refuse it with MuJoCo's own words.
 
-    No body that turns is compiled as a simple one, whose centre of mass could not be moved; what
-    only slides keeps the constraints of one. Joints that are welded are left out, with their
-    actuators, sensors, and the keyframes. Bodies that a joint links do not collide, but MuJoCo
-    excepts those on what is welded to the world: a base that is put on a stand keeps the rule.
+    What turns is never compiled as a simple body, whose centre of mass could not be moved. Welded
+    joints are left out, with their actuators, sensors, and the keyframes. Bodies that a joint links
+    do not collide, but for those on what is welded to the world; a base on a stand keeps the rule.
     """
     if not path.is_file():
         raise ValueError(f"{path}: there is no such model; give an MJCF or URDF file")

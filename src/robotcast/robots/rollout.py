@@ -18,7 +18,7 @@ from robotcast.robots.logs import Log
 from robotcast.robots.model_fields import BatchFields, load
 from robotcast.robots.names import coordinates, moved, quaternions, rates, turned
 from robotcast.robots.robot_file import RobotFile, Tunable
-from robotcast.robots.transmission import FILTERS, Transmission, is_servo
+from robotcast.robots.transmission import FILTERS, Transmission, control_ends, is_servo
 from robotcast.robots.windows import Window
 from robotcast.simulators.mujoco_cables import quiet_mujoco
 
@@ -182,6 +182,7 @@ class Rollout:
         gain, bias = model.actuator_gainprm[own, 0], model.actuator_biasprm[own]
         servo = np.array([is_servo(model, a) for a in own.tolist()], bool) & (gain != 0)
         filters = np.isin(model.actuator_dyntype[own], FILTERS) & ~servo
+        ends = np.reshape([control_ends(model, a) for a in own.tolist()], (-1, 2)).T
         at, length = model.actuator_actadr[own], batch.bind("actuator_length")
         for k in range(drive.shape[1]):
             batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos[:, k], qvel[:, k]
@@ -190,7 +191,7 @@ class Rollout:
             with suppress(SimulationError):  # what is lost here is lost after the start, too
                 batch.step()
             rest = -(bias[:, 0] + bias[:, 1] * length[:, own]) * servo / np.where(servo, gain, 1.0)
-            rest += ctrl[:, own] * filters
+            rest += np.clip(ctrl[:, own], *ends) * filters
             act[:, at] = np.where(logged[:, [k]] & (k > 0), act[:, at], rest)
 
     def _led(self, window: Window, since_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

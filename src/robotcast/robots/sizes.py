@@ -10,6 +10,7 @@ from robotcast.robots.logs import Log, periods
 from robotcast.robots.model_fields import loaded
 from robotcast.robots.names import coordinates, loose, turning
 from robotcast.robots.robot_file import RobotFile
+from robotcast.robots.transmission import FILTERS
 from robotcast.robots.windows import StartStates
 
 STATES = 400
@@ -149,6 +150,8 @@ def _given(robot: RobotFile, data: mujoco.MjData, commands: np.ndarray) -> np.nd
             given[at.dof] += value
         else:
             data.ctrl[at.actuator] = value
+            if data.model.actuator_dyntype[at.actuator] in FILTERS:  # as if it had come long ago
+                data.act[data.model.actuator_actadr[at.actuator]] = value
     mujoco.mj_forward(data.model, data)
     return given + data.qfrc_actuator
 

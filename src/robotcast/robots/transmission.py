@@ -56,6 +56,14 @@ def is_servo(model: mujoco.MjModel, actuator: int) -> bool:
     return bool(affine and model.actuator_biasprm[actuator, 1] != 0)
 
 
+def control_ends(model: mujoco.MjModel, actuator: int | None) -> np.ndarray:
+    """Return between what a control is clipped, (2,), of what is no actuator infinite."""
+    clamps = not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    if actuator is None or not (clamps and model.actuator_ctrllimited[actuator]):
+        return np.array([-np.inf, np.inf])
+    return model.actuator_ctrlrange[actuator]
+
+
 def link_inertia(model: mujoco.MjModel, dofs: Sequence[int]) -> np.ndarray:
     """Return what a joint has to accelerate when the others are free, without rotors, (n,)."""
     data, mass = mujoco.MjData(model), np.empty((model.nv, model.nv))
@@ -131,10 +139,7 @@ class Transmission:
         self._drives = []
         for k, dof in enumerate(self.dofs):
             for a in drives_of(model, dof):
-                clamps = model.actuator_ctrllimited[a] and not (
-                    model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
-                )
-                limits = model.actuator_ctrlrange[a] if clamps else (-np.inf, np.inf)
+                limits = control_ends(model, a)
                 ends = force_range[:, a].copy()
                 if not model.actuator_forcelimited[a]:
                     ends[:] = -np.inf, np.inf

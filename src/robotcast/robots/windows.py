@@ -6,7 +6,7 @@ and velocities, weighed by their noise, whose covariance says how far the true s
 it. That much a fit may move it, and no further.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,12 +24,13 @@ from robotcast.robots.names import (
     turning,
 )
 from robotcast.robots.robot_file import RobotFile
-from robotcast.robots.transmission import rotor_inertia
+from robotcast.robots.transmission import control_ends, is_plain, rotor_inertia
 
 ABOUT_S, ABOUT_SAMPLES = 0.02, 4  # on either side of a start: what tells its state
 LEAST_SAMPLES = 12  # of a window
 LATEST_S = 0.1  # by which an encoder may show late
 CUBIC = 4
+Signals = list[tuple[bool, np.ndarray, float]]  # of a joint: a rate or not, values, noise
 GROUPS = 12  # parts that can be held out, at least: where logs are fewer, each is cut
 
 
@@ -106,49 +107,79 @@ class StartStates:
         self.margin = max(ABOUT_SAMPLES, round(ABOUT_S / periods(logs)))
         self._turns = {at.index: k for k, at in enumerate(robot.measured) if at.kind == "turn"}
         self._pushes = self._accelerates()
+        ends = [control_ends(robot.model, at.actuator) for at in robot.drive]
+        self._ends = np.reshape(ends, (-1, 2)).T
 
     def _accelerates(self) -> dict[int, np.ndarray]:
-        """Return by how much commands (n_channels,) accelerate the rotor of every driven joint."""
+        """Return by how much commands (n_channels,) accelerate the rotor of a joint's drive.
+
+        Of those that the model delays or whose force it limits, nobody knows when or by how much.
+        """
         model, found = self._robot.model, {}
         for channel, at in enumerate(self._robot.drive):
-            dof, force = driven_dof(model, at), 1.0
-            if dof is None:
-                continue
-            if (a := at.actuator) is not None:
+            dof, a, force = driven_dof(model, at), at.actuator, 1.0
+            if a is not None:
+                limited = model.actuator_forcelimited[a] or model.actuator_delay[a]
                 force = float(model.actuator_gear[a, 0] * model.actuator_gainprm[a, 0])
-            rotor = rotor_inertia(model, [dof], model.dof_armature[[dof]])[0]
-            own = found.setdefault(dof, np.zeros(len(self._robot.drive)))
-            own[channel] = force / rotor
+                force *= is_plain(model, a) and not limited
+            if dof is not None:
+                rotor = rotor_inertia(model, [dof], model.dof_armature[[dof]])[0]
+                own = found.setdefault(dof, np.zeros(len(self._robot.drive)))
+                own[channel] = force / rotor
         return found
 
     def at(self, log: int, first: int) -> tuple[np.ndarray, ...] | None:
-        """Return qpos (nq,), qvel (nv,) and their deviations (2, nv); None where samples lack.
-
-        Then acceleration and its rate, and their deviations, (2, nv) each: of what is driven, as of
-        a rotor that the drive pushes at, from a command to the next, and all else smoothly.
-        """
-        model, some = self._robot.model, self._logs[log]
-        rows = slice(first - self.margin, first + self.margin + 1)
-        if rows.start < 0 or rows.stop > len(some.times_s):
+        """Return qpos (nq,), qvel (nv,) and their deviations (2, nv); None where samples lack."""
+        model, near = self._robot.model, self._logs[log].measured[self._about(first)]
+        fits = self._fits(log, first, lambda dof, signals: signals)
+        if fits is None:
             return None
-        since_s = some.times_s[rows] - some.times_s[first]
-        near, known, sd = some.measured[rows], *np.zeros((2, CUBIC, model.nv))
-        for dof, signals in self._seen(near).items():
-            fitted = _fitted(since_s, signals)
-            if fitted is None:
-                return None
-            known[:, dof], sd[:, dof] = fitted
-            if dof in self._pushes:
-                pushed = some.drive[rows] @ self._pushes[dof]
-                fitted = _fitted(since_s, _without(since_s, pushed, signals))
-                assert fitted is not None
-                known[2:, dof], sd[2:, dof] = fitted[0][2:], fitted[1][2:]
-                known[2, dof] += pushed[self.margin]
+        known, sd = fits
         qpos = model.qpos0.copy()
         qpos[coordinates(model)[~turning(model)]] = 0.0
         for index, k in self._turns.items():
             qpos[index] = near[self.margin, k]
-        return moved(model, qpos[None], known[:1])[0], known[1], sd[:2], known[2:], sd[2:]
+        return moved(model, qpos[None], known[:1])[0], known[1], sd[:2]
+
+    def bends(self, log: int, first: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return acceleration and its rate where there is a state, and their deviations, (2, nv).
+
+        They are those of a rotor at which the drive pushes anew with every command, and all else
+        smoothly.
+        """
+        some, rows = self._logs[log], self._about(first)
+        commands = np.clip(some.drive[rows], *self._ends)
+        since_s = some.times_s[rows] - some.times_s[first]
+        pushed = {dof: commands @ own for dof, own in self._pushes.items()}
+
+        def less(dof: int, signals: Signals) -> Signals:
+            return _without(since_s, pushed[dof], signals) if dof in pushed else signals
+
+        fits = self._fits(log, first, less)
+        assert fits is not None
+        known, sd = fits
+        for dof, own in pushed.items():
+            known[2, dof] += own[self.margin]
+        return known[2:], sd[2:]
+
+    def _about(self, first: int) -> slice:
+        return slice(first - self.margin, first + self.margin + 1)
+
+    def _fits(
+        self, log: int, first: int, less: Callable[[int, Signals], Signals]
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return values with three derivatives and deviations, (4, nv); None where samples lack."""
+        some, rows = self._logs[log], self._about(first)
+        if rows.start < 0 or rows.stop > len(some.times_s):
+            return None
+        since_s = some.times_s[rows] - some.times_s[first]
+        known, sd = np.zeros((2, CUBIC, self._robot.model.nv))
+        for dof, signals in self._seen(some.measured[rows]).items():
+            fitted = _fitted(since_s, less(dof, signals))
+            if fitted is None:
+                return None
+            known[:, dof], sd[:, dof] = fitted
+        return known, sd
 
     def track(self, log: int, first: int) -> "Track":
         """Return positions (nv,) by the time since a sample: through states a margin apart."""
@@ -173,7 +204,7 @@ class StartStates:
         )
         return Track(spline, turns)
 
-    def _seen(self, near: np.ndarray) -> dict[int, list[tuple[bool, np.ndarray, float]]]:
+    def _seen(self, near: np.ndarray) -> dict[int, Signals]:
         """Return what samples (n, n_signals) say of every dof: a rate or not, values, noise.
 
         Turns count from the sample in the middle.
@@ -191,9 +222,7 @@ class StartStates:
         return found
 
 
-def _fitted(
-    since_s: np.ndarray, signals: Sequence[tuple[bool, np.ndarray, float]]
-) -> tuple[np.ndarray, np.ndarray] | None:
+def _fitted(since_s: np.ndarray, signals: Signals) -> tuple[np.ndarray, np.ndarray] | None:
     """Fit one cubic to the positions and its slope to the velocities of a degree of freedom.
 
     Return the value and its three derivatives, and their deviations.
@@ -218,9 +247,7 @@ def _fitted(
     return found * derivative, sd * derivative
 
 
-def _without(
-    since_s: np.ndarray, pushed: np.ndarray, signals: Sequence[tuple[bool, np.ndarray, float]]
-) -> list[tuple[bool, np.ndarray, float]]:
+def _without(since_s: np.ndarray, pushed: np.ndarray, signals: Signals) -> Signals:
     """Return signals less a motion from the middle on, by accelerations (n,) that are held."""
     steps, mid = np.diff(since_s), len(since_s) // 2
     rate = np.r_[0.0, np.cumsum(pushed[:-1] * steps)]
@@ -258,16 +285,15 @@ def cut(
     known = [(*place, part, s) for place, part, s in zip(places, parts, states, strict=True) if s]
     if not known:
         raise ValueError(f"{robot.path}: too many samples are missing where windows would start")
-    bends, noise = (np.array([state[k] for *_, state in known]) for k in (3, 4))
+    found = [starts.bends(index, first) for index, first, *_ in known]
+    bends, noise = (np.array(some) for some in zip(*found, strict=True))
     true = 1 - (noise**2).mean(axis=0) / np.maximum((bends**2).mean(axis=0), 1e-30)
     shrunk = bends * np.maximum(true, 0.0)
     return tuple(
         Window(
             index, first, first + n, part, qpos, qvel, start_sd, bend, starts.track(index, first)
         )
-        for (index, first, part, (qpos, qvel, start_sd, *_)), bend in zip(
-            known, shrunk, strict=True
-        )
+        for (index, first, part, (qpos, qvel, start_sd)), bend in zip(known, shrunk, strict=True)
     )
 
 
