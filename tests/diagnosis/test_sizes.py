@@ -3,8 +3,10 @@
 import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry, Revision
+from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.sizes import Size, sizes
 from tests.diagnosis.sliding_puck import LATE, NOISE_M, Puck, pushes
+from tests.diagnosis.test_library import NOMINAL, TIMES_S, Cart
 
 
 def test_intervals_are_wider_where_the_model_lacks_something() -> None:
@@ -43,3 +45,16 @@ def test_intervals_are_wider_by_what_the_step_shifts_a_size() -> None:
     assert np.isclose(coarse.value, exact.value + 0.004, atol=0.0004)
     wider = (coarse.high - coarse.low) - (exact.high - exact.low)
     assert np.isclose(wider, 2 * 0.004, rtol=0.25)  # slopes are secants over a probe
+
+
+def test_what_is_held_has_no_width_and_what_no_trial_tells_that_of_what_was_expected() -> None:
+    cart, rng = Cart(frozen=True), np.random.default_rng(0)
+    path = np.exp(-NOMINAL * TIMES_S)[:, None]  # nothing pushes it, so that no trial tells where
+    trials = [path + 0.01 * rng.normal(size=path.shape) for _ in range(8)]
+    records = [Record(k, k, TIMES_S, one) for k, one in enumerate(trials)]
+    inquiry = Inquiry(cart, records, noise=0.01)
+    fit = inquiry.fit(("bump",), np.array([NOMINAL / 10, 0.5, 0.5]), 2)
+    rate, strength, place = sizes(inquiry, Revision(("bump",), fit), None, 0.0)
+    assert rate.low == rate.value == rate.high == NOMINAL
+    assert strength.low < 0 < strength.high < 0.05
+    assert place.low < 0.1 and place.high > 0.9
