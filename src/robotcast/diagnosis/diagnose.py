@@ -193,7 +193,7 @@ class _Run:
         )
         for some in contests:
             if some and not self._next:
-                self._next = next_trials(self.inquiry, some, further(), self._case.rule)
+                self._next = next_trials(self.inquiry, some, further(), self._case.rule.decides)
 
     def finish(self) -> dict[str, Any]:
         """Return everything, once nothing is left to do."""

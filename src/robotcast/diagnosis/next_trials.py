@@ -69,13 +69,16 @@ def next_trials(
     inquiry: Inquiry,
     contests: Sequence[Contest],
     further: Further,
-    rule: Rule,
+    decides: float,
 ) -> list[NextTrial]:
     """Choose the trials that separate the models of all contests, the most telling first.
 
     One after another is taken, each time the one that helps the contest which is decided least;
-    contests that no such choice could decide are left aside. None is taken that tells nothing more
-    of what is decided.
+    contests that no such choice could decide are left aside.
+
+    Parameters
+    ----------
+    decides : squared noise by which two models must differ on the chosen trials together.
     """
     if not contests or not further.records:
         return []
@@ -89,17 +92,14 @@ def next_trials(
     rows = np.argsort(-shares.max(axis=0), kind="stable")[: min(LOOKED_INTO, int(usable.sum()))]
     evidence = [_Evidence(inquiry, bench, contest, rows) for contest in contests]
     known = np.all([e.known for e in evidence], axis=0)
-    open_ones = [k for k, e in enumerate(evidence) if e.value(e.best(known)) > rule.decides]
+    open_ones = [k for k, e in enumerate(evidence) if e.value(e.best(known)) > decides]
     if not open_ones:
         return []
     chosen: list[NextTrial] = []
     taken: list[int] = []
     for _ in range(min(CHOSEN, int(known.sum()))):
         least = min(open_ones, key=lambda k: evidence[k].value(taken))
-        before = evidence[least].value(taken)
         taken.append(evidence[least].next_best(known, taken))
-        if before > rule.decides and evidence[least].value(taken) - before < rule.faint**2:
-            break
         row = int(rows[taken[-1]])
         percent = 100 * float(apart[least, row]) / inquiry.model.scale
         chosen.append(NextTrial(further.records[row], contests[least], percent))
