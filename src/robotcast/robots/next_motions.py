@@ -20,7 +20,7 @@ from robotcast.diagnosis.next_trials import Further
 from robotcast.files import atomic_file
 from robotcast.robots.logs import Log, periods
 from robotcast.robots.model_fields import Payload, loaded
-from robotcast.robots.names import driven_dof, names_of, turning
+from robotcast.robots.names import driven_dof, names_of
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.robot_model import RobotModel
 from robotcast.robots.sizes import Sizes
@@ -31,7 +31,8 @@ RATES = (0.3, 1.0, 3.0)  # times what the joint usually moves at
 AMPLITUDES = (0.3, 0.6, 1.0)  # of half of what was commanded
 SHARES = (0.0, 0.25, 1.0)  # of a link's own mass, that is fixed to it
 REPLAYED = 3  # logs, and as many drives at most, one at a time
-WIDER, FASTER = 0.5, 2.0  # than the logs, of their range and of their speed
+WIDER, FASTER = 0.5, 2.0  # than the logs, of their range and of their fastest
+APART = 8  # samples over which a speed is taken
 
 
 @dataclass(frozen=True)
@@ -76,11 +77,12 @@ def motions(
     robot: RobotFile, model: RobotModel, sizes: Sizes, length_s: float, noise: np.ndarray
 ) -> Motions:
     """Return the motions from which the next ones are chosen, each a window in its middle."""
-    some = []
-    for number, (told, loads, drive, log) in enumerate(_tried(robot, sizes, model.rollout.logs)):
+    some, logs = [], model.rollout.logs
+    fastest = FASTER * np.max([_fastest(log) for log in logs], axis=0)
+    for number, (told, loads, drive, log) in enumerate(_tried(robot, sizes, logs)):
         path = Path(f"motion {number}")
-        moved = _moved(robot, loads, drive, log, periods(model.rollout.logs), path)
-        if _feasible(robot, sizes, moved):
+        moved = _moved(robot, loads, drive, log, periods(logs), path)
+        if _feasible(robot, sizes, moved, fastest):
             some.append(Motion(told, replace(moved, motion=len(some))))
     if not some:
         return Motions(robot, (), Further(model, ()))
@@ -183,22 +185,28 @@ def _moved(
     return Log(path, times_s, drive, seen, payloads)
 
 
-def _feasible(robot: RobotFile, sizes: Sizes, log: Log) -> bool:
-    """Tell whether joints stay where they may be, and no faster than they may move."""
+def _fastest(log: Log) -> np.ndarray:
+    """Return how fast every signal moves at most, (n_signals,), over so many samples as hide noise."""
+    moved = np.abs(log.measured[APART:] - log.measured[:-APART])
+    return np.nanmax(moved / (log.times_s[APART:] - log.times_s[:-APART])[:, None], axis=0)
+
+
+def _feasible(robot: RobotFile, sizes: Sizes, log: Log, fastest: np.ndarray) -> bool:
+    """Tell whether joints stay where they may be, and move no faster than they may."""
     model, joints = robot.model, robot.model.dof_jntid
     wide = WIDER * (sizes.highest - sizes.lowest)
     limited = model.jnt_limited[joints].astype(bool)
     low = np.where(limited, model.jnt_range[joints, 0], sizes.lowest - wide)
     high = np.where(limited, model.jnt_range[joints, 1], sizes.highest + wide)
-    fastest = FASTER * 3 * sizes.speed  # three root mean squares are about the largest
     if not np.isfinite(log.measured).all():
         return False
-    for at, path in zip(robot.measured, log.measured.T, strict=True):
-        speed = np.abs(np.diff(path)) / np.diff(log.times_s)
-        if at.kind == "turn" and 2 * speed.max() > fastest[turning(model)].max():
+    places = [(k, at) for k, at in enumerate(robot.measured) if at.kind in ("position", "turn")]
+    turns = [k for k, at in places if at.kind == "turn"]
+    bounds, reached = fastest.copy(), _fastest(log)
+    bounds[turns] = bounds[turns].max(initial=0.0)  # elements of one quaternion
+    for k, at in places:
+        path = log.measured[:, k]
+        inside = at.kind == "turn" or (low[at.dof] <= path.min() and path.max() <= high[at.dof])
+        if not inside or reached[k] > bounds[k]:
             return False
-        if at.kind == "position":
-            inside = low[at.dof] <= path.min() and path.max() <= high[at.dof]
-            if not inside or speed.max() > fastest[at.dof]:
-                return False
     return True
