@@ -186,7 +186,7 @@ def _moved(
 
 
 def _fastest(log: Log) -> np.ndarray:
-    """Return how fast every signal moves at most, (n_signals,), over so many samples as hide noise."""
+    """Return how fast every signal moves at most, (n_signals,), over samples apart, not noise."""
     moved = np.abs(log.measured[APART:] - log.measured[:-APART])
     return np.nanmax(moved / (log.times_s[APART:] - log.times_s[:-APART])[:, None], axis=0)
 
