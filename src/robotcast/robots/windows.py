@@ -6,7 +6,7 @@ and velocities, weighed by their noise, whose covariance says how far the true s
 it. That much a fit may move it, and no further.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -131,7 +131,7 @@ class StartStates:
     def at(self, log: int, first: int) -> tuple[np.ndarray, ...] | None:
         """Return qpos (nq,), qvel (nv,) and their deviations (2, nv); None where samples lack."""
         model, near = self._robot.model, self._logs[log].measured[self._about(first)]
-        fits = self._fits(log, first, lambda dof, signals: signals)
+        fits = self._fits(log, first, {})
         if fits is None:
             return None
         known, sd = fits
@@ -147,15 +147,9 @@ class StartStates:
         They are those of a rotor at which the drive pushes anew with every command, and all else
         smoothly.
         """
-        some, rows = self._logs[log], self._about(first)
-        commands = np.clip(some.drive[rows], *self._ends)
-        since_s = some.times_s[rows] - some.times_s[first]
+        commands = np.clip(self._logs[log].drive[self._about(first)], *self._ends)
         pushed = {dof: commands @ own for dof, own in self._pushes.items()}
-
-        def less(dof: int, signals: Signals) -> Signals:
-            return _without(since_s, pushed[dof], signals) if dof in pushed else signals
-
-        fits = self._fits(log, first, less)
+        fits = self._fits(log, first, pushed)
         assert fits is not None
         known, sd = fits
         for dof, own in pushed.items():
@@ -166,16 +160,21 @@ class StartStates:
         return slice(first - self.margin, first + self.margin + 1)
 
     def _fits(
-        self, log: int, first: int, less: Callable[[int, Signals], Signals]
+        self, log: int, first: int, pushed: Mapping[int, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return values with three derivatives and deviations, (4, nv); None where samples lack."""
+        """Return values with three derivatives and deviations, (4, nv); None where samples lack.
+
+        What joints are `pushed` by at every sample is left out of their motion.
+        """
         some, rows = self._logs[log], self._about(first)
         if rows.start < 0 or rows.stop > len(some.times_s):
             return None
         since_s = some.times_s[rows] - some.times_s[first]
         known, sd = np.zeros((2, CUBIC, self._robot.model.nv))
         for dof, signals in self._seen(some.measured[rows]).items():
-            fitted = _fitted(since_s, less(dof, signals))
+            if dof in pushed:
+                signals = _without(since_s, pushed[dof], signals)
+            fitted = _fitted(since_s, signals)
             if fitted is None:
                 return None
             known[:, dof], sd[:, dof] = fitted
