@@ -8,7 +8,7 @@ import polars as pl
 import pytest
 import yaml
 
-from robotcast.robots.logs import tables_of
+from robotcast.robots.recordings import tables_of
 from robotcast.robots.robot_case import read_case
 from tests.robots.made_up_robot import SLIDER, rewrite, write_folder
 

@@ -10,6 +10,7 @@ import pytest
 
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.parameter import Parameter
+from robotcast.robots.by_joint import diagnose_by_joint
 from robotcast.robots.effect import Motion, Where
 from robotcast.robots.effects import (
     CommandRate,
@@ -21,7 +22,7 @@ from robotcast.robots.effects import (
 )
 from robotcast.robots.library import alone, candidates, parts_of
 from robotcast.robots.model_fields import OneModel, Payload, load
-from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
+from robotcast.robots.robot_case import RobotCase, read_case
 from tests.robots.made_up_robot import ARM, PERIOD_S, diagnosed, rewrite, write_folder
 
 WHERE = Where("axis", (0,), (1,), (0,), (0,))

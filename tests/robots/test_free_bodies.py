@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.robots.by_joint import diagnose_by_joint
 from robotcast.robots.describe import describe
 from robotcast.robots.names import (
     moved,
@@ -21,7 +22,7 @@ from robotcast.robots.names import (
     turn,
     turned,
 )
-from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
+from robotcast.robots.robot_case import RobotCase, read_case
 
 BOX = """<mujoco><option timestep="0.004" integrator="implicitfast"/><worldbody>
 <body name="box" pos="0 0 1"><freejoint name="root"/>

@@ -19,9 +19,10 @@ from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.files import plain
 from robotcast.reporting.diagnosis_page import diagnosis_page
-from robotcast.robots import robot_case, rollout
+from robotcast.robots import by_joint, rollout
+from robotcast.robots.by_joint import diagnose_by_joint
 from robotcast.robots.patch import write_patched
-from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
+from robotcast.robots.robot_case import RobotCase, read_case
 from robotcast.robots.robot_file import load_spec, write_parameters
 from robotcast.robots.shown import shown
 from tests.robots.made_up_robot import (
@@ -307,13 +308,13 @@ def test_single_joints_are_tried_where_no_effect_of_a_group_explains_the_logs(
         named = {"code": "named", "verdict": question.candidates[:1]}
         return found | named if len(asked) == 2 else found
 
-    monkeypatch.setattr(robot_case, "diagnose", no_group_explains)
+    monkeypatch.setattr(by_joint, "diagnose", no_group_explains)
     question = case.question((), (), Rule(), Effort(some=12))
     said = diagnose_by_joint(case, question, lambda known: None)
     first, second = (one.candidates for one in asked)
     assert "viscous_friction_arm" in first and not set(first) & set(second)
     assert said["verdict"] == ["viscous_friction_elbow"]  # promises most, so it stands first
-    promising, cases = second[: robot_case.LOOKED_INTO], second[robot_case.LOOKED_INTO :]
+    promising, cases = second[: by_joint.LOOKED_INTO], second[by_joint.LOOKED_INTO :]
     inquiry = Inquiry(case.model, question.records, 1.0)
     assert {n for one in promising for n in inquiry.special_cases(one, cases)} == {*cases}
     assert asked[1].comparisons > len(second)  # the level is shared with those left out
@@ -332,7 +333,7 @@ def test_within_a_group_richer_laws_compete_with_their_special_cases(
         found |= {"model": {}, "notes": [], "conclusive": True, "noise_floor_percent": 1.0}
         return found | {"ladder": [{"heldout_typical_error_percent": 1.0}]}
 
-    monkeypatch.setattr(robot_case, "diagnose", the_richer_law)
+    monkeypatch.setattr(by_joint, "diagnose", the_richer_law)
     diagnose_by_joint(case, case.question((), (), Rule(), Effort()), lambda known: None)
     laws = ("stribeck_friction", "dry_friction")
     of_joints = {f"{law}_{joint}" for law in laws for joint in ("shoulder", "elbow")}

@@ -72,7 +72,7 @@ def moved(
     model.opt.timestep, model.tendon_frictionloss[:] = step_s, held
     own = {name: np.array(some)[:, None] for name, some in values.items()}
     batch = Batch(model, len(next(iter(own.values()))), nthread=1)
-    between = Transmission(batch, [(effect, own)], np.array([0]))
+    between = Transmission(batch, [(effect, own)])
     qpos, qvel, ctrl, applied = map(batch.bind, ("qpos", "qvel", "ctrl", "qfrc_applied"))
     shown, link = [], []
     for k in range(round(length_s / step_s)):

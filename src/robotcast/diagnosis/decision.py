@@ -134,6 +134,13 @@ class Verdict:
     left: Unexplained | None = None
 
     @property
+    def alike(self) -> list[str]:
+        """What the near models are called: by their effects that not all of them have."""
+        sets = [rung.effects for rung in self.near]
+        shared = set(sets[0]).intersection(*sets[1:]) if sets else set[str]()
+        return [" + ".join(n for n in one if n not in shared) or one[-1] for one in sets]
+
+    @property
     def words(self) -> list[str]:
         """The verdict as `diagnosis.json` has it: effect ids, or "none", or "unknown"."""
         if self.named or self.code is Code.OPEN:
@@ -204,7 +211,7 @@ def _name_for(found: Found, left: Unexplained) -> Found | None:
     """Return what was found with the effects chosen that do as well as a field that pays.
 
     The field proves that something is missing, so that they need only be likely to help, and
-    come as near to the floor as an honest model does.
+    come as near to the floor as an honest model does, or do what the field does with fewer numbers.
     """
     rule, likely = found.known_scales.rule, []
     for rung in found.judged.values():
@@ -214,7 +221,20 @@ def _name_for(found: Found, left: Unexplained) -> Found | None:
     if not likely:
         return None
     known = replace(found, chosen=min(likely)[2])
+    if _is_same(known, left):
+        return known
     return None if known.above(known.top, rule.beyond) or _imitates(known, left) else known
+
+
+def _is_same(found: Found, left: Unexplained) -> bool:
+    """Tell whether a field, as it was fitted, predicts what the chosen effects do.
+
+    So it is where the two differ by less than matters of what the field explains.
+    """
+    assert left.rung is not None
+    before, own, field = (r.revision.fit.residual for r in (found.base, found.top, left.rung))
+    apart, moved = (float(((one - field) ** 2).sum()) for one in (own, before))
+    return apart < found.known_scales.rule.material**2 * moved
 
 
 def _is_like_it(found: Found, left: Unexplained) -> bool:

@@ -245,7 +245,11 @@ def open_contests(
         return [[_between(inquiry, found, *pair) for pair in rivals[:MOST_RIVALS]]]
     top = found.top.revision if found.judged else base
     near = [rung.revision for rung in verdict.near]
-    which = [_against((near[0].effects[-1], r.effects[-1]), near[0], r) for r in near[1:]]
+    called = verdict.alike
+    which = [
+        _against((called[0], name), near[0], one)
+        for name, one in zip(called[1:], near[1:], strict=True)
+    ]
     first = [*which, *(_added(one, top) for one in near)]
     left = verdict.left
     if left is not None and left.rung is not None:

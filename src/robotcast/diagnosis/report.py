@@ -42,7 +42,7 @@ def sentence(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording,
             f"from {before:.2f} to {after:.2f} {unit}."
         )
         if verdict.left is not None:
-            more = f"so more is missing that has no name here{_most(where)}"
+            more = f"so more is missing{_most(where)}"
             said += f" That is still {times}, {more}."
     else:
         beside = f", where {wording.floor} {floor.percent:.2f}" if floor.percent else ""
@@ -131,7 +131,7 @@ def _nearest(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording)
     if verdict.code is Code.UNKNOWN:
         return f" Of the effects with a name this comes nearest: {texts}, with {percent}."
     if verdict.named:
-        return f" It may be this too: {texts}; the error would fall by little more, to {percent}."
+        return f" It may be this too: {texts}; with it the error would be {percent}."
     return f" It may be this: {texts}. With it the error is {percent}, not enough to name it."
 
 
@@ -285,7 +285,7 @@ def _row(
     status = one.status or ("tried" if tried else "screened")
     if rung is not None:
         status = "confirmed" if name in verdict.named else "refitted"
-    row, alike = unjudged(inquiry, name, status), [r.effects[-1] for r in verdict.near]
+    row, alike = unjudged(inquiry, name, status), verdict.alike
     row["confusable_with"] = [
         *found.rivals.get(name, ()),
         *(e for e, rivals in found.rivals.items() if name in rivals),
@@ -357,5 +357,4 @@ def confusion_set(found: Found, verdict: Verdict) -> list[list[str]]:
     if verdict.code is Code.UNKNOWN:
         return []
     named = [[name, *found.rivals[name]] for name in verdict.named if found.rivals.get(name)]
-    alike = [rung.effects[-1] for rung in verdict.near]
-    return [*named, alike] if len(alike) > 1 else named
+    return [*named, verdict.alike] if len(verdict.near) > 1 else named

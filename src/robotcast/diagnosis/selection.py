@@ -237,11 +237,16 @@ class Selection:
         return self.choose(self._fixed)
 
     def _judge_finalists(self, size: int) -> None:
-        """Judge the best set of effects of one size on the beginnings, and those level with it."""
+        """Judge the best set of effects of one size on the beginnings, and those level with it.
+
+        Of the latter those with the fewest strengths come first, as they do where none is better.
+        """
         fits, fixed = self.found.early, len(self._fixed)
-        sets = sorted((e for e in fits if len(e) == fixed + size), key=lambda e: fits[e].loss)
-        level = [e for e in sets[1:] if self.early.level(sets[0], e)]
-        for effects in [sets[0], *level[: self._effort.finalists - 1]]:
+        best, *sets = sorted(
+            (e for e in fits if len(e) == fixed + size), key=lambda e: fits[e].loss
+        )
+        level = sorted((e for e in sets if self.early.level(best, e)), key=self._strengths)
+        for effects in [best, *level[: self._effort.finalists - 1]]:
             self._refit(effects)
         self._choose()
 
@@ -255,8 +260,7 @@ class Selection:
         best = self.early.best(len(self._fixed) + size - 1)
         base, least, more = (self.early.expected_error(e) for e in (self._fixed, chosen, best))
         if more - least < 2 * self._rule.material * base:
-            self._refit(best)
-            self._choose()
+            self._judge_finalists(size - 1)
         return len(self.found.named) < size
 
     def _refit(self, effects: Effects) -> None:

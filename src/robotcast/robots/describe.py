@@ -9,7 +9,7 @@ import numpy as np
 import polars as pl
 
 from robotcast.files import write_text
-from robotcast.robots.logs import tables_of
+from robotcast.robots.closure import Followers
 from robotcast.robots.names import (
     AXES,
     FREE,
@@ -20,13 +20,14 @@ from robotcast.robots.names import (
     joint_of_actuator,
     names_of,
 )
+from robotcast.robots.recordings import tables_of
 from robotcast.robots.robot_file import FILE, compiled, load_spec
 
 TIMES = set(["time", "t", "timestamp", "stamp", "times", "sec", "seconds", "secs", "clock"])
 WORDS = {
     "torque": "tau torque torques effort efforts current currents moment force forces",
     "command": "u ctrl control command commanded commands cmd con des desired target action "
-    "actions ref reference setpoint",
+    "actions ref reference setpoint goal",
     "velocity": "v dq qd dqpos vel velocity velocities qvel speed omega rate rpm",
     "position": "q pos position positions angle angles theta qpos deg degrees state encoder",
 }
@@ -45,7 +46,7 @@ ANY = LENGTHS.union(*SPELLED.values()) - set(SPELLED["s"])
 TORQUES = ("N m", "N")
 AS_COMMANDED = 0.5  # of a joint's variance: what is nearer to it is the position that it follows
 MORE = 8.0  # times as far as the joint: its command, or speed, is in degrees
-PERIODS = (("ns", 2e4), ("us", 200.0), ("ms", 0.3))  # unit → least usual step in it
+PERIODS = (("ns", 2e5), ("us", 200.0), ("ms", 0.3))  # unit → least usual step in it
 
 
 def describe(folder: Path) -> tuple[Path, list[str]]:
@@ -137,7 +138,11 @@ class _Guess:
                     self.measured[f"sensor[{sensor}]{end}"] = (column, "")
                     used.add(column)
         self.unused = [c for c in left if c not in used]
-        self.unmeasured = [n for n in single if f"joint[{n}].position" not in self.measured]
+        unseen = [n for n in single if f"joint[{n}].position" not in self.measured]
+        at = {int(model.jnt_qposadr[self._joints.index(name)]) for name in unseen}
+        lacking = Followers(model, {*range(model.nq)} - at).lacking
+        self.unmeasured = [name for name in unseen if self._joints.index(name) in lacking]
+        self.follow = [name for name in unseen if name not in self.unmeasured]
 
     def _pose(self, joint: str, columns: Sequence[str], alone: bool) -> dict[str, tuple[str, str]]:
         """Return target → column, unit of a free or a ball joint's position, or nothing.
@@ -392,6 +397,9 @@ def _remarks(log: Path, guess: _Guess) -> list[str]:
         "{} are not used: if the base moved, name its pose below measured": ", ".join(base),
         "no position was found for {}: name its column below measured, or put it into weld if it "
         "does not move": ", ".join(guess.unmeasured),
+        "where {} stand follows from the measured joints, by the model's equalities": " and ".join(
+            guess.follow
+        ),
         "no column of {} looks like a command: name what drives the robot, if anything does": ""
         if guess.drive
         else log.name,

@@ -58,7 +58,7 @@ def candidates(
     found: list[RobotEffect] = []
     for name, entry in library().items():
         for where in (*parts.get(entry["part"], ()), *parts.get(entry.get("also", ""), ())):
-            effect = _made(robot.model, name, entry, where, sizes)
+            effect = _made(robot, name, entry, where, sizes)
             if effect is not None and not _tuned(robot, effect):
                 found.append(effect)
     joints = (*parts["joint"], *parts.get("free motion", ()))
@@ -186,12 +186,13 @@ def _drive(robot: RobotFile, channel: int) -> Where:
 
 
 def _made(
-    model: mujoco.MjModel, name: str, entry: Mapping[str, Any], where: Where, sizes: Sizes
+    robot: RobotFile, name: str, entry: Mapping[str, Any], where: Where, sizes: Sizes
 ) -> RobotEffect | None:
     """Make one effect on one part, None where it cannot act there."""
+    model = robot.model
     more = {k: v for k, v in entry.items() if k not in ("also", "text", "parameters", "needs")}
     dofs = where.dofs or tuple(range(model.nv))
-    if not _needed(model, entry.get("needs"), where, sizes):
+    if not _needed(robot, entry.get("needs"), where, sizes):
         return None
     own_kg, links_kg = (
         float(model.body_mass[list(some)].max(initial=0.0))
@@ -214,26 +215,29 @@ def _made(
     return effect
 
 
-def _needed(model: mujoco.MjModel, what: str | None, where: Where, sizes: Sizes) -> bool:
+def _needed(robot: RobotFile, what: str | None, where: Where, sizes: Sizes) -> bool:
     """Tell whether a part has what an effect needs.
 
     All encoders late are all drives late, so that latency needs others that are not. A servo's
     velocity gain is viscous friction, bit by bit, unless its force is limited.
     """
-    own = list(where.actuators)
+    model, own = robot.model, list(where.actuators)
+    encoders = bool({*where.dofs} - {*robot.followers.dofs.tolist()})
     servo = bool(own) and all(is_servo(model, a) for a in own)
     driven = len(where.channels) >= len(where.dofs) > 0
     return {
         None: True,
         "gravity": bool(np.any(model.opt.gravity)),
         "drive": bool(where.channels),
+        "encoder": encoders,
         "plain drive": driven
+        and encoders
         and all(is_plain(model, a) for dof in where.dofs for a in drives_of(model, dof)),
         "motor": bool(where.dofs) and not servo,
         "servo": servo,
         "limited servo": servo and bool(model.actuator_forcelimited[own].all()),
         "filter": bool(own) and all(model.actuator_dyntype[a] in FILTERS for a in own),
-        "others": len(where.dofs) < model.nv,
+        "others": encoders and len(where.dofs) < model.nv,
         "turning": any(_turns(model, b) for b in where.bodies),
         "contact": sizes.touches,
     }[what]

@@ -1,7 +1,6 @@
 """Logs of a robot: read, converted to SI units, and checked before anything is simulated."""
 
 import math
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,7 +12,7 @@ import polars as pl
 
 from robotcast.robots.model_fields import Payload
 from robotcast.robots.names import Channel, Signal, driven_dof, quaternions, rates
-from robotcast.robots.recordings import episodes, read_bag
+from robotcast.robots.recordings import remarks, tables_of
 from robotcast.robots.robot_file import Column, RobotFile
 
 FASTEST = {"rad": 500.0, "m": 50.0}  # per second, between two samples: no joint moves like that
@@ -26,6 +25,7 @@ SHORT = 4  # equal samples that a turn of the motion may show
 STILL = 1.3  # times what neighbouring samples differ by: with less, a signal is noise
 PERIODS_S = (1e-5, 1.0)
 OTHER_RATE = 1.5  # times another log's period
+RUNS_ON = 0.5  # rad: most steps of an angle are smaller, so that a turn is one of its encoder
 NO_UNIT = 0.1  # by how much the length of a quaternion may differ from 1
 LEAST_SAMPLES = 50
 
@@ -121,49 +121,6 @@ def _number(robot: RobotFile, key: str, paths: Sequence[Path], name: str) -> int
     return found[0]
 
 
-def tables_of(path: Path) -> list[tuple[str, pl.DataFrame]]:
-    """Return the tables in a file by name, whatever their columns hold: one, or its episodes."""
-    kind = path.suffix.lower()
-    try:
-        if kind in (".csv", ".txt"):
-            return [(path.name, _read_text(path))]
-        if kind == ".mcap":
-            return [(path.name, read_bag(path))]
-        if kind == ".parquet":
-            return episodes(path, pl.read_parquet(path))
-    except (pl.exceptions.PolarsError, OSError, UnicodeDecodeError) as error:
-        why = (str(error).splitlines() or [type(error).__name__])[0]
-        raise ValueError(f"{path}: cannot be read as a table: {why}") from None
-    raise ValueError(f"{path}: expected a .csv, a .parquet or an .mcap file")
-
-
-def _read_text(path: Path) -> pl.DataFrame:
-    """Read a table with a header, its cells apart by commas, semicolons or tabs."""
-    with path.open(encoding="utf-8-sig") as lines:
-        header, first = lines.readline(), lines.readline()
-    apart = max(",;\t", key=header.count)
-    if all(re.fullmatch(r'[\s"#]*[-+.\d][-+.,\deE]*[\s"]*', c) for c in header.split(apart)):
-        raise ValueError(
-            f"{path}, line 1: numbers where the names of the columns should stand; put a line with "
-            "the names before them"
-        )
-    comma = apart == ";" and bool(re.search(r"\d,\d", first))
-    table = pl.read_csv(
-        path,
-        separator=apart,
-        decimal_comma=comma,
-        infer_schema_length=None,
-        null_values=["", "nan", "NaN", "NAN", "null"],
-    )
-    table.columns = [name.strip("# \ufeff") for name in table.columns]
-    table = table.with_columns(pl.col(pl.String).str.strip_chars())
-    for cells in table.select(pl.col(pl.String)):  # numbers after a space
-        numbers = cells.cast(pl.Float64, strict=False)
-        if numbers.null_count() == cells.null_count():
-            table = table.with_columns(numbers)
-    return table
-
-
 def _read(path: Path, table: pl.DataFrame, robot: RobotFile) -> Log:
     times_s = _numbers(path, table, robot.time, "time")
     drive, measured = (
@@ -192,8 +149,15 @@ def _read(path: Path, table: pl.DataFrame, robot: RobotFile) -> Log:
 
 
 def _unite(path: Path, robot: RobotFile, measured: np.ndarray) -> None:
-    """Make quaternions (k, 4) unit ones of a sign that never jumps, in place; refuse others."""
+    """Let angles run on where an encoder wraps, and quaternions (k, 4) too, unit ones; in place.
+
+    Quaternions of another length are refused.
+    """
     signals = list(robot.measured)
+    for at, angle in zip(signals, measured.T, strict=True):
+        steps = np.nan_to_num(np.diff(angle))
+        if at.kind == "position" and at.unit == "rad" and np.quantile(np.abs(steps), 0.9) < RUNS_ON:
+            angle[1:] -= 2 * np.pi * np.cumsum(np.round(steps / (2 * np.pi)))
     for first, _ in quaternions(robot.model):
         at = {one.index: k for k, one in enumerate(signals) if one.kind == "turn"}
         own = [at[first + element] for element in range(4)]
@@ -227,11 +191,13 @@ def _numbers(path: Path, table: pl.DataFrame, column: Column, what: str) -> np.n
 
 
 def _refuse(path: Path, bad: np.ndarray, say: Callable[[int], str]) -> None:
-    """Refuse the first bad row, called as an editor does: the header of a CSV file is line 1."""
+    """Refuse the first bad row, called as an editor does: a CSV file has a header."""
     if bad.any():
         i = int(np.argmax(bad))
         text = path.suffix.lower() in (".csv", ".txt")
-        raise ValueError(f"{path}, {f'line {i + 2}' if text else f'row {i + 1}'}: {say(i)}")
+        raise ValueError(
+            f"{path}, {f'line {remarks(path) + i + 2}' if text else f'row {i + 1}'}: {say(i)}"
+        )
 
 
 def _check_times(path: Path, times_s: np.ndarray) -> None:

@@ -96,7 +96,9 @@ def motions(
         qpos, qvel, sd = state
         bends, track = starts.bends(index, first)[0], starts.track(index, first)
         windows.append(Window(index, first, first + n, index, qpos, qvel, sd, bends, track))
-    simulated = RobotModel(robot, made, windows, noise, (), model.rollout.threads, model.units)
+    simulated = RobotModel(
+        robot, made, windows, noise, model.known, model.rollout.threads, model.units
+    )
     simulated.effects = model.effects  # and what will be added to them
     nowhere = [
         replace(
@@ -169,6 +171,7 @@ def _moved(
     for at, values in zip(signals, log.measured.T, strict=True):
         if at.kind in ("position", "turn"):
             data.qpos[at.index] = values[np.isfinite(values)][0]
+    robot.followers.settle(data.qpos, data.qvel)
     times_s = period_s * np.arange(len(drive))
     steps = np.diff(np.round(times_s / model.opt.timestep).astype(int), append=0)
     seen = np.full((len(drive), len(signals)), np.nan)

@@ -55,9 +55,10 @@ def patched(
     zeros = [one for one in acting if one[0].acts_through("closes")]
     for effect, values in (one for one in acting if one not in zeros):
         held = not loose(robot.model)[list(effect.where.dofs)].any()  # MJCF has one number for all
-        if writes := effect.acts_through("write") and (held or effect.part != "joint"):
+        before = len(fields.changed)
+        if effect.acts_through("write") and (held or effect.part != "joint"):
             effect.write(fields, **{name: np.array([[v]]) for name, v in values.items()})
-        if not effect.patch(moving, robot.model, **values) and not writes:
+        if not effect.patch(moving, robot.model, **values) and before == len(fields.changed):
             left_out.append(effect.name)
     for at in fields.changed:
         _copy(fields.model, moving, at)

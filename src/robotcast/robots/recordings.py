@@ -1,7 +1,9 @@
-"""Recordings that are no plain table: LeRobot datasets, and bags of ROS 2 in MCAP files."""
+"""Files of logs as tables: text, LeRobot datasets, and bags of ROS 2 in MCAP files."""
 
 import json
+import re
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -93,3 +95,63 @@ def _numbers(message: Any, name: str) -> Iterator[tuple[str, float]]:
                     yield from _numbers(one, f"{name}.{slot}.{joint}")
             else:
                 yield from _numbers(value, f"{name}.{slot}")
+
+
+def tables_of(path: Path) -> list[tuple[str, pl.DataFrame]]:
+    """Return the tables in a file by name, whatever their columns hold: one, or its episodes."""
+    kind = path.suffix.lower()
+    try:
+        if kind in (".csv", ".txt"):
+            return [(path.name, _read_text(path))]
+        if kind == ".mcap":
+            return [(path.name, read_bag(path))]
+        if kind == ".parquet":
+            return episodes(path, pl.read_parquet(path))
+    except (pl.exceptions.PolarsError, OSError, UnicodeDecodeError) as error:
+        why = (str(error).splitlines() or [type(error).__name__])[0]
+        raise ValueError(f"{path}: cannot be read as a table: {why}") from None
+    raise ValueError(f"{path}: expected a .csv, a .parquet or an .mcap file")
+
+
+def _read_text(path: Path) -> pl.DataFrame:
+    """Read a table with a header, its cells apart by commas, semicolons or tabs."""
+    skipped = remarks(path)
+    with path.open(encoding="utf-8-sig") as lines:
+        header, first = [*islice(lines, skipped, skipped + 2), "", ""][:2]
+    apart = max(",;\t", key=header.count)
+    if _all_numbers(header):
+        raise ValueError(
+            f"{path}, line {skipped + 1}: numbers where the names of the columns should stand; put "
+            "a line with the names before them"
+        )
+    comma = apart == ";" and bool(re.search(r"\d,\d", first))
+    table = pl.read_csv(
+        path,
+        separator=apart,
+        decimal_comma=comma,
+        skip_lines=skipped,
+        infer_schema_length=None,
+        null_values=["", "nan", "NaN", "NAN", "null"],
+    )
+    table.columns = [name.strip("# \ufeff") for name in table.columns]
+    table = table.with_columns(pl.col(pl.String).str.strip_chars())
+    for cells in table.select(pl.col(pl.String)):  # numbers after a space
+        numbers = cells.cast(pl.Float64, strict=False)
+        if numbers.null_count() == cells.null_count():
+            table = table.with_columns(numbers)
+    return table
+
+
+def remarks(path: Path) -> int:
+    """Return how many lines with # stand before the header of a text file, which may have one."""
+    number = 0
+    with path.open(encoding="utf-8-sig") as lines:
+        for number, line in enumerate(lines):
+            if not line.startswith("#"):
+                return number - bool(number and _all_numbers(line))
+    return number
+
+
+def _all_numbers(line: str) -> bool:
+    cells = line.split(max(",;\t", key=line.count))
+    return all(re.fullmatch(r'[\s"#]*[-+.\d][-+.,\deE]*[\s"]*', cell) for cell in cells)

@@ -3,20 +3,18 @@
 It is asked for groups of joints first, then within the group that is named, and for single joints.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from robotcast.diagnosis.decision import Unexplained, strengths
-from robotcast.diagnosis.diagnose import Case, Tell, diagnose, floor_and_noise
+from robotcast.diagnosis.diagnose import Case
 from robotcast.diagnosis.inquiry import Inquiry
-from robotcast.diagnosis.library import library_at
 from robotcast.diagnosis.model import Axis, Wording
-from robotcast.diagnosis.report import unexplained
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import Field
@@ -25,11 +23,10 @@ from robotcast.robots.logs import Log, periods, read_logs
 from robotcast.robots.names import name_of_dof, names_of, to_si
 from robotcast.robots.next_motions import Motions, motions
 from robotcast.robots.robot_file import RobotFile, read_robot
-from robotcast.robots.robot_model import RobotFloor, RobotModel, of_quaternions, tuned_parameters
+from robotcast.robots.robot_model import Known, RobotFloor, RobotModel, of_quaternions
 from robotcast.robots.rollout import Rollout
 from robotcast.robots.sizes import Sizes, sizes_of
 from robotcast.robots.windows import GROUPS, LEAST_SAMPLES, StartStates, Window, cut, noise_of
-from robotcast.running import Progress, silent
 
 LOSES = 0.5  # of how far a joint moves in a log: predictions that err by more have lost the trial
 MOVES = 20.0  # times the noise: what moves less stands still
@@ -37,9 +34,10 @@ FAR_OFF = 2.0  # times the usual motion, from which a unit may be wrong
 LONGEST_S = 2.0
 SHORT = 0.5  # of a usual log: what is shorter does not shorten the windows
 LEAST_NOISE = 1e-9  # of a joint that never moves
-LOOKED_INTO = 20  # effects of single joints and links that are tried at once
 LIKE = 2  # times as many sets are tried as of a cable: mass, inertia and armature are alike
 LOOKED_AT = 24  # starts from which the length of windows is judged
+TUNING = 4  # steps of a fit to as many windows, before that
+BETTER = 2.0  # times as long windows, or as low a floor, by which it pays to ask again
 
 
 @dataclass(frozen=True)
@@ -52,6 +50,7 @@ class RobotCase:
     """
 
     robot: RobotFile
+    logs: Sequence[Log]
     model: RobotModel
     starts: StartStates
     sizes: Sizes
@@ -148,9 +147,24 @@ class RobotCase:
         units, rollout = old.units.weighing(some, self.floor.signals), old.rollout
         noise = old.units.noise * old.units.si
         windows, threads = rollout.windows, rollout.threads
-        model = RobotModel(self.robot, rollout.logs, windows, noise, (), threads, units)
+        model = RobotModel(self.robot, self.logs, windows, noise, old.known, threads, units)
         model.effects = old.effects
         return replace(self, model=model, floor=RobotFloor.of(model))
+
+    def about(self, found: Mapping[str, Any]) -> "RobotCase | None":
+        """Return the case with windows and floor by the model found, None where they stay as good.
+
+        With what was missing predictions hold longer, and the step errs by less.
+        """
+        last, old = found["model"], self.model
+        if not last:
+            return None
+        values = np.array([p["value"] for p in last["parameters"].values()], float)
+        known = Known(tuple(old.effects[name] for name in last["effects"]), values)
+        noise = old.units.noise * old.units.si
+        case = _case(self.robot, self.logs, noise, old.rollout.threads, known)
+        longer, lower = case.length_s / self.length_s, self.floor.percent / case.floor.percent
+        return case if max(longer, lower) >= BETTER else None
 
 
 def read_case(folder: Path, threads: int = 0) -> RobotCase:
@@ -158,20 +172,27 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
     robot = read_robot(folder)
     logs = read_logs(robot)
     noise = np.maximum(noise_of(robot, logs), LEAST_NOISE)
+    return _case(robot, logs, noise, threads, Known.nominal(robot))
+
+
+def _case(
+    robot: RobotFile, logs: Sequence[Log], noise: np.ndarray, threads: int, known: Known
+) -> RobotCase:
+    """Cut windows as long as the known model predicts, and say what it would miss if it were right.
+
+    Where it loses the trials, or where its step errs by more than the noise, it is tuned first.
+    """
     starts = StartStates(robot, logs, noise)
-    length_s = robot.length_s or _length(robot, logs, starts, noise, threads)
-    while True:
-        windows = cut(robot, logs, starts, length_s)
-        model = RobotModel(robot, logs, windows, noise, (), threads)
-        least_s = 2 * LEAST_SAMPLES * periods(logs)
-        if robot.length_s or length_s < least_s or model.starts_are_put_right():
-            break
-        length_s /= 2
+    model, floor, length_s, holds = _cut(robot, logs, starts, noise, threads, known)
+    if not (holds or known.effects) and any(not p.frozen for p in model.parameters):
+        some = Inquiry(model, model.records, 1.0).beginnings(1.0, LOOKED_AT)
+        fit = some.fit((), some.nominal(()), TUNING)
+        known = Known((), some.values((), fit.vector)[0])
+        model, floor, length_s, _ = _cut(robot, logs, starts, noise, threads, known)
     sizes = replace(sizes_of(robot, logs, starts), window_s=length_s)
     model.effects = {one.name: one for one in candidates(robot, sizes, parts_of(robot))}
     missed = _nominal_miss(robot, model)
-    floor = RobotFloor.of(model)
-    notes = _notes(robot, logs, windows, length_s)
+    notes = _notes(robot, logs, model.rollout.windows, length_s)
     if missed > FAR_OFF:
         notes.insert(
             0,
@@ -184,7 +205,30 @@ def read_case(folder: Path, threads: int = 0) -> RobotCase:
             f"{float(f'{floor.step_percent:.2g}'):g} % of the usual motion, more than noise: a "
             "shorter timestep shows more."
         )
-    return RobotCase(robot, model, starts, sizes, length_s, floor, tuple(notes))
+    return RobotCase(robot, logs, model, starts, sizes, length_s, floor, tuple(notes))
+
+
+def _cut(
+    robot: RobotFile,
+    logs: Sequence[Log],
+    starts: StartStates,
+    noise: np.ndarray,
+    threads: int,
+    known: Known,
+) -> tuple[RobotModel, RobotFloor, float, bool]:
+    """Return model, floor, length of windows [s], and whether the known model can be judged by."""
+    longest_s = _longest(logs)
+    length_s = robot.length_s or _length(robot, logs, starts, noise, threads, known, longest_s)
+    holds = length_s >= longest_s or robot.length_s is not None
+    while True:
+        windows = cut(robot, logs, starts, length_s)
+        model = RobotModel(robot, logs, windows, noise, known, threads)
+        least_s = 2 * LEAST_SAMPLES * periods(logs)
+        if robot.length_s or length_s < least_s or model.starts_are_put_right():
+            break
+        length_s /= 2
+    floor = RobotFloor.of(model)
+    return model, floor, length_s, holds and floor.step_percent < np.sqrt(0.5) * floor.percent
 
 
 def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:
@@ -205,23 +249,32 @@ def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:
     }
 
 
+def _longest(logs: Sequence[Log]) -> float:
+    """Return how long windows may be, so that logs give enough of them [s]."""
+    spans_s = [log.times_s[-1] - log.times_s[0] for log in logs]
+    shortest_s = min(span_s for span_s in spans_s if span_s >= SHORT * np.median(spans_s))
+    return max(min(LONGEST_S, sum(spans_s) / (2 * GROUPS), shortest_s / 2.5), 1e-9)
+
+
 def _length(
-    robot: RobotFile, logs: Sequence[Log], starts: StartStates, noise: np.ndarray, threads: int
+    robot: RobotFile,
+    logs: Sequence[Log],
+    starts: StartStates,
+    noise: np.ndarray,
+    threads: int,
+    known: Known,
+    longest_s: float,
 ) -> float:
-    """Return how long the nominal model's predictions hold, the median over some starts [s].
+    """Return how long the known model's predictions hold, the median over some starts [s].
 
     Longer windows show more of a small effect, until an error that grows has lost the trial. Of a
     joint that hardly moves that is one beyond its noise.
     """
-    spans_s = [log.times_s[-1] - log.times_s[0] for log in logs]
-    shortest_s = min(span_s for span_s in spans_s if span_s >= SHORT * np.median(spans_s))
-    longest_s = max(min(LONGEST_S, sum(spans_s) / (2 * GROUPS), shortest_s / 2.5), 1e-9)
     wide = replace(robot, most_windows=LOOKED_AT)
     windows = cut(wide, logs, starts, longest_s)
     rollout = Rollout(robot, logs, windows, threads)
     times = [logs[w.log].times_s[w.first : w.end] - logs[w.log].times_s[w.first] for w in windows]
-    nominal = np.array([[p.nominal for p in tuned_parameters(robot)]])
-    found = rollout.simulate(range(len(windows)), times, (), nominal)[0]
+    found = rollout.simulate(range(len(windows)), times, known.effects, known.values[None])[0]
     signals = list(robot.measured)
     at = [k for k, signal in enumerate(signals) if signal.kind in ("position", "turn")]
     travel = np.nanstd(np.vstack([log.measured for log in logs]), axis=0)
@@ -283,168 +336,3 @@ def _notes(
             "to the test."
         )
     return notes
-
-
-def diagnose_by_joint(
-    case: RobotCase, question: Case, tell: Tell, progress: Progress = silent
-) -> dict[str, Any]:
-    """Diagnose a robot, groups of joints first; then, where something is missing, single joints.
-
-    Where an effect of a whole group is named, it competes with those of its joints and their
-    special cases: it is as simple as one of them, and stays where all joints have it. What else was
-    named is tried beside them. For as long as more is missing and named, of the effects of all
-    single joints and links those are tried beside it that the slopes promise most of, and fields of
-    single joints. Where the whole is at its floor and some signals are not, they are looked at so.
-    """
-    found, ask = diagnose(question, tell, progress), partial(_ask_again, [], tell, progress)
-    effects, single = case.model.effects, _of_single_joints(case, question)
-    laws = [n for n, e in single.items() if e.depends_on is None]
-    named = [n for n in found["verdict"] if n in effects]
-    if own := [n for n in laws if any(single[n].is_part_of(effects[name]) for name in named)]:
-        effects.update({n: single[n] for n in laws})
-        why = f"First, of a group: {' + '.join(named)}. Then its joints were told apart."
-        cases = Inquiry(case.model, question.records, 1.0).special_cases
-        own += [one for n in own for one in cases(n, laws)]
-        asked = replace(question, candidates=list(dict.fromkeys([*named, *own])))
-        found = ask(asked, found, why)
-    while laws and _unfinished(question, found):
-        effects.update(single)
-        named = [n for n in found["verdict"] if n in effects]
-        why = f"Too little was explained by {' + '.join(named) or 'what all joints may lack'}"
-        found = _look_at(case, question, found, laws, why, ask)
-        if found["code"] != "named" or len(found["verdict"]) <= len(named):
-            break
-    some, standing = _standing_out(case, question, found)
-    if some.any() and not some.all():
-        effects.update(single)
-        why = f"{standing}: that counts here as much as all other signals together"
-        weighed, laws = case.weighing(some), [*laws, *question.candidates]
-        question, ask = weighed.ask(question), partial(ask, weighed=True)
-        found = _look_at(weighed, question, found, laws, why, ask)
-        some, standing = _standing_out(case, question, found)
-    if some.any() and not found["unexplained"]:
-        left = unexplained(Inquiry(case.model, question.records, 1.0), Unexplained(), draw_field)
-        sentence = f"{found['sentence']} But {standing}."
-        found = {**found, "unexplained": left, "sentence": sentence}
-        tell(found)
-    return found
-
-
-def _of_single_joints(case: RobotCase, question: Case) -> dict[str, RobotEffect]:
-    """Return effects and fields of single joints, links and drives, but of what was left out."""
-    effects, tried = case.model.effects, question.candidates
-    left_out = [
-        e
-        for n, e in effects.items()
-        if n not in tried and e.depends_on is None
-        if not any(effects[other].is_part_of(e) for other in tried)
-    ]
-    others = {n: e for n, e in case.of_single_parts.items() if n not in effects}
-    return {n: e for n, e in others.items() if not any(map(e.is_part_of, left_out))}
-
-
-def _look_at(
-    case: RobotCase,
-    question: Case,
-    found: dict[str, Any],
-    laws: Sequence[str],
-    why: str,
-    ask: Callable[[Case, dict[str, Any], str], dict[str, Any]],
-) -> dict[str, Any]:
-    """Try what promises most of some effects beside those that are named."""
-    effects = case.model.effects
-    named = [n for n in found["verdict"] if n in effects]
-    others = [n for n in laws if n not in named]
-    if not others or len(named) == question.rule.most_effects:
-        return found
-    parts = [n for n in others if any(effects[n].is_part_of(effects[name]) for name in named)]
-    promising = _promising(case, question, found, named, others)
-    promising += [n for n in parts if n not in promising]
-    why += (
-        f", so of {len(others)} effects of single joints and links {len(promising)} were tried: "
-        "those that promise most, their special cases, and what a named group may come down to."
-    )
-    comparisons = len(named) + len(others)
-    asked = replace(question, candidates=[*named, *promising], comparisons=comparisons)
-    return ask(asked, found, why)
-
-
-def _standing_out(
-    case: RobotCase, question: Case, found: Mapping[str, Any]
-) -> tuple[np.ndarray, str]:
-    """Return which signals (n_signals,) are above their floor, more than is honest; and say so.
-
-    Of many signals at their floor, one that is not would hardly be seen.
-    """
-    rule, code, times = question.rule, found["code"], case.times_floor(found)
-    least = rule.beyond if code == "named" and question.floor_is_least else rule.at_floor
-    some = (times > least) & (code in ("none", "named"))
-    pairs = zip(case.wording.axes, times, some, strict=True)
-    told = " and ".join(f"{axis.name} at {by:.1f}" for axis, by, own in pairs if own)
-    return some, f"{told.replace(' at ', ' is at ', 1)} times what {case.wording.floor}"
-
-
-def _unfinished(question: Case, found: dict[str, Any]) -> bool:
-    """Tell whether a diagnosis leaves more than noise in the window in the middle, or says so.
-
-    That is asked of a named effect, too, which the verdict lets leave more.
-    """
-    if not found["conclusive"] or found["unexplained"] or found["code"] not in ("none", "named"):
-        return found["conclusive"]
-    left, floor = found["ladder"][-1]["heldout_typical_error_percent"], found["noise_floor_percent"]
-    return left > question.rule.at_floor * floor
-
-
-def _ask_again(
-    said: list[str],
-    tell: Tell,
-    progress: Progress,
-    question: Case,
-    found: dict[str, Any],
-    why: str,
-    weighed: bool = False,
-) -> dict[str, Any]:
-    """Return another diagnosis if it names something else, or what is missing where nothing did.
-
-    Where signals are `weighed` otherwise, it stands where the whole named nothing, else it must
-    keep what that named. It is `said` why each one that stands was asked for.
-    """
-    again = diagnose(question, tell, progress)
-    other = {*again["verdict"]} != {*found["verdict"]}
-    was, now = ((one["unexplained"] or {}).get("explains", False) for one in (found, again))
-    clearer = again["code"] == "unknown" and found["code"] != "named" and (other or now > was)
-    better = again["code"] == "named" and other
-    if weighed:
-        clearer = found["code"] == "none"
-        better = better and {*found["verdict"]} < {*again["verdict"]}
-    if clearer or better:
-        said.append(why)
-        found = {**again, "notes": [*said, *again["notes"]]}
-    tell(found)
-    return found
-
-
-def _promising(
-    case: RobotCase,
-    question: Case,
-    found: dict[str, Any],
-    named: Sequence[str],
-    others: Sequence[str],
-) -> list[str]:
-    """Return which of the others promise most beside the model found, then their special cases."""
-    effort, acting, own = question.effort, (*question.fixed, *named), case.model.parameters
-    early = Inquiry(case.model, question.records, floor_and_noise(question)[1]).beginnings(
-        effort.early, effort.some
-    )
-    known = (found["model"] or found["base"])["parameters"]
-    names = [p.name for p in own]
-    names += [f"{e}.{p.name}" for e in acting for p in case.model.effects[e].parameters]
-    tuned = [
-        float(p.to_unit(np.asarray(known[name]["value"] if name in known else p.nominal)))
-        for name, p in zip(names, early.parameters(acting), strict=True)
-    ]
-    begun = early.fit(acting, np.array(tuned), 0)
-    some = library_at(early, acting, others, begun).best(1, LOOKED_INTO, acting)
-    best = [effects[-1] for effects in some]
-    cases = (one for name in best for one in early.special_cases(name, others))
-    return list(dict.fromkeys([*best, *cases]))

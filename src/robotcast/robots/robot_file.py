@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from robotcast.files import read_mapping, write_yaml
+from robotcast.robots.closure import Followers
 from robotcast.robots.couplings import WORLD, couple, moved_by, serve
 from robotcast.robots.model_fields import Payload
 from robotcast.robots.names import (
@@ -27,6 +28,7 @@ from robotcast.robots.names import (
     signal,
     to_si,
 )
+from robotcast.robots.packages import find_meshes
 
 FILE = "robot.yaml"
 NEEDED = {
@@ -87,6 +89,7 @@ class RobotFile:
     time: Column
     drive: Mapping[Channel, Column]
     measured: Mapping[Signal, Column]
+    followers: Followers
     weld: tuple[str, ...]
     servos: Mapping[str, tuple[float, float]]
     tune: tuple[Tunable, ...]
@@ -111,6 +114,7 @@ def load_spec(path: Path, weld: Sequence[str] = ()) -> mujoco.MjSpec:
         spec = mujoco.MjSpec.from_file(str(path))
     except (ValueError, mujoco.FatalError) as error:
         raise ValueError(f"{path}: MuJoCo cannot read it: {_one_line(error)}") from None
+    find_meshes(spec, path)
     for joint in spec.joints:
         if joint.type != mujoco.mjtJoint.mjJNT_SLIDE:
             joint.parent.simple = 0
@@ -219,7 +223,14 @@ def read_robot(folder: Path) -> RobotFile:
     serve(spec, servos, f"{path}: servos")
     model = compiled(spec, model_path, weld)
     measured = _columns(said.part("measured"), signal, model)
-    _refuse_unseen(model, measured, path)
+    followers = Followers(model, {at.index for at in measured if at.kind in ("position", "turn")})
+    for joint, element in followers.lacking.items():
+        name = names_of(model, "joint")[joint]
+        at = f"[{element}]" if model.jnt_type[joint] in WIDTH else ""
+        raise ValueError(
+            f"{path}: no column measures joint[{name}].position{at}, so that nobody knows from "
+            f"where a window starts; measure it, or say weld: [{name}] if it does not move"
+        )
     if model.nu and "drive" not in said.values:
         what = "it names what the columns drive; if nothing does, say drive: {}"
         raise ValueError(f"{path}: 'drive' is missing: {what}")
@@ -237,6 +248,7 @@ def read_robot(folder: Path) -> RobotFile:
         time=_column(said.part("time", "column", "time"), "s"),
         drive=_columns(said.part("drive"), channel, model),
         measured=measured,
+        followers=followers,
         weld=weld,
         servos=servos,
         tune=tuple(_tunables(said, known, model)),
@@ -332,19 +344,6 @@ def _column(said: _Said, wanted: str) -> Column:
     shown = "" if unit is None or said.get("scale") is not None else str(unit)
     offset = factor * (said.number("offset") or 0.0)
     return Column(str(said.get("column")), factor, offset, noise, shown)
-
-
-def _refuse_unseen(model: mujoco.MjModel, measured: Iterable[Signal], path: Path) -> None:
-    """Refuse a joint whose position is not measured, so that no window could start from it."""
-    seen = {at.index for at in measured if at.kind in ("position", "turn")}
-    ends = [*model.jnt_qposadr[1:], model.nq]
-    for name, first, end in zip(names_of(model, "joint"), model.jnt_qposadr, ends, strict=True):
-        if lacking := [k for k in range(end - first) if first + k not in seen]:
-            at = f"[{lacking[0]}]" if end - first > 1 else ""
-            raise ValueError(
-                f"{path}: no column measures joint[{name}].position{at}, so that nobody knows from "
-                f"where a window starts; measure it, or say weld: [{name}] if it does not move"
-            )
 
 
 def _tunables(said: _Said, known: Mapping[str, Mapping[str, Any]], model: Any) -> list[Tunable]:

@@ -34,6 +34,19 @@ TRIED = 4  # of starts, for what their slopes leave
 
 
 @dataclass(frozen=True)
+class Known:
+    """A model by which windows are cut and noise is judged: its effects, all values (n,)."""
+
+    effects: tuple[RobotEffect, ...]
+    values: np.ndarray
+
+    @classmethod
+    def nominal(cls, robot: RobotFile) -> "Known":
+        """Return the model as it is."""
+        return cls((), np.array([p.nominal for p in tuned_parameters(robot)], float))
+
+
+@dataclass(frozen=True)
 class Units:
     """What the signals are divided by, their noise in these units, and what they weigh.
 
@@ -91,11 +104,12 @@ class RobotModel:
         logs: Sequence[Log],
         windows: Sequence[Window],
         noise: np.ndarray,
-        effects: Sequence[RobotEffect],
+        known: Known,
         threads: int = 0,
         units: Units | None = None,
     ) -> None:
-        self.effects = {effect.name: effect for effect in effects}
+        self.effects: dict[str, RobotEffect] = {}
+        self.known = known
         self.parameters = tuned_parameters(robot)
         self.units = units or Units.of(list(robot.measured), logs, windows, noise)
         # how many units a signal without noise moves by, all signals together
@@ -127,7 +141,11 @@ class RobotModel:
         self, records: Sequence[Record], active: Sequence[str], vectors: np.ndarray
     ) -> np.ndarray:
         """Predict the windows' signals from their fitted start states (see `Model`)."""
-        effects = [self.effects[name] for name in active]
+        return self._predict(records, [self.effects[name] for name in active], vectors)
+
+    def _predict(
+        self, records: Sequence[Record], effects: Sequence[RobotEffect], vectors: np.ndarray
+    ) -> np.ndarray:
         numbers, (start, _) = [r.trial for r in records], self._starts
         of = numbers, [r.times_s for r in records]
         found = self.rollout.simulate(*of, effects, vectors, self._away(numbers, start[numbers]))
@@ -141,9 +159,9 @@ class RobotModel:
 
     @cached_property
     def nominal_misses(self) -> list[np.ndarray]:
-        """What the model as it is misses of every window (see `misses`)."""
-        nominal = np.array([[p.nominal for p in self.parameters]])
-        return self.misses(self.predict(self.records, (), nominal)[0])
+        """What the known model misses of every window (see `misses`)."""
+        known = self.known
+        return self.misses(self._predict(self.records, known.effects, known.values[None])[0])
 
     def misses(self, paths: np.ndarray) -> list[np.ndarray]:
         """Return predicted − measured of all windows, (k, d) each, NaN where a run diverged."""
@@ -200,9 +218,9 @@ class RobotModel:
         What the tuned parameters take up of it, by their slopes, is not missed.
         """
         numbers, times_s = range(len(self.records)), [record.times_s for record in self.records]
-        vectors = _about(self.parameters)
-        coarse = self.rollout.simulate(numbers, times_s, (), vectors)
-        exact = self.finer.rollout.simulate(numbers, times_s, (), vectors[:1])
+        effects, vectors = self.known.effects, _about(self.parameters, self.known.values)
+        coarse = self.rollout.simulate(numbers, times_s, effects, vectors)
+        exact = self.finer.rollout.simulate(numbers, times_s, effects, vectors[:1])
         fourth = self.rollout.robot.model.opt.integrator == int(mujoco.mjtIntegrator.mjINT_RK4)
         less = FINER ** (4 if fourth else 1)
         whole = (coarse[:1] - exact) * less / (less - 1)
@@ -259,11 +277,11 @@ class RobotModel:
 
     @cached_property
     def _starts(self) -> tuple[np.ndarray, np.ndarray]:
-        """Where slopes are taken, and the nominal model's slopes there.
+        """Where slopes are taken, and the known model's slopes there.
 
         Both by deviations of every start coordinate, (n_windows, 2 nv), (n_windows, k, d, 2 nv).
         Of hinges and slides alone it is the measured state, which is known well. How a body turns
-        freely is not, and bends its path: there it is where the nominal model says that the robot
+        freely is not, and bends its path: there it is where the known model says that the robot
         started, as far as that can be believed: what it misses anyway counts as noise.
         """
         model = self.rollout.robot.model
@@ -293,11 +311,12 @@ class RobotModel:
         return found[:, 0], np.nan_to_num(np.moveaxis(found[:, 1:] - found[:, :1], 1, -1))
 
     def _paths(self, numbers: Sequence[int], start: np.ndarray) -> np.ndarray:
-        """Return the nominal signals (n, k, d) of windows from starts that deviate (n, 2 nv)."""
-        times_s = [self.records[k].times_s for k in numbers]
-        nominal = np.array([[p.nominal for p in self.parameters]])
-        away = self._away(numbers, start)
-        return self.rollout.simulate(numbers, times_s, (), nominal, away)[0] / self.units.si
+        """Return the known model's signals (n, k, d) from starts that deviate (n, 2 nv)."""
+        times_s, known = [self.records[k].times_s for k in numbers], self.known
+        away, values = self._away(numbers, start), known.values[None]
+        return (
+            self.rollout.simulate(numbers, times_s, known.effects, values, away)[0] / self.units.si
+        )
 
     def _away(self, numbers: Sequence[int], start: np.ndarray) -> np.ndarray:
         """Return deviations (n, 2 nv) of windows' starts in SI units, (n, 2, nv)."""
@@ -352,14 +371,14 @@ def _repeats_apart(model: RobotModel) -> list[np.ndarray]:
     return apart
 
 
-def _about(parameters: Sequence[Parameter]) -> np.ndarray:
-    """Return the nominal values (1 + n_free, n), and others with one of them a step away."""
-    rows = [np.array([p.nominal for p in parameters])]
+def _about(parameters: Sequence[Parameter], values: np.ndarray) -> np.ndarray:
+    """Return values (1 + n_free, n), and others with one of the first, parameters, a step away."""
+    rows = [values]
     for k, p in enumerate(parameters):
-        unit = float(p.to_unit(np.asarray(p.nominal)))
+        unit = float(p.to_unit(np.asarray(values[k])))
         if not p.frozen:
             there = unit + (DIFFERENCE if unit < 0.5 else -DIFFERENCE)
-            rows.append(rows[0].copy())
+            rows.append(values.copy())
             rows[-1][k] = p.from_unit(np.asarray(there))
     return np.array(rows)
 

@@ -166,6 +166,13 @@ class Rollout:
                 ]
         qpos = moved(self._model, qpos, since)
         batch.bind("qpos")[:], batch.bind("qvel")[:] = qpos, qvel
+        self._settle(batch, windows)
+
+    def _settle(self, batch: Batch, windows: Sequence[Window]) -> None:
+        """Write where joints are whose position follows from others."""
+        qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
+        for row, window in enumerate(windows):
+            self.robot.followers.settle(qpos[row], qvel[row], window.qpos)
 
     def _recall(self, batch: Batch, windows: Sequence[Window], drive: np.ndarray) -> None:
         """Bring the actuators' own states to where the time before the start leaves them.
@@ -198,7 +205,7 @@ class Rollout:
         """Return positions as measured (k, nq), and since when there are any (k,)."""
         log = self.logs[window.log]
         at_s = log.times_s[window.first] + since_s
-        qpos = np.tile(self._model.qpos0, (len(since_s), 1))
+        qpos = np.tile(window.qpos, (len(since_s), 1))
         for k, signal in enumerate(self._signals):
             if signal.kind in ("position", "turn"):
                 seen = np.isfinite(log.measured[:, k])
@@ -267,7 +274,7 @@ class Rollout:
         sensors = batch.bind("sensordata") if model.nsensor else np.zeros((len(windows), 0))
         path = np.empty((n_steps, len(windows), nq_nv + sensors.shape[1]))
         soft = list(_through("transmission", acting))
-        between = Transmission(batch, soft, self.qpos_of_dof) if soft else None
+        between = Transmission(batch, soft, self.robot.followers.dofs) if soft else None
         acts = any(True for hook in FORCES for _ in _through(hook, acting))
         forces = _Forces(self, batch, windows, acting) if acts else None
         lost = np.zeros(len(windows), bool)
@@ -279,6 +286,7 @@ class Rollout:
                 applied[:, dof] = drive[:, k, channel]
             if between and k == 0:
                 between.place(np.array([w.bends for w in windows]))
+                self._settle(batch, windows)
             shown_qpos, shown_qvel = path[k, :, : model.nq], path[k, :, model.nq : nq_nv]
             shown_qpos[:], shown_qvel[:] = qpos, qvel
             if between:

@@ -1,11 +1,13 @@
 """How large things usually are on a robot's logs, so that bounds of effects fit any robot."""
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
+from robotcast.robots.closure import ways
 from robotcast.robots.logs import Log, periods
 from robotcast.robots.model_fields import loaded
 from robotcast.robots.names import coordinates, loose, turning
@@ -114,16 +116,20 @@ class Dynamics:
 def dynamics(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Dynamics:
     """Take states from the logs, and work out their dynamics.
 
+    Of a joint that equalities tie to others, torques and inertia are those of all that it moves.
+
     Raises
     ------
     ValueError
         Where too many samples are missing.
     """
     at, touches, rows = coordinates(robot.model), False, []
-    mass = np.empty((robot.model.nv, robot.model.nv))
+    pose, way = mujoco.MjData(robot.model), np.eye(robot.model.nv)
+    mass = np.empty_like(way)
     every, gap = max(1, sum(len(log.times_s) for log in logs) // STATES), starts.margin
     for index, log in enumerate(logs):
-        model = loaded(robot.model, log.payloads) if log.payloads else robot.model
+        model = loaded(robot.model, log.payloads) if log.payloads else copy(robot.model)
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
         data = mujoco.MjData(model)
         for first in range(2 * gap, len(log.times_s) - 2 * gap, every):
             before, here, after = (starts.at(index, first + step) for step in (-gap, 0, gap))
@@ -135,8 +141,15 @@ def dynamics(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Dyna
             mujoco.mj_inverse(model, data)
             mujoco.mj_fullM(model, data, mass)
             touches |= data.ncon > 0
-            needed = np.diag(mass).copy(), data.qfrc_inverse.copy(), data.qfrc_constraint.copy()
-            rows.append((qpos[at], qvel, qacc, *needed, _given(robot, data, log.drive[first])))
+            forces = np.array([data.qfrc_inverse, data.qfrc_constraint])
+            forces = np.vstack([forces, _given(robot, data, log.drive[first])])
+            inertia = np.diag(mass).copy()
+            if model.neq:
+                pose.qpos[:] = qpos
+                mujoco.mj_fwdPosition(robot.model, pose)
+                way = ways(robot.model, pose)
+                inertia, forces = np.diag(way @ mass @ way.T), forces @ way.T
+            rows.append((qpos[at], qvel, qacc, inertia, *forces))
     if not rows:
         raise ValueError("no state can be taken from the logs: too many samples are missing")
     return Dynamics(*np.array(rows).swapaxes(0, 1), touches=touches)

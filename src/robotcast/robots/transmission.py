@@ -18,14 +18,15 @@ spring has a small s, a stiff one s → 1; the limit is the rigid joint with its
 equation is stiff. No second joint is compiled, so that the whole library can be let in at once.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from robotcast.robots.closure import Followers, equalities
 from robotcast.robots.effect import Acting
-from robotcast.robots.names import joint_of_actuator
+from robotcast.robots.names import coordinates, joint_of_actuator
 
 LEAST_ROTOR = 0.02  # of a joint's inertia, taken from its link where the model gives no armature
 IMPLICIT = 2 / 3  # of a step, by which a spring that it does not resolve is damped
@@ -65,11 +66,18 @@ def control_ends(model: mujoco.MjModel, actuator: int | None) -> np.ndarray:
 
 
 def link_inertia(model: mujoco.MjModel, dofs: Sequence[int]) -> np.ndarray:
-    """Return what a joint has to accelerate when the others are free, without rotors, (n,)."""
+    """Return what a joint has to accelerate when others move freely, without its rotor, (n,).
+
+    Equalities move others along: with their Jacobian E and softness R, a torque accelerates by
+    M⁻¹ − M⁻¹ Eᵀ (E M⁻¹ Eᵀ + R)⁻¹ E M⁻¹ (Featherstone 2008, section 8.2).
+    """
     data, mass = mujoco.MjData(model), np.empty((model.nv, model.nv))
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, mass)
-    whole = 1 / np.diag(np.linalg.inv(mass))[list(dofs)]
+    free, (tied, soft, _) = np.linalg.inv(mass), equalities(model, data)
+    moved = free @ tied.T
+    free -= moved @ np.linalg.solve(tied @ moved + np.diag(soft), moved.T)
+    whole = 1 / np.diag(free)[list(dofs)]
     return np.maximum(whole - model.dof_armature[list(dofs)], LEAST_ROTOR * whole)
 
 
@@ -87,13 +95,16 @@ class Transmission:
     """The rotors of all joints that some effect makes soft, in all simulations of a batch.
 
     All that is `acting` has a `transmission`; rows in which all are at their null are left to
-    MuJoCo, bit by bit. `qpos_of_dof` is where every joint's position stands.
+    MuJoCo, bit by bit. `unseen` are the degrees of freedom that no encoder sees.
     """
 
-    def __init__(self, batch: Batch, acting: Acting, qpos_of_dof: np.ndarray) -> None:
+    def __init__(self, batch: Batch, acting: Acting, unseen: Collection[int] = ()) -> None:
         model = batch.model
         self.dofs = sorted({dof for effect, _ in acting for dof in effect.where.dofs})
+        qpos_of_dof = coordinates(model)
         self.qpos_at = qpos_of_dof[self.dofs]
+        hidden = qpos_of_dof[[*self.dofs, *unseen]].tolist()
+        self._tied = Followers(model, {*range(model.nq)} - {*hidden})
         self._batch, self._step_s = batch, float(model.opt.timestep)
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
         self._ctrl, self._applied = batch.bind("ctrl"), batch.bind("qfrc_applied")
@@ -173,7 +184,8 @@ class Transmission:
     def place(self, bends: np.ndarray) -> None:
         """Start where encoders show the rotors, the links behind them by the equation of these.
 
-        There `bends` are the rotors' acceleration and its rate, (n_sim, 2, nv).
+        There `bends` are the rotors' acceleration and its rate, (n_sim, 2, nv). A link that
+        equalities tie to joints with encoders of their own is where these say.
         """
         dt, stiffness = self._step_s, np.where(self.soft, self._stiffness, 1.0)
         acceleration, its_rate = bends[:, 0, self.dofs], bends[:, 1, self.dofs]
@@ -194,6 +206,12 @@ class Transmission:
             (self._qvel, self.dofs, twisting),
         ):
             state[:, at] = np.where(self.soft, state[:, at] - away, state[:, at])
+        tied = self.soft & np.isin(self.dofs, self._tied.dofs)
+        for row in np.flatnonzero(tied.any(axis=1)):
+            at = self.qpos_at[tied[row]]
+            before = self._qpos[row].copy()
+            self._tied.settle(self._qpos[row], self._qvel[row], before)
+            self._twist[row, tied[row]] += before[at] - self._qpos[row, at]
         self._last = self._qvel[:, self.dofs], carried, np.zeros_like(carried)
 
     def show(self, qpos: np.ndarray, qvel: np.ndarray) -> None:

@@ -139,7 +139,9 @@ class StartStates:
         qpos[coordinates(model)[~turning(model)]] = 0.0
         for index, k in self._turns.items():
             qpos[index] = near[self.margin, k]
-        return moved(model, qpos[None], known[:1])[0], known[1], sd[:2]
+        qpos = moved(model, qpos[None], known[:1])[0]
+        self._robot.followers.settle(qpos, known[1])
+        return qpos, known[1], sd[:2]
 
     def bends(self, log: int, first: int) -> tuple[np.ndarray, np.ndarray]:
         """Return acceleration and its rate where there is a state, and their deviations, (2, nv).
@@ -208,9 +210,10 @@ class StartStates:
 
         Turns count from the sample in the middle.
         """
-        found = {dof: [] for dof in range(self._robot.model.nv)}
+        follow = {*self._robot.followers.dofs}
+        found = {dof: [] for dof in range(self._robot.model.nv) if dof not in follow}
         for k, at in enumerate(self._robot.measured):
-            if at.dof is not None and at.kind != "turn":
+            if at.dof in found and at.kind != "turn":
                 found[at.dof].append((at.kind == "velocity", near[:, k], self._noise[k]))
         for index, dof in quaternions(self._robot.model):
             own = [self._turns[index + element] for element in range(4)]

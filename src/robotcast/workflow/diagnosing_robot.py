@@ -19,9 +19,10 @@ from robotcast.reporting.diagnosis_page import write_diagnosis
 from robotcast.reporting.missing_force import traces_figure
 from robotcast.reporting.names import effect_name
 from robotcast.reporting.style import svg
+from robotcast.robots.by_joint import diagnose_by_joint
 from robotcast.robots.describe import describe
 from robotcast.robots.patch import write_patched
-from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
+from robotcast.robots.robot_case import RobotCase, read_case
 from robotcast.robots.robot_file import write_parameters
 from robotcast.robots.shown import preview, shown
 from robotcast.running import write_page
@@ -44,6 +45,9 @@ def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
 
     with bar("diagnose") as progress:
         found = diagnose_by_joint(case, question, write, progress)
+        if about := case.about(found):
+            case, question = about, about.question(*_question(config, config.exclude))
+            found = diagnose_by_joint(case, question, write, progress)
     if found["next_actions"]:
         found = {**found, "next_actions": case.motions.rows(found["next_actions"], folder)}
     facts["robot"] = shown(case, found["base"], found["model"])
@@ -103,9 +107,13 @@ def describe_robot(folder: Path) -> Iterator[str]:
 def _asked(config: DictConfig, exclude: Any = ()) -> tuple[Path, RobotCase, Case]:
     """Return where to write, the folder as it was read, and what is asked of it."""
     folder = output_folder(config.output, config.robot)
-    case, of = read_case(Path(config.robot)), config.diagnosis
-    rule, effort = instantiate(of.rule), instantiate(of.effort)
-    return folder, case, case.question(exclude, config.effects, rule, effort)
+    case = read_case(Path(config.robot))
+    return folder, case, case.question(*_question(config, exclude))
+
+
+def _question(config: DictConfig, exclude: Any) -> tuple[Any, ...]:
+    of = config.diagnosis
+    return exclude, config.effects, instantiate(of.rule), instantiate(of.effort)
 
 
 def _facts(config: DictConfig) -> dict[str, Any]:

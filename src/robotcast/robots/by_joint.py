@@ -1,0 +1,184 @@
+"""The diagnosis of a robot: groups of joints first, then single joints."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from robotcast.diagnosis.decision import Unexplained
+from robotcast.diagnosis.diagnose import Case, Tell, diagnose, floor_and_noise
+from robotcast.diagnosis.inquiry import Inquiry
+from robotcast.diagnosis.library import library_at
+from robotcast.diagnosis.report import unexplained
+from robotcast.robots.effect import RobotEffect
+from robotcast.robots.robot_case import RobotCase, draw_field
+from robotcast.running import Progress, silent
+
+LOOKED_INTO = 20  # effects of single joints and links that are tried at once
+
+
+def diagnose_by_joint(
+    case: RobotCase, question: Case, tell: Tell, progress: Progress = silent
+) -> dict[str, Any]:
+    """Diagnose a robot, groups of joints first; then, where something is missing, single joints.
+
+    Where an effect of a whole group is named, it competes with those of its joints and their
+    special cases: it is as simple as one of them, and stays where all joints have it. What else was
+    named is tried beside them. For as long as more is missing and named, of the effects of all
+    single joints and links those are tried beside it that the slopes promise most of, and fields of
+    single joints. Where the whole is at its floor and some signals are not, they are looked at so.
+    """
+    found, ask = diagnose(question, tell, progress), partial(_ask_again, [], tell, progress)
+    effects, single = case.model.effects, _of_single_joints(case, question)
+    laws = [n for n, e in single.items() if e.depends_on is None]
+    named = [n for n in found["verdict"] if n in effects]
+    if own := [n for n in laws if any(single[n].is_part_of(effects[name]) for name in named)]:
+        effects.update({n: single[n] for n in laws})
+        why = f"First, of a group: {' + '.join(named)}. Then its joints were told apart."
+        cases = Inquiry(case.model, question.records, 1.0).special_cases
+        own += [one for n in own for one in cases(n, laws)]
+        asked = replace(question, candidates=list(dict.fromkeys([*named, *own])))
+        found = ask(asked, found, why)
+    while laws and _unfinished(question, found):
+        effects.update(single)
+        named = [n for n in found["verdict"] if n in effects]
+        why = f"Too little was explained by {' + '.join(named) or 'what all joints may lack'}"
+        found = _look_at(case, question, found, laws, why, ask)
+        if found["code"] != "named" or len(found["verdict"]) <= len(named):
+            break
+    some, standing = _standing_out(case, question, found)
+    if some.any() and not some.all():
+        effects.update(single)
+        why = f"{standing}: that counts here as much as all other signals together"
+        weighed, laws = case.weighing(some), [*laws, *question.candidates]
+        question, ask = weighed.ask(question), partial(ask, weighed=True)
+        found = _look_at(weighed, question, found, laws, why, ask)
+        some, standing = _standing_out(case, question, found)
+    if some.any() and not found["unexplained"]:
+        left = unexplained(Inquiry(case.model, question.records, 1.0), Unexplained(), draw_field)
+        sentence = f"{found['sentence']} But {standing}."
+        found = {**found, "unexplained": left, "sentence": sentence}
+        tell(found)
+    return found
+
+
+def _of_single_joints(case: RobotCase, question: Case) -> dict[str, RobotEffect]:
+    """Return effects and fields of single joints, links and drives, but of what was left out."""
+    effects, tried = case.model.effects, question.candidates
+    left_out = [
+        e
+        for n, e in effects.items()
+        if n not in tried and e.depends_on is None
+        if not any(effects[other].is_part_of(e) for other in tried)
+    ]
+    others = {n: e for n, e in case.of_single_parts.items() if n not in effects}
+    return {n: e for n, e in others.items() if not any(map(e.is_part_of, left_out))}
+
+
+def _look_at(
+    case: RobotCase,
+    question: Case,
+    found: dict[str, Any],
+    laws: Sequence[str],
+    why: str,
+    ask: Callable[[Case, dict[str, Any], str], dict[str, Any]],
+) -> dict[str, Any]:
+    """Try what promises most of some effects beside those that are named."""
+    effects = case.model.effects
+    named = [n for n in found["verdict"] if n in effects]
+    others = [n for n in laws if n not in named]
+    if not others or len(named) == question.rule.most_effects:
+        return found
+    parts = [n for n in others if any(effects[n].is_part_of(effects[name]) for name in named)]
+    promising = _promising(case, question, found, named, others)
+    promising += [n for n in parts if n not in promising]
+    why += (
+        f", so of {len(others)} effects of single joints and links {len(promising)} were tried: "
+        "those that promise most, their special cases, and what a named group may come down to."
+    )
+    comparisons = len(named) + len(others)
+    asked = replace(question, candidates=[*named, *promising], comparisons=comparisons)
+    return ask(asked, found, why)
+
+
+def _standing_out(
+    case: RobotCase, question: Case, found: Mapping[str, Any]
+) -> tuple[np.ndarray, str]:
+    """Return which signals (n_signals,) are above their floor, more than is honest; and say so.
+
+    Of many signals at their floor, one that is not would hardly be seen.
+    """
+    rule, code, times = question.rule, found["code"], case.times_floor(found)
+    least = rule.beyond if code == "named" and question.floor_is_least else rule.at_floor
+    some = (times > least) & (code in ("none", "named"))
+    pairs = zip(case.wording.axes, times, some, strict=True)
+    told = " and ".join(f"{axis.name} at {by:.1f}" for axis, by, own in pairs if own)
+    return some, f"{told.replace(' at ', ' is at ', 1)} times what {case.wording.floor}"
+
+
+def _unfinished(question: Case, found: dict[str, Any]) -> bool:
+    """Tell whether a diagnosis leaves more than noise in the window in the middle, or says so.
+
+    That is asked of a named effect, too, which the verdict lets leave more.
+    """
+    if not found["conclusive"] or found["unexplained"] or found["code"] not in ("none", "named"):
+        return found["conclusive"]
+    left, floor = found["ladder"][-1]["heldout_typical_error_percent"], found["noise_floor_percent"]
+    return left > question.rule.at_floor * floor
+
+
+def _ask_again(
+    said: list[str],
+    tell: Tell,
+    progress: Progress,
+    question: Case,
+    found: dict[str, Any],
+    why: str,
+    weighed: bool = False,
+) -> dict[str, Any]:
+    """Return another diagnosis if it names something else, or what is missing where nothing did.
+
+    Where signals are `weighed` otherwise, it stands where the whole named nothing, else it must
+    keep what that named. It is `said` why each one that stands was asked for.
+    """
+    again = diagnose(question, tell, progress)
+    other = {*again["verdict"]} != {*found["verdict"]}
+    was, now = ((one["unexplained"] or {}).get("explains", False) for one in (found, again))
+    clearer = again["code"] == "unknown" and found["code"] != "named" and (other or now > was)
+    better = again["code"] == "named" and other
+    if weighed:
+        clearer = found["code"] == "none"
+        better = better and {*found["verdict"]} < {*again["verdict"]}
+    if clearer or better:
+        said.append(why)
+        found = {**again, "notes": [*said, *again["notes"]]}
+    tell(found)
+    return found
+
+
+def _promising(
+    case: RobotCase,
+    question: Case,
+    found: dict[str, Any],
+    named: Sequence[str],
+    others: Sequence[str],
+) -> list[str]:
+    """Return which of the others promise most beside the model found, then their special cases."""
+    effort, acting, own = question.effort, (*question.fixed, *named), case.model.parameters
+    early = Inquiry(case.model, question.records, floor_and_noise(question)[1]).beginnings(
+        effort.early, effort.some
+    )
+    known = (found["model"] or found["base"])["parameters"]
+    names = [p.name for p in own]
+    names += [f"{e}.{p.name}" for e in acting for p in case.model.effects[e].parameters]
+    tuned = [
+        float(p.to_unit(np.asarray(known[name]["value"] if name in known else p.nominal)))
+        for name, p in zip(names, early.parameters(acting), strict=True)
+    ]
+    begun = early.fit(acting, np.array(tuned), 0)
+    some = library_at(early, acting, others, begun).best(1, LOOKED_INTO, acting)
+    best = [effects[-1] for effects in some]
+    cases = (one for name in best for one in early.special_cases(name, others))
+    return list(dict.fromkeys([*best, *cases]))
