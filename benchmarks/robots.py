@@ -26,13 +26,14 @@ import numpy as np
 from robot_draws import draw, drawn
 from robot_truth import CASES, Hidden, log_next, make
 
-from robotcast.diagnosis.diagnose import diagnose, floor_and_noise
+from robotcast.diagnosis.diagnose import Case, diagnose, floor_and_noise
 from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base, held_out
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.files import plain, unseal, write_text
 from robotcast.reporting.page import markdown
+from robotcast.robots.by_joint import diagnose_robot
 from robotcast.robots.effects import DeadTime, ModelField
-from robotcast.robots.robot_case import RobotCase, diagnose_by_joint, read_case
+from robotcast.robots.robot_case import RobotCase, read_case
 
 VECTORS = 8
 
@@ -46,8 +47,7 @@ def score(
     make(hidden, folder, sealed, seed)
     began, busy = time.monotonic(), time.process_time()
     asked = read_case(folder, threads=1)
-    question = asked.question((), (), Rule(), Effort())
-    said = diagnose_by_joint(asked, question, lambda found: None)
+    asked, said = diagnose_robot(asked, _question, lambda found: None)
     seconds, cpu = time.monotonic() - began, time.process_time() - busy
     errors = [rung["heldout_typical_error_percent"] for rung in said["ladder"]]
     truth = unseal(sealed)
@@ -81,9 +81,7 @@ def score(
     if truth["either"] and said["next_actions"]:
         log_next(hidden, folder, asked.motions.rows(said["next_actions"], folder))
         further = read_case(folder, threads=1)
-        again = diagnose_by_joint(
-            further, further.question((), (), Rule(), Effort()), lambda _: None
-        )
+        _, again = diagnose_robot(further, _question, lambda _: None)
         row["after_next"] = {k: again[k] for k in ("verdict", "confusion_set")}
     if not alone and answer <= set(asked.model.effects):
         row["oracle"] = _oracle(asked, answer)
@@ -162,8 +160,12 @@ def _brute_force(asked: RobotCase) -> dict[str, Any]:
     }
 
 
+def _question(asked: RobotCase) -> Case:
+    return asked.question((), (), Rule(), Effort())
+
+
 def _inquiry(asked: RobotCase) -> Inquiry:
-    case = asked.question((), (), Rule(), Effort())
+    case = _question(asked)
     return Inquiry(asked.model, case.records, floor_and_noise(case)[1])
 
 

@@ -19,6 +19,26 @@ from robotcast.running import Progress, silent
 LOOKED_INTO = 20  # effects of single joints and links that are tried at once
 
 
+def diagnose_robot(
+    case: RobotCase, ask: Callable[[RobotCase], Case], tell: Tell, progress: Progress = silent
+) -> tuple[RobotCase, dict[str, Any]]:
+    """Diagnose a robot, and once more where windows and floor are better by the model found.
+
+    Return the case that was asked last, and what was found, with its notes.
+    """
+
+    def told(found: dict[str, Any]) -> dict[str, Any]:
+        joined = {**found, "notes": [*case.notes, *found["notes"]]}
+        tell(joined)
+        return joined
+
+    found = diagnose_by_joint(case, ask(case), told, progress)
+    if about := case.about(found):
+        case = about
+        found = diagnose_by_joint(case, ask(case), told, progress)
+    return case, told(found)
+
+
 def diagnose_by_joint(
     case: RobotCase, question: Case, tell: Tell, progress: Progress = silent
 ) -> dict[str, Any]:

@@ -195,9 +195,8 @@ def _refuse(path: Path, bad: np.ndarray, say: Callable[[int], str]) -> None:
     if bad.any():
         i = int(np.argmax(bad))
         text = path.suffix.lower() in (".csv", ".txt")
-        raise ValueError(
-            f"{path}, {f'line {remarks(path) + i + 2}' if text else f'row {i + 1}'}: {say(i)}"
-        )
+        at = f"line {remarks(path) + i + 2}" if text else f"row {i + 1}"
+        raise ValueError(f"{path}, {at}: {say(i)}")
 
 
 def _check_times(path: Path, times_s: np.ndarray) -> None:

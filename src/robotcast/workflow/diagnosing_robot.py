@@ -19,7 +19,7 @@ from robotcast.reporting.diagnosis_page import write_diagnosis
 from robotcast.reporting.missing_force import traces_figure
 from robotcast.reporting.names import effect_name
 from robotcast.reporting.style import svg
-from robotcast.robots.by_joint import diagnose_by_joint
+from robotcast.robots.by_joint import diagnose_robot as diagnose
 from robotcast.robots.describe import describe
 from robotcast.robots.patch import write_patched
 from robotcast.robots.robot_case import RobotCase, read_case
@@ -34,20 +34,18 @@ PATCHED, PARAMETERS, PREVIEW = "model.xml", "parameters.yaml", "robot.svg"
 
 def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
     """Diagnose the configured folder; write JSON, page and model; return folder and JSON."""
-    folder, case, question = _asked(config, config.exclude)
-    facts = _facts(config)
+    folder, case = output_folder(config.output, config.robot), read_case(Path(config.robot))
+    facts, said = _facts(config), _question(config, config.exclude)
+    case.question(*said)  # what it refuses is said before anything is written
 
     def joined(found: Mapping[str, Any]) -> dict[str, Any]:
-        return {**facts, **found, "notes": [*case.notes, *found["notes"]]}
+        return {**facts, **found}
 
     def write(found: Mapping[str, Any]) -> None:
         write_diagnosis(folder, plain(joined(found)))
 
     with bar("diagnose") as progress:
-        found = diagnose_by_joint(case, question, write, progress)
-        if about := case.about(found):
-            case, question = about, about.question(*_question(config, config.exclude))
-            found = diagnose_by_joint(case, question, write, progress)
+        case, found = diagnose(case, lambda asked: asked.question(*said), write, progress)
     if found["next_actions"]:
         found = {**found, "next_actions": case.motions.rows(found["next_actions"], folder)}
     facts["robot"] = shown(case, found["base"], found["model"])
@@ -104,11 +102,11 @@ def describe_robot(folder: Path) -> Iterator[str]:
     yield f"Then: robotcast diagnose {folder}"
 
 
-def _asked(config: DictConfig, exclude: Any = ()) -> tuple[Path, RobotCase, Case]:
+def _asked(config: DictConfig) -> tuple[Path, RobotCase, Case]:
     """Return where to write, the folder as it was read, and what is asked of it."""
     folder = output_folder(config.output, config.robot)
     case = read_case(Path(config.robot))
-    return folder, case, case.question(*_question(config, exclude))
+    return folder, case, case.question(*_question(config, ()))
 
 
 def _question(config: DictConfig, exclude: Any) -> tuple[Any, ...]:
