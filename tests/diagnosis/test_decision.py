@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotcast.diagnosis.decision import Code, Unexplained, decide
+from robotcast.diagnosis.decision import Code, Unexplained, Verdict, decide
 from robotcast.diagnosis.errors import Floor, Scales
 from robotcast.diagnosis.found import Found, Rung
 from robotcast.diagnosis.inquiry import HeldOut, Revision
@@ -95,6 +95,32 @@ def test_a_set_that_only_imitates_hides_no_name() -> None:
     known = found(2.9, None, FLOOR, rung(1.05, "drag"))
     verdict = decide(before, lambda: field(1.2, True), lambda own: known)
     assert verdict.named == ("drag",)
+
+
+@pytest.mark.parametrize(("apart", "code"), [(0.1, Code.NAMED), (0.5, Code.UNKNOWN)])
+def test_a_field_that_predicts_what_a_name_does_is_that(apart: float, code: Code) -> None:
+    """Even where both stay above the floor: more is missing then, beside what has a name."""
+    residuals = (np.full((40, 3), 1.0), np.zeros((40, 3)), np.full((40, 3), apart))
+    fits = [Fit(np.zeros(1), one, np.zeros((40, 3, 1))) for one in residuals]
+    base, drag, curve = (
+        replace(one, revision=Revision(one.effects, fit))
+        for one, fit in zip((rung(5.0), rung(3.0, "drag"), rung(3.0, "a field")), fits, strict=True)
+    )
+    known = found(5.0, None, FLOOR, drag)
+    known = replace(known, judged={(): base, ("drag",): drag})
+    left = Unexplained("a field", curve, True, 8)
+    verdict = decide(replace(known, judged={(): base}), lambda: left, lambda own: known)
+    assert verdict.code is code
+
+
+def test_near_sets_are_called_by_what_not_all_of_them_have() -> None:
+    sets = [("tilt", "drag"), ("tilt", "lag"), ("tilt", "slip", "lag")]
+    assert Verdict(near=tuple(rung(1.0, *one) for one in sets)).alike == [
+        "drag",
+        "lag",
+        "slip + lag",
+    ]
+    assert Verdict(near=(rung(1.0, "tilt", "drag"),)).alike == ["drag"]
 
 
 @pytest.mark.parametrize(("level", "named"), [(1.15, ("drag",)), (1.45, ()), (1.6, ())])

@@ -10,6 +10,7 @@ import yaml
 
 from robotcast.robots.recordings import tables_of
 from robotcast.robots.robot_case import read_case
+from robotcast.robots.robot_file import compiled, load_spec
 from tests.robots.made_up_robot import SLIDER, rewrite, write_folder
 
 Edit = Callable[[dict], None]
@@ -182,7 +183,14 @@ def as_semicolons(text: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "write", [as_semicolons, lambda text: f"# {text}", lambda text: text.replace(",", ", ")]
+    "write",
+    [
+        as_semicolons,
+        lambda text: f"# {text}",
+        lambda text: f"# a pendulum, of 2022\n#\n{text}",
+        lambda text: f"# made at noon\n# {text}",
+        lambda text: text.replace(",", ", "),
+    ],
 )
 def test_tables_as_loggers_write_them_are_read_alike(
     good: Path, tmp_path: Path, write: Callable[[str], str]
@@ -190,6 +198,48 @@ def test_tables_as_loggers_write_them_are_read_alike(
     path = tmp_path / "log.csv"
     path.write_text("\ufeff" + write((good / "log0.csv").read_text()), encoding="utf-8")
     assert tables_of(path)[0][1].equals(tables_of(good / "log0.csv")[0][1])
+
+
+def test_a_row_is_called_by_its_line_below_remarks(good: Path, tmp_path: Path) -> None:
+    folder = copy_of(good, tmp_path)
+    table = with_cell("u_motor", 3, None)(pl.read_csv(folder / "log1.csv"))
+    (folder / "log1.csv").write_text(f"# a rig\n#\n{table.write_csv()}", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"line 7: actuator.motor.: no value is commanded"):
+        read_case(folder)
+
+
+def test_an_angle_runs_on_where_its_encoder_wraps(tmp_path: Path) -> None:
+    turns = SLIDER.replace('type="slide" axis="1 0 0"', 'axis="0 0 1"').replace('range="-3 3"', "")
+    turns = turns.replace('damping="2"', 'damping="0.02"')
+    folder = write_folder(tmp_path, turns)
+    on = [log.measured for log in read_case(folder).logs]
+    assert max(np.ptp(one) for one in on) > np.pi
+    wrapped = (pl.col("q_axis") + np.pi).mod(2 * np.pi) - np.pi
+    again = [log.measured for log in read_case(rewrite(folder, wrapped.alias("q_axis"))).logs]
+    for one, other in zip(on, again, strict=True):
+        np.testing.assert_allclose(np.diff(other, axis=0), np.diff(one, axis=0), atol=1e-9)
+
+
+def test_meshes_of_a_ros_package_are_found_beside_the_file(tmp_path: Path) -> None:
+    urdf = tmp_path / "arm.urdf"
+    mesh = '<mesh filename="package://arm_description/meshes/link.stl"/>'
+    inertia = '<mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    urdf.write_text(
+        f'<robot name="arm"><link name="base"/><link name="link"><inertial>{inertia}</inertial>'
+        f'<collision><geometry>{mesh}</geometry></collision></link><joint name="j" '
+        'type="continuous"><parent link="base"/><child link="link"/></joint></robot>',
+        encoding="utf-8",
+    )
+    with pytest.raises(ValueError, match=r"there is no mesh package.*copy the folder arm_descr"):
+        load_spec(urdf)
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+    faces = np.zeros(4, [("corners", np.float32, (4, 3)), ("end", np.uint16)])
+    faces["corners"][:, 1:] = corners[[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]]
+    folder = tmp_path / "arm_description" / "meshes"
+    folder.mkdir(parents=True)
+    stl = bytes(80) + np.uint32(4).tobytes() + faces.tobytes()
+    (folder / "link.stl").write_bytes(stl)
+    assert compiled(load_spec(urdf), urdf).nmesh == 1
 
 
 def test_a_table_without_a_header_is_refused(good: Path, tmp_path: Path) -> None:

@@ -78,6 +78,7 @@ TENDON = '<motor name="drive" tendon="cable"/>'
         (SERVO, "elbow_cmd_deg", "actuator[drive]", "deg"),
         (SERVO, "cmd_rad", "actuator[drive]", "rad"),
         (SERVO, "cmd", "actuator[drive]", None),
+        (SERVO, "goal_position", "actuator[drive]", None),
         (MOTOR, "tau_cmd", "actuator[drive]", None),
         (MOTOR, "elbow_torque_mNm", "actuator[drive]", "mN m"),
         (MOTOR, "current_mA", "actuator[drive]", "mA"),  # which then asks for its constant

@@ -51,6 +51,14 @@ def test_a_patched_model_moves_as_the_model_with_the_effect(arm: RobotCase, name
     np.testing.assert_allclose(found, wanted, atol=2e-6)
 
 
+def test_the_gain_of_a_torque_that_no_actuator_gives_is_left_out(tmp_path: Path) -> None:
+    drive = {"joint[axis].torque": {"column": "u_motor"}}
+    case = read_case(write_folder(tmp_path, logs=3, drive=drive))
+    said = {"effects": ["drive_gain_axis"], "parameters": {"drive_gain_axis.k": {"value": 0.3}}}
+    left_out = write_patched(case.robot, case.model.effects, said, tmp_path / "patched.xml")
+    assert left_out == ["drive_gain_axis"]
+
+
 def test_what_mjcf_cannot_hold_is_named(arm: RobotCase, tmp_path: Path) -> None:
     names = ["load_friction_elbow", "dead_time_elbow", "encoder_scale_shoulder"]
     effects = [arm.model.effects[name] for name in names]
