@@ -301,6 +301,7 @@ def test_the_suggested_trials_tell_a_confused_pair_apart(hidden, size, groups, s
     wide = Further(Puck(*effects), pushes(5, groups=60, repeats=1))
     said = diagnosed(alike, *effects, further=lambda: wide)
     assert {"turn", "shear"} in [set(some) for some in said["confusion_set"]]
+    assert "hardly tell it from this" in said["sentence"]
     rows = {row["effect"]: row["confusable_with"] for row in said["ranking"]}
     assert rows["turn"] == ["shear"] and rows["shear"] == ["turn"]
     telling = [t for t in said["next_actions"] if {"turn", "shear"} == set(t["separates"])]

@@ -472,3 +472,13 @@ def test_commands_that_come_late_are_named_dead_time(tmp_path: Path) -> None:
     assert said["verdict"] == ["dead_time_axis"]
     tau_s = said["model"]["parameters"]["dead_time_axis.tau"]["value"]
     assert tau_s == pytest.approx(3 * PERIOD_S, rel=0.1)  # the step is 5 ms
+
+
+def test_a_drive_of_another_sign_or_unit_is_told(tmp_path: Path) -> None:
+    xml = SLIDER.replace('ctrllimited="true" ctrlrange="-10 10"', "")
+    folder = write_folder(tmp_path, xml)
+    assert "With u_motor" not in " ".join(read_case(folder).notes)
+    rewrite(folder, pl.col("u_motor") * 1000)
+    assert read_case(folder).notes[0].startswith("With u_motor times 0.001 the model as it is errs")
+    rewrite(folder, pl.col("u_motor") * -1e-3)
+    assert read_case(folder).notes[0].startswith("With u_motor of the other sign")

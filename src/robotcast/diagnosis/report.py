@@ -11,7 +11,7 @@ from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.limits import counted, is_ignored
 from robotcast.diagnosis.misfit import known_median
 from robotcast.diagnosis.model import Wording
-from robotcast.diagnosis.next_trials import NextTrial
+from robotcast.diagnosis.next_trials import MOST_RIVALS, NextTrial
 from robotcast.diagnosis.rule import Rule
 from robotcast.diagnosis.screen import Screened
 from robotcast.diagnosis.sizes import sizes
@@ -44,6 +44,7 @@ def sentence(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording,
         if verdict.left is not None:
             more = f"so more is missing{_most(where)}"
             said += f" That is still {times}, {more}."
+        said += _confused(inquiry, found, verdict, wording)
     else:
         beside = f", where {wording.floor} {floor.percent:.2f}" if floor.percent else ""
         said = (
@@ -51,6 +52,16 @@ def sentence(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording,
             f"{trials} stays at {before:.2f} {unit}{beside}.{_left(verdict, times, where)}"
         )
     return f"{said}{near}{_blunders(usual, wording)}"
+
+
+def _confused(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording) -> str:
+    """Say what could stand in the place of what is named."""
+    rivals = [one for name in verdict.named for one in found.rivals.get(name, ())]
+    if not rivals:
+        return ""
+    texts = " or ".join(inquiry.model.effects[name].text for name in rivals[:MOST_RIVALS])
+    more = f", or {len(rivals) - MOST_RIVALS} more" if len(rivals) > MOST_RIVALS else ""
+    return f" These {wording.trials} hardly tell it from this: {texts}{more}."
 
 
 def _times(found: Found, middle: float, wording: Wording) -> str:

@@ -31,6 +31,8 @@ from robotcast.robots.windows import GROUPS, LEAST_SAMPLES, StartStates, Window,
 LOSES = 0.5  # of how far a joint moves in a log: predictions that err by more have lost the trial
 MOVES = 20.0  # times the noise: what moves less stands still
 FAR_OFF = 2.0  # times the usual motion, from which a unit may be wrong
+FITS = 4.0  # times as small an error, by which a drive's other sign or unit is told
+TURNED = (-1.0, 1e3, 1e-3, 180 / np.pi, np.pi / 180)  # what drives may be off by: sign, unit
 LONGEST_S = 2.0
 SHORT = 0.5  # of a usual log: what is shorter does not shorten the windows
 LEAST_NOISE = 1e-9  # of a joint that never moves
@@ -193,11 +195,14 @@ def _case(
     model.effects = {one.name: one for one in candidates(robot, sizes, parts_of(robot))}
     missed = _nominal_miss(robot, model)
     notes = _notes(robot, logs, model.rollout.windows, length_s)
-    if missed > FAR_OFF:
+    if (missed > FAR_OFF or not holds) and (better := _drive_that_fits(model)):
+        notes.insert(0, better)
+    elif missed > FAR_OFF:
         notes.insert(
             0,
             f"Within {length_s:.2g} s the model as it is errs by {missed:.0f} times the usual "
-            "motion: look whether a unit, a sign or a column in robot.yaml is wrong.",
+            "motion: look whether a unit, a sign or a column in robot.yaml is wrong. If none is, "
+            "let tune fit damping, frictionloss and armature of the joints first.",
         )
     if floor.step_percent > np.sqrt(0.5) * floor.percent:
         notes.append(
@@ -297,6 +302,31 @@ def _nominal_miss(robot: RobotFile, model: RobotModel) -> float:
             f"step of {robot.model.opt.timestep:g} s is too long for it, or a unit is wrong"
         )
     return model.usual_miss(found) / 100
+
+
+def _drive_that_fits(model: RobotModel) -> str:
+    """Say which drive times what, another sign or unit, predicts far better, if any does."""
+    rollout, known = model.rollout, model.known
+    robot, windows = rollout.robot, rollout.windows[:LOOKED_AT]
+    noise, columns = model.units.noise * model.units.si, list(robot.drive.values())
+    every = [[*range(len(columns))]] if len(columns) > 1 else []
+
+    def missed(own: Sequence[int], factor: float) -> float:
+        scale = np.where(np.isin(range(len(columns)), own), factor, 1.0)
+        logs = [replace(log, drive=log.drive * scale) for log in rollout.logs]
+        other = RobotModel(robot, logs, windows, noise, known, rollout.threads, model.units)
+        return other.usual_miss(other.nominal_misses)
+
+    some = [*every, *([c] for c in range(len(columns)))]
+    tried = [(missed(own, by), own, by) for own in some for by in TURNED]
+    least, own, by = min(tried, key=lambda one: one[0], default=(np.inf, (), 1.0))
+    if not least < (now := missed((), 1.0)) / FITS:
+        return ""
+    how = "of the other sign" if by == -1 else f"times {by:.4g}"
+    return (
+        f"With {' and '.join(columns[c].name for c in own)} {how} the model as it is errs by "
+        f"{least:.3g} % of the usual motion, not {now:.3g}: look at its sign, scale and unit."
+    )
 
 
 def _notes(
