@@ -1,4 +1,4 @@
-"""What is put into a model before it is compiled: tendons between joints, and servos of motors.
+"""What is put into a model before it is compiled: meshes, servos, and tendons between joints.
 
 Friction between two joints, as of a cable or a differential that both move, MuJoCo solves as dry
 friction of a fixed tendon. So every model gets two tendons for each pair of neighbouring joints,
@@ -8,6 +8,7 @@ q₁ + q₂ and q₁ − q₂, without any friction: they change nothing until a
 from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -18,6 +19,7 @@ from robotcast.robots.model_fields import ModelFields
 from robotcast.robots.names import Address
 
 WORLD = "world"
+PACKAGE = "package://"  # of a mesh that a URDF names by its ROS package
 MOST_JOINTS = 4  # of a robot whose pairs of joints are looked at
 MOTOR = (
     mujoco.mjtTrn.mjTRN_JOINT,
@@ -116,3 +118,26 @@ class CoupledFriction(RobotEffect):
 
 def _name(one: str, other: str, sign: float) -> str:
     return f"{one}{'+' if sign > 0 else '-'}{other}"
+
+
+def find_meshes(spec: Any, path: Path) -> None:
+    """Write where meshes of packages lie into a spec: in a folder above the file, or below one.
+
+    Raises
+    ------
+    ValueError
+        For one that is not there.
+    """
+    for mesh in spec.meshes:
+        if not mesh.file.startswith(PACKAGE):
+            continue
+        package, _, inside = mesh.file.removeprefix(PACKAGE).partition("/")
+        above = path.resolve().parents
+        places = [place for folder in above for place in (folder / package, folder)]
+        found = [place / inside for place in places if (place / inside).is_file()]
+        if not found:
+            raise ValueError(
+                f"{path}: there is no mesh {mesh.file}; copy the folder {package}/ of that package "
+                "beside the file"
+            )
+        mesh.file = str(found[0])

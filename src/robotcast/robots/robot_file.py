@@ -13,7 +13,7 @@ import numpy as np
 
 from robotcast.files import read_mapping, write_yaml
 from robotcast.robots.closure import Followers
-from robotcast.robots.couplings import WORLD, couple, moved_by, serve
+from robotcast.robots.couplings import WORLD, couple, find_meshes, moved_by, serve
 from robotcast.robots.model_fields import Payload
 from robotcast.robots.names import (
     WIDTH,
@@ -28,7 +28,6 @@ from robotcast.robots.names import (
     signal,
     to_si,
 )
-from robotcast.robots.packages import find_meshes
 
 FILE = "robot.yaml"
 NEEDED = {
