@@ -20,13 +20,14 @@ from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.files import plain
 from robotcast.reporting.diagnosis_page import diagnosis_page
 from robotcast.robots import by_joint, rollout
-from robotcast.robots.by_joint import diagnose_by_joint
+from robotcast.robots.by_joint import diagnose_by_joint, diagnose_robot
 from robotcast.robots.patch import write_patched
 from robotcast.robots.robot_case import RobotCase, read_case
 from robotcast.robots.robot_file import load_spec, write_parameters
 from robotcast.robots.shown import shown
 from tests.robots.made_up_robot import (
     ARM,
+    FEW,
     PERIOD_S,
     QUANTUM,
     SLIDER,
@@ -482,3 +483,29 @@ def test_a_drive_of_another_sign_or_unit_is_told(tmp_path: Path) -> None:
     assert read_case(folder).notes[0].startswith("With u_motor times 0.001 the model as it is errs")
     rewrite(folder, pl.col("u_motor") * -1e-3)
     assert read_case(folder).notes[0].startswith("With u_motor of the other sign")
+
+
+@pytest.mark.parametrize("tuned", [True, False])
+def test_windows_are_as_long_as_the_model_that_was_found_predicts(
+    tmp_path: Path, tuned: bool
+) -> None:
+    """Where the file's own model loses them: by what is tuned, or once more by what was named."""
+
+    def brake(model: mujoco.MjModel) -> None:
+        model.dof_damping[0] = 20.0
+
+    tune = {"joint[axis].damping": [0.0, 100.0]} if tuned else {}
+    case = read_case(write_folder(tmp_path, length_s=3.0, change=brake, tune=tune))
+    if not tuned:
+        short_s = case.length_s
+
+        def few(asked: RobotCase) -> Case:
+            laws = [n for n, e in asked.model.effects.items() if e.depends_on is None]
+            effort = Effort(some=12, tried=3, finalists=1)
+            return asked.question([n for n in laws if n not in FEW], (), Rule(), effort)
+
+        case, said = diagnose_robot(case, few, lambda known: None)
+        assert said["verdict"] == ["viscous_friction_axis"]
+        assert short_s < 0.2 and said["notes"] == [*case.notes]
+    assert case.length_s > 0.9
+    assert case.model.usual_miss(case.model.nominal_misses) < 2 * case.floor.percent

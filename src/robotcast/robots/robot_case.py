@@ -315,12 +315,13 @@ def _drive_that_fits(model: RobotModel) -> str:
         scale = np.where(np.isin(range(len(columns)), own), factor, 1.0)
         logs = [replace(log, drive=log.drive * scale) for log in rollout.logs]
         other = RobotModel(robot, logs, windows, noise, known, rollout.threads, model.units)
-        return other.usual_miss(other.nominal_misses)
+        lost = ((np.isnan(one).all(), one) for one in other.nominal_misses)
+        return other.usual_miss([np.full_like(one, np.inf) if gone else one for gone, one in lost])
 
     some = [*every, *([c] for c in range(len(columns)))]
     tried = [(missed(own, by), own, by) for own in some for by in TURNED]
     least, own, by = min(tried, key=lambda one: one[0], default=(np.inf, (), 1.0))
-    if not least < (now := missed((), 1.0)) / FITS:
+    if not least < (now := missed((), 1.0)) / FITS or np.isinf(now):
         return ""
     how = "of the other sign" if by == -1 else f"times {by:.4g}"
     return (
