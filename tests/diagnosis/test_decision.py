@@ -104,9 +104,9 @@ def test_a_field_that_predicts_what_a_name_does_is_that(apart: float, code: Code
     fits = [Fit(np.zeros(1), one, np.zeros((40, 3, 1))) for one in residuals]
     base, drag, curve = (
         replace(one, revision=Revision(one.effects, fit))
-        for one, fit in zip((rung(5.0), rung(3.0, "drag"), rung(3.0, "a field")), fits, strict=True)
+        for one, fit in zip((rung(5.5), rung(3.0, "drag"), rung(3.0, "a field")), fits, strict=True)
     )
-    known = found(5.0, None, FLOOR, drag)
+    known = found(5.5, None, FLOOR, drag)
     known = replace(known, judged={(): base, ("drag",): drag})
     left = Unexplained("a field", curve, True, 8)
     verdict = decide(replace(known, judged={(): base}), lambda: left, lambda own: known)

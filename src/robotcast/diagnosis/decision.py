@@ -221,7 +221,7 @@ def _name_for(found: Found, left: Unexplained) -> Found | None:
     if not likely:
         return None
     known = replace(found, chosen=min(likely)[2])
-    if _is_same(known, left):
+    if _is_same(known, left) and _is_like_it(found, left):
         return known
     return None if known.above(known.top, rule.beyond) or _imitates(known, left) else known
 

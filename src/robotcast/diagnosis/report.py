@@ -56,12 +56,16 @@ def sentence(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording,
 
 def _confused(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording) -> str:
     """Say what could stand in the place of what is named."""
-    rivals = [one for name in verdict.named for one in found.rivals.get(name, ())]
-    if not rivals:
-        return ""
-    texts = " or ".join(inquiry.model.effects[name].text for name in rivals[:MOST_RIVALS])
-    more = f", or {len(rivals) - MOST_RIVALS} more" if len(rivals) > MOST_RIVALS else ""
-    return f" These {wording.trials} hardly tell it from this: {texts}{more}."
+    said, effects = "", inquiry.model.effects
+    for name in verdict.named:
+        rivals = found.rivals.get(name, ())
+        texts = " or ".join(effects[one].text for one in rivals[:MOST_RIVALS])
+        more = f", or {len(rivals) - MOST_RIVALS} more" if len(rivals) > MOST_RIVALS else ""
+        own = "it" if len(verdict.named) == 1 else effects[name].text
+        said += f" These {wording.trials} hardly tell {own} from this: {texts}{more}." * bool(
+            rivals
+        )
+    return said
 
 
 def _times(found: Found, middle: float, wording: Wording) -> str:
@@ -296,7 +300,7 @@ def _row(
     status = one.status or ("tried" if tried else "screened")
     if rung is not None:
         status = "confirmed" if name in verdict.named else "refitted"
-    row, alike = unjudged(inquiry, name, status), verdict.alike
+    row, alike = unjudged(inquiry, name, status), _near_names(verdict)
     row["confusable_with"] = [
         *found.rivals.get(name, ()),
         *(e for e, rivals in found.rivals.items() if name in rivals),
@@ -363,9 +367,13 @@ def _why(inquiry: Inquiry, one: NextTrial, wording: Wording) -> str:
     return f"{text}: a little of it moves this {wording.trial} by {apart}"
 
 
+def _near_names(verdict: Verdict) -> list[str]:
+    return list(dict.fromkeys(name for one in verdict.alike for name in one.split(" + ")))
+
+
 def confusion_set(found: Found, verdict: Verdict) -> list[list[str]]:
     """Return the sets of effects that the trials cannot tell apart, the best one first."""
     if verdict.code is Code.UNKNOWN:
         return []
     named = [[name, *found.rivals[name]] for name in verdict.named if found.rivals.get(name)]
-    return [*named, verdict.alike] if len(verdict.near) > 1 else named
+    return [*named, _near_names(verdict)] if len(verdict.near) > 1 else named
