@@ -57,6 +57,9 @@ def test_passive_joints_stand_where_the_chain_is_closed() -> None:
         np.testing.assert_allclose((near[1] - near[0]) / step, qvel, rtol=1e-4)
         rocker = data.body("rocker").xmat.reshape(3, 3) @ [0.05, 0.0, 0.16]
         assert rocker[2] > 0  # it never turns over
+    short = mujoco.MjModel.from_xml_string(LINKAGE.replace("0.3 0 0", "0.45 0 0"))
+    qpos = np.array([3.0, 0.0, 0.0])
+    assert not Followers(short, {0}).settle(qpos, np.zeros(3))  # it cannot reach
 
 
 def test_only_the_crank_of_a_chain_need_be_measured(tmp_path: Path) -> None:
@@ -86,12 +89,14 @@ def test_a_tied_joint_moves_what_it_is_tied_to(tmp_path: Path) -> None:
 def test_a_link_is_where_the_encoder_of_a_tied_joint_says() -> None:
     model = mujoco.MjModel.from_xml_string(RACKS)
     spring = [Parameter("c", "m/N", 0.0, 0.1, 0.0, null=0.0)]
-    elastic = ElasticJoint("elastic", "", spring, Where("left", (0,), (1,), (), ()))
-    own = {"c": np.array([[1e-3]]), "retardation": np.array([[0.0]])}
+    elastic, other = (
+        ElasticJoint("elastic", "", spring, Where("", (dof,), (1 + dof,), (), ())) for dof in (0, 1)
+    )
+    own, null = ({"c": np.array([[c]]), "retardation": np.array([[0.0]])} for c in (1e-3, 0.0))
     batch = Batch(model, 1, nthread=1)
     qpos, qvel = batch.bind("qpos"), batch.bind("qvel")
     qpos[:], qvel[:] = [[0.10, -0.16]], [[1.0, -1.8]]
-    between = Transmission(batch, [(elastic, own)])
+    between = Transmission(batch, [(elastic, own), (other, null)])  # at its null, an effect is none
     between.place(np.zeros((1, 2, 2)))
     np.testing.assert_allclose(qpos, [[0.08, -0.16]], atol=1e-12)
     np.testing.assert_allclose(qvel, [[0.9, -1.8]], atol=1e-12)

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 import polars as pl
 import pytest
+import yaml
 
 from robotcast.diagnosis.diagnose import Case
 from robotcast.diagnosis.inquiry import Inquiry
@@ -482,6 +483,10 @@ def test_a_drive_of_another_sign_or_unit_is_told(tmp_path: Path) -> None:
     rewrite(folder, pl.col("u_motor") * 1000)
     assert read_case(folder).notes[0].startswith("With u_motor times 0.001 the model as it is errs")
     rewrite(folder, pl.col("u_motor") * -1e-3)
+    assert read_case(folder).notes[0].startswith("With u_motor of the other sign")
+    free = {"joint[axis].damping": [0.0, 20.0], "joint[axis].armature": [0.0, 100.0]}
+    said = yaml.safe_load((folder / "robot.yaml").read_text(encoding="utf-8"))
+    (folder / "robot.yaml").write_text(yaml.safe_dump(said | {"tune": free}), encoding="utf-8")
     assert read_case(folder).notes[0].startswith("With u_motor of the other sign")
 
 

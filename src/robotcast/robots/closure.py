@@ -10,12 +10,14 @@ from copy import copy
 import mujoco
 import numpy as np
 
-from robotcast.robots.names import WIDTH
+from robotcast.robots.names import WIDTH, coordinates
 
 STRIDE_RAD_M = (
     0.1  # by which joints are led from the model's own pose, so that a chain stays closed
 )
 ROUNDS = 5  # of Newton's method at the end
+SETTLED = 1e-10  # rad or m: so near, it ends
+OPEN = 0.01  # rad or m that equalities may be missed by, for the noise of joints that are measured
 SINGULAR = 1e-6  # of the largest singular value: what is smaller ties nothing
 
 
@@ -58,7 +60,8 @@ class Followers:
         self._model = copy(model)
         self._model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         self._data = mujoco.MjData(self._model)
-        self._home = model.key_qpos[0] if model.nkey else model.qpos0
+        poses = [model.qpos0, *model.key_qpos]
+        self._home = min(poses, key=lambda pose: np.abs(self._closing(pose)[1]).max(initial=0.0))
         ends = [*model.jnt_qposadr[1:], model.nq]
         self.lacking: dict[int, int] = {}
         for joint, (first, end) in enumerate(zip(model.jnt_qposadr, ends, strict=True)):
@@ -78,25 +81,31 @@ class Followers:
         free = axes[(values > SINGULAR * values.max(initial=0.0)).sum() :]
         return np.all(np.abs(free) < SINGULAR, axis=0)
 
-    def settle(self, qpos: np.ndarray, qvel: np.ndarray, near: np.ndarray | None = None) -> None:
+    def settle(self, qpos: np.ndarray, qvel: np.ndarray, near: np.ndarray | None = None) -> bool:
         """Write where the followers stand and how fast they are into one state, (nq,) and (nv,).
 
         They are led there from `near`, a state that meets the equalities, or from the model's pose.
+        Return whether the equalities are met there, but for noise.
         """
         if not len(self.dofs):
-            return
+            return True
         start = self._home if near is None else near
         here = qpos[self._at] = start[self._at]
-        way = qpos - start
-        strides = int(np.ceil(np.abs(way).max() / STRIDE_RAD_M))
+        way, tied = qpos - start, self._closing(start)[0].any(axis=0)
+        far = np.abs(way[coordinates(self._model)[tied]]).max(initial=0.0)
+        strides = int(np.ceil(far / STRIDE_RAD_M))
         for part in [*np.arange(1, strides) / max(strides, 1), *[1.0] * ROUNDS]:
             at = start + part * way
             at[self._at] = here
             jacobian, missed = self._closing(at)
-            here = here - np.linalg.lstsq(jacobian[:, self.dofs], missed, rcond=None)[0]
+            step = np.linalg.lstsq(jacobian[:, self.dofs], missed, rcond=None)[0]
+            here = here - step
+            if part == 1.0 and np.abs(step).max() < SETTLED:
+                break
         qpos[self._at], qvel[self.dofs] = here, 0.0
-        jacobian, _ = self._closing(qpos)
+        jacobian, missed = self._closing(qpos)
         qvel[self.dofs] = -np.linalg.lstsq(jacobian[:, self.dofs], jacobian @ qvel, rcond=None)[0]
+        return bool(np.abs(missed).max() < OPEN)
 
     def _closing(self, qpos: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         self._data.qpos[:] = qpos

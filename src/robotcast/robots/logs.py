@@ -14,6 +14,7 @@ from robotcast.robots.model_fields import Payload
 from robotcast.robots.names import Channel, Signal, driven_dof, quaternions, rates
 from robotcast.robots.recordings import remarks, tables_of
 from robotcast.robots.robot_file import Column, RobotFile
+from robotcast.robots.transmission import is_servo
 
 FASTEST = {"rad": 500.0, "m": 50.0}  # per second, between two samples: no joint moves like that
 BEYOND = {"rad": 1.0, "m": 0.5}  # outside of a joint's range, or a quarter of that range
@@ -25,7 +26,7 @@ SHORT = 4  # equal samples that a turn of the motion may show
 STILL = 1.3  # times what neighbouring samples differ by: with less, a signal is noise
 PERIODS_S = (1e-5, 1.0)
 OTHER_RATE = 1.5  # times another log's period
-RUNS_ON = 0.5  # rad: most steps of an angle are smaller, so that a turn is one of its encoder
+TURN, SMALL_RAD = 2 * np.pi, 0.5  # most steps are smaller: a turn is the encoder's
 NO_UNIT = 0.1  # by how much the length of a quaternion may differ from 1
 LEAST_SAMPLES = 50
 
@@ -134,6 +135,7 @@ def _read(path: Path, table: pl.DataFrame, robot: RobotFile) -> Log:
     _check_times(path, times_s)
     for at, values in zip(robot.drive, drive.T, strict=True):
         _check_drive(path, robot.model, at, values)
+    _run_on(robot, drive, measured)
     _unite(path, robot, measured)
     for (at, column), values in zip(robot.measured.items(), measured.T, strict=True):
         _check(path, robot.model, at, times_s, values)
@@ -148,16 +150,32 @@ def _read(path: Path, table: pl.DataFrame, robot: RobotFile) -> Log:
     return Log(path, times_s, drive, measured)
 
 
-def _unite(path: Path, robot: RobotFile, measured: np.ndarray) -> None:
-    """Let angles run on where an encoder wraps, and quaternions (k, 4) too, unit ones; in place.
+def _run_on(robot: RobotFile, drive: np.ndarray, measured: np.ndarray) -> None:
+    """Let angles run on where an encoder wraps, and what servos then follow; in place."""
+    wrapped = {}
+    for at, angle in zip(robot.measured, measured.T, strict=True):
+        steps = np.abs(np.diff(angle[np.isfinite(angle)]))
+        if at.kind != "position" or at.unit != "rad" or not steps.max(initial=0.0) > TURN / 2:
+            continue
+        if np.quantile(steps, 0.9) < SMALL_RAD:
+            angle[:] = wrapped[at.dof] = _unwrapped(angle)
+    for at, wanted in zip(robot.drive, drive.T, strict=True):
+        place = wrapped.get(driven_dof(robot.model, at))
+        if place is not None and at.actuator is not None and is_servo(robot.model, at.actuator):
+            wanted[:] = _unwrapped(wanted)
+            wanted -= TURN * np.round(np.nanmedian(wanted - place) / TURN)
 
-    Quaternions of another length are refused.
-    """
+
+def _unwrapped(angle: np.ndarray) -> np.ndarray:
+    """Return an angle (k,) without jumps by whole turns."""
+    seen, found = np.flatnonzero(np.isfinite(angle)), angle.copy()
+    found[seen[1:]] -= TURN * np.cumsum(np.round(np.diff(angle[seen]) / TURN))
+    return found
+
+
+def _unite(path: Path, robot: RobotFile, measured: np.ndarray) -> None:
+    """Make quaternions (k, 4) unit ones of a sign that never jumps, in place; refuse others."""
     signals = list(robot.measured)
-    for at, angle in zip(signals, measured.T, strict=True):
-        steps = np.nan_to_num(np.diff(angle))
-        if at.kind == "position" and at.unit == "rad" and np.quantile(np.abs(steps), 0.9) < RUNS_ON:
-            angle[1:] -= 2 * np.pi * np.cumsum(np.round(steps / (2 * np.pi)))
     for first, _ in quaternions(robot.model):
         at = {one.index: k for k, one in enumerate(signals) if one.kind == "turn"}
         own = [at[first + element] for element in range(4)]

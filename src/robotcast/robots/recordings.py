@@ -119,7 +119,7 @@ def _read_text(path: Path) -> pl.DataFrame:
     with path.open(encoding="utf-8-sig") as lines:
         header, first = [*islice(lines, skipped, skipped + 2), "", ""][:2]
     apart = max(",;\t", key=header.count)
-    if _all_numbers(header):
+    if all(_numbers_in(header)):
         raise ValueError(
             f"{path}, line {skipped + 1}: numbers where the names of the columns should stand; put "
             "a line with the names before them"
@@ -143,15 +143,18 @@ def _read_text(path: Path) -> pl.DataFrame:
 
 
 def remarks(path: Path) -> int:
-    """Return how many lines with # stand before the header of a text file, which may have one."""
+    """Return how many lines with #, or empty ones, stand before the header of a text file.
+
+    The header may begin with # itself: it does where a number stands in the line below.
+    """
     number = 0
     with path.open(encoding="utf-8-sig") as lines:
         for number, line in enumerate(lines):
-            if not line.startswith("#"):
-                return number - bool(number and _all_numbers(line))
+            if line.strip() and not line.lstrip().startswith("#"):
+                return number - bool(number and any(_numbers_in(line)))
     return number
 
 
-def _all_numbers(line: str) -> bool:
+def _numbers_in(line: str) -> list[bool]:
     cells = line.split(max(",;\t", key=line.count))
-    return all(re.fullmatch(r'[\s"#]*[-+.\d][-+.,\deE]*[\s"]*', cell) for cell in cells)
+    return [bool(re.fullmatch(r'[\s"#]*[-+.\d][-+.,\deE]*[\s"]*', cell)) for cell in cells]

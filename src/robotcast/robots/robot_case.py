@@ -16,6 +16,7 @@ from robotcast.diagnosis.diagnose import Case
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Axis, Wording
 from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.fitting.starts import spread
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import Field
 from robotcast.robots.library import alone, candidates, parts_of, refuse_unknown
@@ -159,14 +160,21 @@ class RobotCase:
         With what was missing predictions hold longer, and the step errs by less.
         """
         last, old = found["model"], self.model
-        if not last:
+        if found["code"] != "named":
             return None
         values = np.array([p["value"] for p in last["parameters"].values()], float)
         known = Known(tuple(old.effects[name] for name in last["effects"]), values)
         noise = old.units.noise * old.units.si
         case = _case(self.robot, self.logs, noise, old.rollout.threads, known)
         longer, lower = case.length_s / self.length_s, self.floor.percent / case.floor.percent
-        return case if max(longer, lower) >= BETTER else None
+        if longer < 1 or max(longer, lower) < BETTER:
+            return None
+        why = (
+            f"First {' and '.join(old.effects[name].text for name in found['verdict'])} was named, "
+            f"in windows of {self.length_s:.2g} s. By that model these are longer or noise leaves "
+            "less in them, and it was asked once more."
+        )
+        return replace(case, notes=(why, *case.notes))
 
 
 def read_case(folder: Path, threads: int = 0) -> RobotCase:
@@ -184,26 +192,19 @@ def _case(
 
     Where it loses the trials, or where its step errs by more than the noise, it is tuned first.
     """
-    starts = StartStates(robot, logs, noise)
+    starts, hints = StartStates(robot, logs, noise), []
     model, floor, length_s, holds = _cut(robot, logs, starts, noise, threads, known)
+    if not known.effects and not (holds and robot.length_s is None):
+        hints += filter(None, [_hint(robot, model, length_s)])
     if not (holds or known.effects) and any(not p.frozen for p in model.parameters):
         some = Inquiry(model, model.records, 1.0).beginnings(1.0, LOOKED_AT)
         fit = some.fit((), some.nominal(()), TUNING)
         known = Known((), some.values((), fit.vector)[0])
         model, floor, length_s, _ = _cut(robot, logs, starts, noise, threads, known)
+    _refuse_divergence(robot, model)
     sizes = replace(sizes_of(robot, logs, starts), window_s=length_s)
     model.effects = {one.name: one for one in candidates(robot, sizes, parts_of(robot))}
-    missed = _nominal_miss(robot, model)
-    notes = _notes(robot, logs, model.rollout.windows, length_s)
-    if (missed > FAR_OFF or not holds) and (better := _drive_that_fits(model)):
-        notes.insert(0, better)
-    elif missed > FAR_OFF:
-        notes.insert(
-            0,
-            f"Within {length_s:.2g} s the model as it is errs by {missed:.0f} times the usual "
-            "motion: look whether a unit, a sign or a column in robot.yaml is wrong. If none is, "
-            "let tune fit damping, frictionloss and armature of the joints first.",
-        )
+    notes = [*hints, *_notes(robot, logs, model.rollout.windows, length_s)]
     if floor.step_percent > np.sqrt(0.5) * floor.percent:
         notes.append(
             f"The model's own step of {1e3 * robot.model.opt.timestep:.3g} ms makes it err by "
@@ -292,41 +293,70 @@ def _length(
     return float(np.clip(np.median(lost_s), LEAST_SAMPLES * periods(logs), longest_s))
 
 
-def _nominal_miss(robot: RobotFile, model: RobotModel) -> float:
-    """Return what the nominal model misses, in usual motions; refuse one that diverges."""
-    found = model.nominal_misses
-    lost = np.array([np.isnan(one).all() for one in found])
+def _refuse_divergence(robot: RobotFile, model: RobotModel) -> None:
+    """Refuse a model that diverges."""
+    lost = np.array([np.isnan(one).all() for one in model.nominal_misses])
     if lost.mean() > 0.5:
         raise ValueError(
             f"{robot.model_path}: the model diverges in {lost.sum()} of {len(lost)} windows: its "
             f"step of {robot.model.opt.timestep:g} s is too long for it, or a unit is wrong"
         )
-    return model.usual_miss(found) / 100
+
+
+def _hint(robot: RobotFile, model: RobotModel, length_s: float) -> str:
+    """Say what may be wrong in robot.yaml where the model as it is errs by far, or nothing."""
+    if better := _drive_that_fits(model):
+        return better
+    missed = _median(model, model.nominal_misses)
+    if not missed > FAR_OFF:
+        return ""
+    tune = (
+        ""
+        if robot.tune
+        else (" If none is, let tune fit damping, frictionloss and armature of the joints first.")
+    )
+    return (
+        f"Within {length_s:.2g} s the model as it is errs by {missed:.0f} times the usual motion: "
+        f"look whether a unit, a sign or a column in robot.yaml is wrong.{tune}"
+    )
+
+
+def _median(model: RobotModel, found: Sequence[np.ndarray]) -> float:
+    """Return what is missed in the window in the middle, in usual motions; where lost, infinity."""
+    lost = [np.full_like(one, np.inf) if np.isnan(one).all() else one for one in found]
+    return model.usual_miss(lost) / 100
 
 
 def _drive_that_fits(model: RobotModel) -> str:
     """Say which drive times what, another sign or unit, predicts far better, if any does."""
-    rollout, known = model.rollout, model.known
-    robot, windows = rollout.robot, rollout.windows[:LOOKED_AT]
-    noise, columns = model.units.noise * model.units.si, list(robot.drive.values())
-    every = [[*range(len(columns))]] if len(columns) > 1 else []
+    rollout, known, units = model.rollout, model.known, model.units
+    robot, every = rollout.robot, len(rollout.windows)
+    windows = [rollout.windows[k] for k in spread(np.arange(every), LOOKED_AT)]
+    columns, noise = list(robot.drive.values()), units.noise * units.si
 
-    def missed(own: Sequence[int], factor: float) -> float:
+    def scaled(own: Sequence[int], factor: float) -> RobotModel:
         scale = np.where(np.isin(range(len(columns)), own), factor, 1.0)
         logs = [replace(log, drive=log.drive * scale) for log in rollout.logs]
-        other = RobotModel(robot, logs, windows, noise, known, rollout.threads, model.units)
-        lost = ((np.isnan(one).all(), one) for one in other.nominal_misses)
-        return other.usual_miss([np.full_like(one, np.inf) if gone else one for gone, one in lost])
+        return RobotModel(robot, logs, windows, noise, known, rollout.threads, units)
 
-    some = [*every, *([c] for c in range(len(columns)))]
-    tried = [(missed(own, by), own, by) for own in some for by in TURNED]
-    least, own, by = min(tried, key=lambda one: one[0], default=(np.inf, (), 1.0))
-    if not least < (now := missed((), 1.0)) / FITS or np.isinf(now):
+    def raw(other: RobotModel) -> float:
+        times_s = [record.times_s for record in other.records]
+        of = range(len(windows)), times_s, known.effects, known.values[None]
+        return _median(other, other.misses(other.rollout.simulate(*of)[0] / units.si))
+
+    some = [[c] for c in range(len(columns))]
+    some += [[*range(len(columns))]] * (len(columns) > 1)
+    tried = [(raw(scaled(own, by)), own, by) for own in some for by in TURNED]
+    _, own, by = min(tried, key=lambda one: one[0], default=(np.inf, (), 1.0))
+    best, as_it_is = scaled(own, by), scaled((), 1.0)
+    least, now = (_median(one, one.nominal_misses) for one in (best, as_it_is))
+    if not least < now / FITS:
         return ""
     how = "of the other sign" if by == -1 else f"times {by:.4g}"
     return (
         f"With {' and '.join(columns[c].name for c in own)} {how} the model as it is errs by "
-        f"{least:.3g} % of the usual motion, not {now:.3g}: look at its sign, scale and unit."
+        f"{100 * least:.3g} % of the usual motion, not {100 * now:.3g}: look at its sign, scale "
+        "and unit."
     )
 
 

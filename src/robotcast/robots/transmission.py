@@ -103,8 +103,7 @@ class Transmission:
         self.dofs = sorted({dof for effect, _ in acting for dof in effect.where.dofs})
         qpos_of_dof = coordinates(model)
         self.qpos_at = qpos_of_dof[self.dofs]
-        hidden = qpos_of_dof[[*self.dofs, *unseen]].tolist()
-        self._tied = Followers(model, {*range(model.nq)} - {*hidden})
+        self._unseen = qpos_of_dof[[*unseen]].tolist()
         self._batch, self._step_s = batch, float(model.opt.timestep)
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
         self._ctrl, self._applied = batch.bind("ctrl"), batch.bind("qfrc_applied")
@@ -206,13 +205,22 @@ class Transmission:
             (self._qvel, self.dofs, twisting),
         ):
             state[:, at] = np.where(self.soft, state[:, at] - away, state[:, at])
-        tied = self.soft & np.isin(self.dofs, self._tied.dofs)
-        for row in np.flatnonzero(tied.any(axis=1)):
-            at = self.qpos_at[tied[row]]
-            before = self._qpos[row].copy()
-            self._tied.settle(self._qpos[row], self._qvel[row], before)
-            self._twist[row, tied[row]] += before[at] - self._qpos[row, at]
+        if self._batch.model.neq:
+            self._tie()
         self._last = self._qvel[:, self.dofs], carried, np.zeros_like(carried)
+
+    def _tie(self) -> None:
+        """Put links where equalities tie them to joints that are seen and not soft."""
+        model = self._batch.model
+        seen = {*range(model.nq)} - {*self._unseen}
+        for soft in np.unique(self.soft, axis=0):
+            others = Followers(model, seen - {*self.qpos_at[soft].tolist()})
+            tied = soft & np.isin(self.dofs, others.dofs)
+            at = self.qpos_at[tied]
+            for row in np.flatnonzero((self.soft == soft).all(axis=1)) if tied.any() else ():
+                before = self._qpos[row].copy()
+                others.settle(self._qpos[row], self._qvel[row], before)
+                self._twist[row, tied] += before[at] - self._qpos[row, at]
 
     def show(self, qpos: np.ndarray, qvel: np.ndarray) -> None:
         """Write what encoders show over positions (n_sim, nq) and velocities (n_sim, nv)."""

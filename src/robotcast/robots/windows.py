@@ -140,8 +140,8 @@ class StartStates:
         for index, k in self._turns.items():
             qpos[index] = near[self.margin, k]
         qpos = moved(model, qpos[None], known[:1])[0]
-        self._robot.followers.settle(qpos, known[1])
-        return qpos, known[1], sd[:2]
+        closes = self._robot.followers.settle(qpos, known[1])
+        return (qpos, known[1], sd[:2]) if closes else None
 
     def bends(self, log: int, first: int) -> tuple[np.ndarray, np.ndarray]:
         """Return acceleration and its rate where there is a state, and their deviations, (2, nv).
@@ -286,7 +286,10 @@ def cut(
     states = [starts.at(index, first) for index, first in places]
     known = [(*place, part, s) for place, part, s in zip(places, parts, states, strict=True) if s]
     if not known:
-        raise ValueError(f"{robot.path}: too many samples are missing where windows would start")
+        raise ValueError(
+            f"{robot.path}: too many samples are missing where windows would start, or the model's "
+            "equalities cannot be met there"
+        )
     found = [starts.bends(index, first) for index, first, *_ in known]
     bends, noise = (np.array(some) for some in zip(*found, strict=True))
     true = 1 - (noise**2).mean(axis=0) / np.maximum((bends**2).mean(axis=0), 1e-30)
