@@ -193,14 +193,14 @@ def _case(
     Where it loses the trials, or where its step errs by more than the noise, it is tuned first.
     """
     starts, hints = StartStates(robot, logs, noise), []
-    model, floor, length_s, holds = _cut(robot, logs, starts, noise, threads, known)
+    model, floor, length_s, holds = _cut(starts, threads, known)
     if not known.effects and not (holds and robot.length_s is None):
         hints += filter(None, [_hint(robot, model, length_s)])
     if not (holds or known.effects) and any(not p.frozen for p in model.parameters):
         some = Inquiry(model, model.records, 1.0).beginnings(1.0, LOOKED_AT)
         fit = some.fit((), some.nominal(()), TUNING)
         known = Known((), some.values((), fit.vector)[0])
-        model, floor, length_s, _ = _cut(robot, logs, starts, noise, threads, known)
+        model, floor, length_s, _ = _cut(starts, threads, known)
     _refuse_divergence(robot, model)
     sizes = replace(sizes_of(robot, logs, starts), window_s=length_s)
     model.effects = {one.name: one for one in candidates(robot, sizes, parts_of(robot))}
@@ -215,20 +215,15 @@ def _case(
 
 
 def _cut(
-    robot: RobotFile,
-    logs: Sequence[Log],
-    starts: StartStates,
-    noise: np.ndarray,
-    threads: int,
-    known: Known,
+    starts: StartStates, threads: int, known: Known
 ) -> tuple[RobotModel, RobotFloor, float, bool]:
     """Return model, floor, length of windows [s], and whether the known model can be judged by."""
-    longest_s = _longest(logs)
-    length_s = robot.length_s or _length(robot, logs, starts, noise, threads, known, longest_s)
+    robot, logs, longest_s = starts.robot, starts.logs, _longest(starts.logs)
+    length_s = robot.length_s or _length(starts, threads, known, longest_s)
     holds = length_s >= longest_s or robot.length_s is not None
     while True:
         windows = cut(robot, logs, starts, length_s)
-        model = RobotModel(robot, logs, windows, noise, known, threads)
+        model = RobotModel(robot, logs, windows, starts.noise, known, threads)
         least_s = 2 * LEAST_SAMPLES * periods(logs)
         if robot.length_s or length_s < least_s or model.starts_are_put_right():
             break
@@ -262,20 +257,13 @@ def _longest(logs: Sequence[Log]) -> float:
     return max(min(LONGEST_S, sum(spans_s) / (2 * GROUPS), shortest_s / 2.5), 1e-9)
 
 
-def _length(
-    robot: RobotFile,
-    logs: Sequence[Log],
-    starts: StartStates,
-    noise: np.ndarray,
-    threads: int,
-    known: Known,
-    longest_s: float,
-) -> float:
+def _length(starts: StartStates, threads: int, known: Known, longest_s: float) -> float:
     """Return how long the known model's predictions hold, the median over some starts [s].
 
     Longer windows show more of a small effect, until an error that grows has lost the trial. Of a
     joint that hardly moves that is one beyond its noise.
     """
+    robot, logs, noise = starts.robot, starts.logs, starts.noise
     wide = replace(robot, most_windows=LOOKED_AT)
     windows = cut(wide, logs, starts, longest_s)
     rollout = Rollout(robot, logs, windows, threads)

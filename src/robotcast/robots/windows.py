@@ -102,7 +102,7 @@ class StartStates:
     """Takes the state at a time from the samples about it."""
 
     def __init__(self, robot: RobotFile, logs: Sequence[Log], noise: np.ndarray) -> None:
-        self._robot, self._logs, self._noise = robot, logs, noise
+        self.robot, self.logs, self.noise = robot, logs, noise
         # how many samples before and after a start are looked at
         self.margin = max(ABOUT_SAMPLES, round(ABOUT_S / periods(logs)))
         self._turns = {at.index: k for k, at in enumerate(robot.measured) if at.kind == "turn"}
@@ -115,8 +115,8 @@ class StartStates:
 
         Of those that the model delays or whose force it limits, nobody knows when or by how much.
         """
-        model, found = self._robot.model, {}
-        for channel, at in enumerate(self._robot.drive):
+        model, found = self.robot.model, {}
+        for channel, at in enumerate(self.robot.drive):
             dof, a, force = driven_dof(model, at), at.actuator, 1.0
             if a is not None:
                 limited = model.actuator_forcelimited[a] or model.actuator_delay[a]
@@ -124,13 +124,13 @@ class StartStates:
                 force *= is_plain(model, a) and not limited
             if dof is not None:
                 rotor = rotor_inertia(model, [dof], model.dof_armature[[dof]])[0]
-                own = found.setdefault(dof, np.zeros(len(self._robot.drive)))
+                own = found.setdefault(dof, np.zeros(len(self.robot.drive)))
                 own[channel] = force / rotor
         return found
 
     def at(self, log: int, first: int) -> tuple[np.ndarray, ...] | None:
         """Return qpos (nq,), qvel (nv,) and their deviations (2, nv); None where samples lack."""
-        model, near = self._robot.model, self._logs[log].measured[self._about(first)]
+        model, near = self.robot.model, self.logs[log].measured[self._about(first)]
         fits = self._fits(log, first, {})
         if fits is None:
             return None
@@ -140,7 +140,7 @@ class StartStates:
         for index, k in self._turns.items():
             qpos[index] = near[self.margin, k]
         qpos = moved(model, qpos[None], known[:1])[0]
-        closes = self._robot.followers.settle(qpos, known[1])
+        closes = self.robot.followers.settle(qpos, known[1])
         return (qpos, known[1], sd[:2]) if closes else None
 
     def bends(self, log: int, first: int) -> tuple[np.ndarray, np.ndarray]:
@@ -149,7 +149,7 @@ class StartStates:
         They are those of a rotor at which the drive pushes anew with every command, and all else
         smoothly.
         """
-        commands = np.clip(self._logs[log].drive[self._about(first)], *self._ends)
+        commands = np.clip(self.logs[log].drive[self._about(first)], *self._ends)
         pushed = {dof: commands @ own for dof, own in self._pushes.items()}
         fits = self._fits(log, first, pushed)
         assert fits is not None
@@ -168,11 +168,11 @@ class StartStates:
 
         What joints are `pushed` by at every sample is left out of their motion.
         """
-        some, rows = self._logs[log], self._about(first)
+        some, rows = self.logs[log], self._about(first)
         if rows.start < 0 or rows.stop > len(some.times_s):
             return None
         since_s = some.times_s[rows] - some.times_s[first]
-        known, sd = np.zeros((2, CUBIC, self._robot.model.nv))
+        known, sd = np.zeros((2, CUBIC, self.robot.model.nv))
         for dof, signals in self._seen(some.measured[rows]).items():
             if dof in pushed:
                 signals = _without(since_s, pushed[dof], signals)
@@ -184,7 +184,7 @@ class StartStates:
 
     def track(self, log: int, first: int) -> "Track":
         """Return positions (nv,) by the time since a sample: through states a margin apart."""
-        times_s, model = self._logs[log].times_s, self._robot.model
+        times_s, model = self.logs[log].times_s, self.robot.model
         at_s, found = [], []
         for row in range(first, len(times_s), self.margin):
             since_s = times_s[row] - times_s[first]
@@ -210,15 +210,15 @@ class StartStates:
 
         Turns count from the sample in the middle.
         """
-        follow = {*self._robot.followers.dofs}
-        found = {dof: [] for dof in range(self._robot.model.nv) if dof not in follow}
-        for k, at in enumerate(self._robot.measured):
+        follow = {*self.robot.followers.dofs}
+        found = {dof: [] for dof in range(self.robot.model.nv) if dof not in follow}
+        for k, at in enumerate(self.robot.measured):
             if at.dof in found and at.kind != "turn":
-                found[at.dof].append((at.kind == "velocity", near[:, k], self._noise[k]))
-        for index, dof in quaternions(self._robot.model):
+                found[at.dof].append((at.kind == "velocity", near[:, k], self.noise[k]))
+        for index, dof in quaternions(self.robot.model):
             own = [self._turns[index + element] for element in range(4)]
             turns = turn(near[self.margin, own], near[:, own])
-            noise = 2 * float(np.sqrt(np.mean(self._noise[own] ** 2)))
+            noise = 2 * float(np.sqrt(np.mean(self.noise[own] ** 2)))
             for axis in range(3):
                 found[dof + axis].append((False, turns[:, axis], noise))
         return found
