@@ -253,14 +253,18 @@ class Selection:
     def _needless(self, size: int) -> bool:
         """Tell whether fewer effects than are chosen would do: all but one of them, or others.
 
-        Those are looked at whose fit to beginnings is worse by less than twice what matters.
+        Those are looked at whose fit to beginnings is worse by less than twice what matters: the
+        best of them, and of single effects the simplest that is level with it, too.
         """
         chosen = self.found.chosen
         self.early.parts(self._fixed, self.found.named, size - 1)
         best = self.early.best(len(self._fixed) + size - 1)
         base, least, more = (self.early.expected_error(e) for e in (self._fixed, chosen, best))
         if more - least < 2 * self._rule.material * base:
-            self._judge_finalists(size - 1)
+            self._refit(best)
+            if size == 2:
+                self._judge_finalists(1)
+            self._choose()
         return len(self.found.named) < size
 
     def _refit(self, effects: Effects) -> None:
