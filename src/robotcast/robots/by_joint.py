@@ -42,8 +42,8 @@ def diagnose_robot(
             return case, told(again)
         other = (
             f"Asked once more with windows of {case.length_s:.2g} s, as long as the model found "
+            f"predicts, it says something else: {again['sentence']}"
         )
-        other += f"predicts, it says something else: {again['sentence']}"
         case, found = first, {**found, "notes": [other, *found["notes"]]}
     return case, told(found)
 
