@@ -12,6 +12,7 @@ everything unfrozen, which fits all parameters at once.
 
 import argparse
 import json
+import shutil
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -44,6 +45,7 @@ def score(
     """Make and diagnose one case, open its answer, and say how it went."""
     sealed = folder.parent / "answers" / f"{case}.txt"
     sealed.parent.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(folder, ignore_errors=True)  # with the motions that were asked for last time
     make(hidden, folder, sealed, seed)
     began, busy = time.monotonic(), time.process_time()
     asked = read_case(folder, threads=1)
