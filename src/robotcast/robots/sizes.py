@@ -181,10 +181,12 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
     torque = np.hypot(found.inertia * found.acceleration, moves)
     given = np.abs(found.given)
     given = np.minimum(given, np.quantile(given, OFTEN, axis=0))
-    own, position = found.inertia.mean(axis=0), found.position
+    # where a tied joint hardly moves what moves others, these are as heavy as can be: no usual size
+    mean = np.median if model.neq else np.mean
+    own, position = mean(found.inertia, axis=0), found.position
 
     def size(values: np.ndarray) -> np.ndarray:
-        found = np.sqrt((values**2).mean(axis=0))
+        found = np.sqrt(mean(values**2, axis=0))
         return np.maximum(found, STILL * found.max() + 1e-12)
 
     usual, kinds = own * size(torque / own), model.jnt_type[model.dof_jntid]
@@ -192,7 +194,7 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
     by_joint = (position.T, found.speed.T, found.acceleration.T, found.missing.T)
     return Sizes(
         torque=usual,
-        driven=np.maximum(usual, np.sqrt((given**2).mean(axis=0))),
+        driven=np.maximum(usual, np.sqrt(mean(given**2, axis=0))),
         speed=size(found.speed),
         position=size(position - position.mean(axis=0)),
         inertia=own,
