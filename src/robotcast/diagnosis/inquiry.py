@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -92,7 +92,8 @@ class Inquiry:
     def special_cases(self, name: str, others: Sequence[str]) -> list[str]:
         """Return which others have some of an effect's parameters, fewer strengths, and its part.
 
-        That part is of a robot, where effects act on parts of one.
+        That part is of a robot, where effects act on parts of one. What acts on each joint in a
+        size of its own has one size for all as a special case, and a single joint.
         """
 
         def known(n: str) -> tuple[set[Any], int, Any]:
@@ -103,7 +104,11 @@ class Inquiry:
 
         own, most, part = known(name)
         among = [(n, *known(n)) for n in others]
-        return [n for n, some, fewer, at in among if some < own and fewer < most and at == part]
+        cases = [n for n, some, fewer, at in among if some < own and fewer < most and at == part]
+        if getattr(part, "each", False):
+            whole: Any = self.model.effects[name]
+            cases += [n for n in others if cast(Any, self.model.effects[n]).is_part_of(whole)]
+        return cases
 
     def carried(
         self,

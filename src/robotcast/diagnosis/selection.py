@@ -209,7 +209,8 @@ class Selection:
         held, own = (inquiry.model.effects[name].parameters for name in (old, new))
         values = zip(held, fitted[inquiry.entries(of, old)], strict=True)
         known = {p.name: p.from_unit(unit) for p, unit in values}
-        at = [np.clip(p.to_unit(np.asarray(known[p.name])), 0.0, 1.0) for p in own]
+        usual = np.mean([*known.values()])  # where each of several joints has its own
+        at = [np.clip(p.to_unit(np.asarray(known.get(p.name, usual))), 0.0, 1.0) for p in own]
         start[inquiry.entries(effects, new)] = at
         self.early.fit(effects, start)
 

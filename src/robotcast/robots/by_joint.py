@@ -63,7 +63,7 @@ def diagnose_by_joint(
     effects, single = case.model.effects, _of_single_joints(case, question)
     laws = [n for n, e in single.items() if e.depends_on is None]
     named = [n for n in found["verdict"] if n in effects]
-    if own := [n for n in laws if any(single[n].is_part_of(effects[name]) for name in named)]:
+    if own := [n for n in laws if any(_same(single[n], effects[name]) for name in named)]:
         effects.update({n: single[n] for n in laws})
         why = f"First, of a group: {' + '.join(named)}. Then its joints were told apart."
         cases = Inquiry(case.model, question.records, 1.0).special_cases
@@ -91,6 +91,11 @@ def diagnose_by_joint(
         found = {**found, "unexplained": left, "sentence": sentence}
         tell(found)
     return found
+
+
+def _same(one: RobotEffect, other: RobotEffect) -> bool:
+    """Tell whether two effects do the same to a group and to a part of it, or to each joint."""
+    return one.is_part_of(other) or other.is_part_of(one)
 
 
 def _of_single_joints(case: RobotCase, question: Case) -> dict[str, RobotEffect]:

@@ -24,6 +24,7 @@ class Where:
     ----------
     name : as it is read, "elbow"; empty for the whole robot.
     dofs, bodies, channels : their numbers; channels count in the order of robot.yaml's `drive`.
+    each : whether every joint has parameters of its own, one after the other; else all share them.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Where:
     bodies: tuple[int, ...]
     channels: tuple[int, ...]
     actuators: tuple[int, ...]
+    each: bool = False
 
 
 @dataclass(frozen=True)
@@ -86,10 +88,14 @@ class RobotEffect:
         return self.name.removesuffix(f"_{self.where.name}")
 
     def is_part_of(self, other: "RobotEffect") -> bool:
-        """Tell whether another effect does the same to more joints, links or drives."""
+        """Tell whether another effect does the same to more, or to each joint in a size of its own.
+
+        More are joints, links or drives.
+        """
         own, more = (({*e.dofs}, {*e.bodies}, {*e.channels}) for e in (self.where, other.where))
         within = all(some <= others for some, others in zip(own, more, strict=True))
-        return self.kind == other.kind and within and own != more
+        fewer = own != more or self.where.each < other.where.each
+        return self.kind == other.kind and within and fewer and self.where.each <= other.where.each
 
     def write(self, fields: ModelFields, **values: np.ndarray) -> None:
         """Change fields of the model, before the first step."""

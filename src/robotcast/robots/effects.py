@@ -40,14 +40,15 @@ class ModelField(RobotEffect):
     def addresses(self, model: mujoco.MjModel) -> dict[str, list[Address]]:
         """Return what each parameter changes."""
         kind, numbers = self._objects(model)
-        names = names_of(model, kind)
+        names, numbers = names_of(model, kind), list(dict.fromkeys(numbers))
+        of = [[i] for i in numbers] if self.where.each else [numbers] * len(self.writes)
         return {
             name: [
                 self._own(address(model, f"{kind}[{names[i]}].{field}", self.name))
                 for field in fields
-                for i in dict.fromkeys(numbers)
+                for i in own
             ]
-            for name, fields in self.writes.items()
+            for (name, fields), own in zip(self.writes.items(), of, strict=True)
         }
 
     def _own(self, at: Address) -> Address:
@@ -282,8 +283,8 @@ class Stribeck(RobotEffect):
 class LoadFriction(RobotEffect):
     """Dry friction that grows with the torque that a joint carries, as in gears."""
 
-    def friction(self, motion: Motion, *, mu: np.ndarray) -> np.ndarray:
-        return mu * np.abs(motion.torque)
+    def friction(self, motion: Motion, **mu: np.ndarray) -> np.ndarray:
+        return np.hstack(list(mu.values())) * np.abs(motion.torque)
 
 
 class ConstantTorque(RobotEffect):

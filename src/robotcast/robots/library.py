@@ -57,7 +57,8 @@ def candidates(
     """Make every effect of the library on these parts, and the fields that stand for anything."""
     found: list[RobotEffect] = []
     for name, entry in library().items():
-        for where in (*parts.get(entry["part"], ()), *parts.get(entry.get("also", ""), ())):
+        kinds = (entry["part"], *entry.get("also", ()))
+        for where in (one for kind in kinds for one in parts.get(kind, ())):
             effect = _made(robot, name, entry, where, sizes)
             if effect is not None and not _tuned(robot, effect):
                 found.append(effect)
@@ -82,6 +83,7 @@ def alone(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     known = {b for one in parts["body"] for b in one.bodies}
     return {
         "joint": joints,
+        "each joint": [own for own in _each(parts["joint"]) if own not in parts["each joint"]],
         "drive": [*(one for one in joints if one.channels), *(_drive(robot, c) for c in others)],
         "body": [one for one in _links(model, model.dof_bodyid) if not known & {*one.bodies}],
     }
@@ -109,6 +111,7 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     several = sum(bool(one.dofs) for one in drives) > 1
     return {
         "joint": joints,
+        "each joint": [own for own in _each(joints) if _carries(model, own.dofs)],
         "pair": pairs,
         **_free_parts(robot),
         "body": _links(model, bodies),
@@ -116,6 +119,23 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
         "every drive": [_where(robot, "every_joint", driven)] if several else [],
         "robot": [_where(robot, "", tuple(range(model.nv)), range(len(robot.drive)))],
     }
+
+
+def _each(joints: Iterable[Where]) -> list[Where]:
+    """Return of groups of joints all that they have, each joint for itself."""
+    names = [re.sub("^all_(.*)s$", r"\1", one.name) for one in joints]
+    pairs = zip(joints, names, strict=True)
+    return [replace(one, name=f"each_{n}", each=True) for one, n in pairs if len(one.dofs) > 1]
+
+
+def _carries(model: mujoco.MjModel, dofs: Iterable[int]) -> bool:
+    """Tell whether one of some joints carries another, so that they are not alike."""
+    parents = {int(model.dof_parentid[dof]) for dof in dofs}
+    while parents - {-1}:
+        if parents & {*dofs}:
+            return True
+        parents = {int(model.dof_parentid[dof]) for dof in parents - {-1}}
+    return False
 
 
 def _links(model: mujoco.MjModel, bodies: Iterable[int]) -> list[Where]:
@@ -201,14 +221,23 @@ def _made(
     heaviest = links_kg / own_kg if own_kg > 0 else 0.0
     if "usual" in more:
         more["usual"] = sizes.of(more["usual"], dofs, where.channels)[0]
+    parameters = [
+        _parameter(n, given, sizes, replace(where, dofs=dofs), heaviest)
+        for n, given in entry["parameters"].items()
+    ]
+    if where.each:
+        ((n, given),) = entry["parameters"].items()
+        parameters = [
+            _parameter(f"{n}_{name_of_dof(model, dof)}", given, sizes, one, heaviest)
+            for dof, one in ((dof, replace(where, dofs=(dof,))) for dof in where.dofs)
+        ]
+        if "writes" in more:
+            more["writes"] = dict.fromkeys((p.name for p in parameters), more["writes"][n])
     effect = build(
         more,
         name=f"{name}_{where.name}" if where.name else name,
         text=entry["text"].format(where=where.name.replace("_", " ")),
-        parameters=[
-            _parameter(n, given, sizes, replace(where, dofs=dofs), heaviest)
-            for n, given in entry["parameters"].items()
-        ],
+        parameters=parameters,
         where=where,
     )
     _keep_physical(model, effect)

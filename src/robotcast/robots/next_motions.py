@@ -24,7 +24,7 @@ from robotcast.robots.names import driven_dof, names_of
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.robot_model import RobotModel
 from robotcast.robots.sizes import Sizes
-from robotcast.robots.windows import StartStates, Window
+from robotcast.robots.windows import StartStates, windows_at
 
 LENGTH_S = 6.0
 RATES = (0.3, 1.0, 3.0)  # times what the joint usually moves at
@@ -88,23 +88,17 @@ def motions(
         return Motions(robot, (), Further(model, ()))
     made = [one.log for one in some]
     starts, n = StartStates(robot, made, noise), round(length_s / periods(made))
-    windows = []
-    for index, log in enumerate(made):
-        first = max(starts.margin, (len(log.times_s) - n) // 2)
-        state = starts.at(index, first)
-        assert state is not None  # nothing is missing in what was simulated
-        qpos, qvel, sd = state
-        bends, track = starts.bends(index, first)[0], starts.track(index, first)
-        windows.append(Window(index, first, first + n, index, qpos, qvel, sd, bends, track))
+    middles = [(len(log.times_s) - n) // 2 for log in made]
+    windows = windows_at(starts, [(k, max(starts.margin, at)) for k, at in enumerate(middles)], n)
     simulated = RobotModel(
         robot, made, windows, noise, model.known, model.rollout.threads, model.units
     )
     simulated.effects = model.effects  # and what will be added to them
     nowhere = [
         replace(
-            record, measured=np.full_like(record.measured, np.nan), factors={"motion": record.trial}
+            record, measured=np.full_like(record.measured, np.nan), factors={"motion": window.log}
         )
-        for record in simulated.records
+        for record, window in zip(simulated.records, windows, strict=True)
     ]
     return Motions(robot, tuple(some), Further(simulated, tuple(nowhere)))
 

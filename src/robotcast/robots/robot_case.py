@@ -31,7 +31,6 @@ from robotcast.robots.windows import GROUPS, LEAST_SAMPLES, StartStates, Window,
 
 LOSES = 0.5  # of how far a joint moves in a log: predictions that err by more have lost the trial
 MOVES = 20.0  # times the noise: what moves less stands still
-FAR_OFF = 2.0  # times the usual motion, from which a unit may be wrong
 FITS = 4.0  # times as small an error, by which a drive's other sign or unit is told
 TURNED = (-1.0, 1e3, 1e-3, 180 / np.pi, np.pi / 180)  # what drives may be off by: sign, unit
 LONGEST_S = 2.0
@@ -195,7 +194,7 @@ def _case(
     starts, hints = StartStates(robot, logs, noise), []
     model, floor, length_s, holds = _cut(starts, threads, known)
     if not known.effects and not (holds and robot.length_s is None):
-        hints += filter(None, [_hint(robot, model, length_s)])
+        hints += filter(None, [_drive_that_fits(model)])
     if not (holds or known.effects) and any(not p.frozen for p in model.parameters):
         some = Inquiry(model, model.records, 1.0).beginnings(1.0, LOOKED_AT)
         fit = some.fit((), some.nominal(()), TUNING)
@@ -289,24 +288,6 @@ def _refuse_divergence(robot: RobotFile, model: RobotModel) -> None:
             f"{robot.model_path}: the model diverges in {lost.sum()} of {len(lost)} windows: its "
             f"step of {robot.model.opt.timestep:g} s is too long for it, or a unit is wrong"
         )
-
-
-def _hint(robot: RobotFile, model: RobotModel, length_s: float) -> str:
-    """Say what may be wrong in robot.yaml where the model as it is errs by far, or nothing."""
-    if better := _drive_that_fits(model):
-        return better
-    missed = _median(model, model.nominal_misses)
-    if not missed > FAR_OFF:
-        return ""
-    tune = (
-        ""
-        if robot.tune
-        else (" If none is, let tune fit damping, frictionloss and armature of the joints first.")
-    )
-    return (
-        f"Within {length_s:.2g} s the model as it is errs by {missed:.0f} times the usual motion: "
-        f"look whether a unit, a sign or a column in robot.yaml is wrong.{tune}"
-    )
 
 
 def _median(model: RobotModel, found: Sequence[np.ndarray]) -> float:

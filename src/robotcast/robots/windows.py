@@ -282,14 +282,23 @@ def cut(
     if len(places) > robot.most_windows:
         keep = np.linspace(0, len(places) - 1, robot.most_windows).round().astype(int)
         places = [places[i] for i in np.unique(keep)]
-    parts = _parts(logs, places)
+    if found := windows_at(starts, places, n):
+        return found
+    raise ValueError(
+        f"{robot.path}: too many samples are missing where windows would start, or the model's "
+        "equalities cannot be met there"
+    )
+
+
+def windows_at(
+    starts: StartStates, places: Sequence[tuple[int, int]], n: int
+) -> tuple[Window, ...]:
+    """Return the windows of n samples that start at places, log and sample, with a known state."""
+    parts = _parts(starts.logs, places)
     states = [starts.at(index, first) for index, first in places]
     known = [(*place, part, s) for place, part, s in zip(places, parts, states, strict=True) if s]
     if not known:
-        raise ValueError(
-            f"{robot.path}: too many samples are missing where windows would start, or the model's "
-            "equalities cannot be met there"
-        )
+        return ()
     found = [starts.bends(index, first) for index, first, *_ in known]
     bends, noise = (np.array(some) for some in zip(*found, strict=True))
     true = 1 - (noise**2).mean(axis=0) / np.maximum((bends**2).mean(axis=0), 1e-30)
