@@ -260,7 +260,7 @@ def _imitates(found: Found, left: Unexplained) -> bool:
     floor, or beyond what a field that pays leaves and honest models may differ by.
     """
     rule, reach = found.known_scales.rule, found.known_scales.floor.reach
-    before, after = found.typical(found.base), found.typical(found.top)
+    before, after = found.known_scales.base, found.typical(found.top)
     if left.rung is not None:
         beside, gain = found.typical(left.rung), found.gain(found.top, left.rung)
         refuted = after - beside > rule.mostly * (after - reach)

@@ -41,6 +41,7 @@ class Case:
     floor : noise floor in % of the scale where it is known from elsewhere than from repeats.
     floor_is_least : whether that is only the least: repeats may differ by more.
     numerical_error : what the model errs by because its step is no shorter, % of the scale.
+    idle : predicts records, (n_trials, k, d), where nothing acts; None where nobody can tell.
     further : makes the trials that could be run next; None when nobody can run any.
     draw : draws the fitted field, as `unexplained.field` of diagnosis.json.
     """
@@ -54,6 +55,7 @@ class Case:
     floor: float | None = None
     floor_is_least: bool = False
     numerical_error: float = 0.0
+    idle: Callable[[Sequence[Record]], np.ndarray] | None = None
     further: Callable[[], Further] | None = None
     draw: Draw = lambda inquiry, left: None
     rule: Rule = field(default_factory=Rule)
@@ -154,12 +156,21 @@ class _Run:
             case.effort,
             self._step,
             case.comparisons,
+            self._without_forces(),
         )
         self._found = selection.run()
         self._base = self._found.base.revision
         self._verdict = decide(self._found, self._look, selection.refit_singles)
         self._found = selection.choose((*case.fixed, *self._verdict.named))
         self._screen(self._found.chosen)
+
+    def _without_forces(self) -> np.ndarray | None:
+        """Return what is missed where nothing acts, (n_trials,), % of the scale."""
+        inquiry, predict = self.inquiry, self._case.idle
+        if predict is None:
+            return None
+        missed = inquiry.against(predict(inquiry.records)[None], inquiry.everything)[0]
+        return inquiry.percent(missed, inquiry.everything)[0]
 
     def look_only(self) -> None:
         """Fit the model and look at every effect, where nothing can be held back for a test."""

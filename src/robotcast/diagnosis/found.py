@@ -6,6 +6,8 @@ The steps tell how much is still to come, for a progress bar.
 from dataclasses import dataclass, field
 from enum import Enum
 
+import numpy as np
+
 from robotcast.diagnosis.errors import Gain, Scales
 from robotcast.diagnosis.inquiry import HeldOut, Revision
 from robotcast.diagnosis.library import Library
@@ -45,6 +47,7 @@ class Found:
     library : the fit with all effects, None before it is done.
     scales : how errors are compared, None before the base model is known.
     inseparable : whether the chosen effects only help together.
+    idle : what is missed where nothing acts, (n_trials,), % of the scale; None if nobody can tell.
     rivals : effect of the chosen set → effects that do as well in its place.
     """
 
@@ -55,14 +58,32 @@ class Found:
     scales: Scales | None = None
     inseparable: bool = False
     rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    idle: np.ndarray | None = None
 
     def typical(self, rung: Rung) -> float:
         """Return a model's typical error, % of the scale."""
         return self.known_scales.typical(rung.errors.waypoint)
 
     def gain(self, before: Rung, after: Rung) -> Gain:
-        """Return what one model saves over another."""
-        return self.known_scales.gain(before.errors.waypoint, after.errors.waypoint)
+        """Return what one model saves over another, or what it explains beside the base model."""
+        first = before.errors.waypoint
+        if before.effects == self.base.effects:
+            first = self.to_beat(self.known_scales)
+        return self.known_scales.gain(first, after.errors.waypoint)
+
+    def to_beat(self, scales: Scales) -> np.ndarray:
+        """Return what a model must miss less than to explain anything, (n_trials,).
+
+        That is what the base model misses, or, where it predicts worse, one in which nothing acts:
+        whatever slows that model down would else seem to be missing.
+        """
+        own = self.base.errors.waypoint
+        return own if self.idle is None else min(own, self.idle, key=scales.typical)
+
+    @property
+    def is_idle(self) -> bool:
+        """Tell whether the base model predicts worse than one in which nothing acts."""
+        return self.idle is not None and self.to_beat(self.known_scales) is self.idle
 
     def above(self, rung: Rung, times: float) -> bool:
         """Tell whether a model lies so many times above the floor."""

@@ -232,12 +232,16 @@ class Inquiry:
         chosen = [self.records[i] for i in trials]
         predicted = self.model.predict(chosen, active, self.values(active, vectors))
         self.runs.add(len(vectors) * len(trials))
+        return self.against(predicted, trials)
+
+    def against(self, predicted: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        """Return what was predicted (n, m, k, d) less what was measured, (n, m, k_max, d)."""
         measured = self.measured[trials]
-        k = max(len(record.times_s) for record in chosen)
-        wanted = (len(vectors), len(trials), k, measured.shape[2])
+        k = max(len(self.records[i].times_s) for i in trials)
+        wanted = (len(predicted), len(trials), k, measured.shape[2])
         if predicted.shape != wanted:
             raise ValueError(f"expected a prediction of shape {wanted}, got {predicted.shape}")
-        difference = np.full((len(vectors), *measured.shape), np.nan)
+        difference = np.full((len(predicted), *measured.shape), np.nan)
         difference[:, :, :k] = predicted - measured[:, :k]
         return difference
 

@@ -133,6 +133,7 @@ class Wording:
     group, groups : what trials repeat, "action".
     mover : what is tracked, "the free end".
     floor : what no model can come below, "repeats differ by".
+    idle : what a model predicts in which nothing acts, "joints that go on as they moved".
     axes : of the signal, in order; empty when they have no names.
     factor_units : factor → unit.
     """
@@ -145,6 +146,7 @@ class Wording:
     groups: str = "actions"
     mover: str = "the signal"
     floor: str = "repeats differ by"
+    idle: str = "a model in which nothing acts"
     axes: Sequence[Axis] = ()
     factor_units: Mapping[str, str] = field(default_factory=dict)
 

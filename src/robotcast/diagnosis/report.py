@@ -49,7 +49,8 @@ def sentence(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording,
         beside = f", where {wording.floor} {floor.percent:.2f}" if floor.percent else ""
         said = (
             "No effect of the library is confirmed: the typical error on held-out "
-            f"{trials} stays at {before:.2f} {unit}{beside}.{_left(verdict, times, where)}"
+            f"{trials} stays at {before:.2f} {unit}{beside}."
+            f"{_left(found, verdict, times, where, wording)}"
         )
     return f"{said}{near}{_blunders(usual, wording)}"
 
@@ -80,10 +81,16 @@ def _times(found: Found, middle: float, wording: Wording) -> str:
     return f"{times} in the {wording.trial} in the middle, and {whole:.1f} times over all"
 
 
-def _left(verdict: Verdict, times: str, where: str) -> str:
+def _left(found: Found, verdict: Verdict, times: str, where: str, wording: Wording) -> str:
     if verdict.code is Code.CANNOT_TELL:
         if not times:
             return " Nothing was repeated, so nobody can say how much of it is noise."
+        if found.is_idle:
+            assert found.idle is not None
+            error = f"{np.median(found.idle[found.known_scales.usual]):.2f}"
+            return (
+                f" {wording.idle} miss {error}, and nothing that was tried does better than that."
+            )
         beside = "how much of it differs from run to run, repeats would tell"
         return f" That is {times}{_most(where)}. Nothing that was tried explains it; {beside}."
     if verdict.left is None:

@@ -22,6 +22,7 @@ class Selection:
     fixed : effects that act from the start.
     tell : called before each step with what is known and what comes next.
     comparisons : effects that share the level, the candidates at least.
+    idle : what is missed where nothing acts, (n_trials,), % of the scale.
     """
 
     def __init__(
@@ -34,13 +35,14 @@ class Selection:
         effort: Effort,
         tell: Callable[[Found, Step, str], object],
         comparisons: int = 0,
+        idle: np.ndarray | None = None,
     ) -> None:
         self._inquiry, self._floor, self._rule, self._effort = inquiry, floor, rule, effort
         self._candidates, self._fixed = tuple(candidates), tuple(fixed)
         self._tell, self._comparisons = tell, max(comparisons, len(candidates))
         some = inquiry.beginnings(effort.early, effort.some)
         self.early = Beginnings(some, floor, rule, effort)
-        self.found = Found(early=self.early.fits)
+        self.found = Found(early=self.early.fits, idle=idle)
 
     def run(self) -> Found:
         """Search to the end."""
@@ -320,7 +322,7 @@ class Selection:
         found = self.found
         known = usual([r.errors.low for r in found.judged.values()], self._floor, self._rule)
         scales = Scales(self._floor, 1.0, self._inquiry.groups, known, self._rule)
-        scales = replace(scales, base=scales.typical(found.base.errors.waypoint))
+        scales = replace(scales, base=scales.typical(found.to_beat(scales)))
         self.found = found = replace(found, scales=scales)
         gains = {e: found.gain(found.base, r) for e, r in found.judged.items()}
         judged = {e: replace(r, gain=gains[e]) for e, r in found.judged.items()}

@@ -286,21 +286,21 @@ def _parameter(
 ) -> Parameter:
     """Make a parameter whose numbers are in units of a usual size.
 
-    A joint that sticks needs little torque to move as it does: what brakes it may be larger, up to
-    what drives it. A light flange may carry as much as the `heaviest` link weighs, in its own
-    masses; a first look at it is taken in between. What an encoder shows late moved before the
-    window: so much of it is measured, not predicted.
+    A joint that sticks, or turns a heavy rotor, needs little torque to move as it does: what brakes
+    it may be as large as what drives it beyond that. A light flange may carry as much as the
+    `heaviest` link weighs, in its own masses; a first look at it is taken in between. What an
+    encoder shows late moved before the window: so much of it is measured, not predicted.
     """
     on, null = (given["of"], where.dofs, where.channels), given.get("null_at")
     size, unit = sizes.of(*on)
-    driven, _ = replace(sizes, torque=sizes.driven).of(*on)
     nominal = size * (given["nominal"] if null is None else null)
     lower = size * given["lower"]
-    upper = max(size * given["upper"], driven * given.get("of_driven", -np.inf))
-    wide = 1.0
+    missing = replace(sizes, torque=sizes.missing, inertia=sizes.swung).of(*on)[0] / size
+    wide = max(1.0, given.get("of_missing", 0.0) * missing / given["upper"])
     if "of_heaviest" in given:
         wide = math.sqrt(max(1.0, heaviest * given["of_heaviest"] / given["upper"]))
-    upper = min(wide**2 * upper, given.get("of_window", np.inf) * sizes.window_s)
+    upper = max(size * wide * given["upper"], heaviest * given.get("of_heaviest", 0.0))
+    upper = min(upper, given.get("of_window", np.inf) * sizes.window_s)
     probes = tuple(size * p * (wide if p > 0 else 1.0) for p in given.get("probes", ()))
     probes = tuple(p for p in probes if p <= upper)
     null = None if null is None else nominal

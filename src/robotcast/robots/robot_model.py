@@ -19,9 +19,10 @@ import numpy as np
 from robotcast.diagnosis.model import Record
 from robotcast.fitting.least_squares import DIFFERENCE
 from robotcast.fitting.parameter import Parameter
-from robotcast.robots.effect import RobotEffect
+from robotcast.robots.effect import RobotEffect, Where
+from robotcast.robots.effects import ModelField
 from robotcast.robots.logs import Log
-from robotcast.robots.names import Signal, turning
+from robotcast.robots.names import Signal, loose, turning
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.rollout import Rollout
 from robotcast.robots.windows import Window
@@ -30,6 +31,7 @@ PART = 0.02  # of how far a signal moves: what is missed by so much counts as on
 MOST_SD = 3.0  # standard deviations that a start state may move by
 FINER = 5  # into how many parts a step is cut to see what it errs by
 DRAWS = 20  # of noise, for what it leaves of a perfect model
+HEAVY = 1e4  # times as heavy as any joint: what forces hardly move
 TRIED = 4  # of starts, for what their slopes leave
 
 
@@ -44,6 +46,15 @@ class Known:
     def nominal(cls, robot: RobotFile) -> "Known":
         """Return the model as it is."""
         return cls((), np.array([p.nominal for p in tuned_parameters(robot)], float))
+
+    def without_forces(self, model: mujoco.MjModel) -> "Known":
+        """Return this model with rotors so heavy that every joint goes on at its speed."""
+        dofs = tuple(np.flatnonzero(~loose(model)).tolist())
+        heavy = HEAVY * float(model.dof_M0.max())
+        inertia = Parameter("inertia", "1", 0.0, heavy, 0.0, null=0.0, probes=(heavy,))
+        where = Where("joints", dofs, (), (), ())
+        rotors = ModelField("rotors", "", [inertia], where, writes={"inertia": ["armature"]})
+        return Known((*self.effects, rotors), np.append(self.values, heavy))
 
 
 @dataclass(frozen=True)
@@ -156,6 +167,11 @@ class RobotModel:
                 missed = record.measured - found[:, row, :k]
                 found[:, row, :k] += self._start_shift(record, missed, start[record.trial])
         return found
+
+    def idle(self, records: Sequence[Record]) -> np.ndarray:
+        """Predict windows (n, k, d) as if nothing acted: joints go on as they moved."""
+        free = Known.nominal(self.rollout.robot).without_forces(self.rollout.robot.model)
+        return self._predict(records, free.effects, free.values[None])[0]
 
     @cached_property
     def nominal_misses(self) -> list[np.ndarray]:

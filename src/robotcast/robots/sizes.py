@@ -43,9 +43,10 @@ class Sizes:
     Attributes
     ----------
     torque : of what moves a joint and holds it, and of its own inertial torque.
-    driven : the same, or what a joint is driven by where that is more: it may stick.
+    missing : of what drives a joint beyond that: friction may eat it up, or a rotor.
     position, speed : about the mean position, and of the speed.
     inertia : of a joint with all that hangs on it.
+    swung : what `missing` accelerates as the joint usually is.
     lowest, highest : the range of positions.
     command : the largest that was commanded of every channel, (n_channels,).
     reach_m : how far the bodies' centres lie from the joints, the median.
@@ -60,6 +61,7 @@ class Sizes:
     speed: np.ndarray
     position: np.ndarray
     inertia: np.ndarray
+    swung: np.ndarray
     lowest: np.ndarray
     highest: np.ndarray
     hinge: np.ndarray
@@ -67,7 +69,7 @@ class Sizes:
     log_s: float
     reach_m: float
     touches: bool
-    driven: np.ndarray
+    missing: np.ndarray
     wave: np.ndarray
     logs: int
     window_s: float = np.inf
@@ -179,8 +181,8 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
     most = np.where(loose(model), 0.0, np.quantile(np.abs(found.held), OFTEN, axis=0))
     moves = found.needed + found.held - np.clip(found.held, -most, most)
     torque = np.hypot(found.inertia * found.acceleration, moves)
-    given = np.abs(found.given)
-    given = np.minimum(given, np.quantile(given, OFTEN, axis=0))
+    missing = np.abs(found.given - moves)
+    missing = np.minimum(missing, np.quantile(missing, OFTEN, axis=0))
     # where a tied joint hardly moves what moves others, these are as heavy as can be: no usual size
     mean = np.median if model.neq else np.mean
     own, position = mean(found.inertia, axis=0), found.position
@@ -190,14 +192,16 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         return np.maximum(found, STILL * found.max() + 1e-12)
 
     usual, kinds = own * size(torque / own), model.jnt_type[model.dof_jntid]
+    missing = np.sqrt(mean(missing**2, axis=0))
     reach_m = np.linalg.norm(model.body_ipos[1:], axis=1)
     by_joint = (position.T, found.speed.T, found.acceleration.T, found.missing.T)
     return Sizes(
         torque=usual,
-        driven=np.maximum(usual, np.sqrt(mean(given**2, axis=0))),
+        missing=missing,
         speed=size(found.speed),
         position=size(position - position.mean(axis=0)),
         inertia=own,
+        swung=missing / size(found.acceleration),
         lowest=position.min(axis=0),
         highest=position.max(axis=0),
         hinge=turning(model) | (kinds == int(mujoco.mjtJoint.mjJNT_HINGE)),
