@@ -188,7 +188,7 @@ def decide(
     if shown or (far and (imitated or not floor.is_least)):
         return Verdict(Code.UNKNOWN, (), near, left)
     if far:  # above the sensors' noise, and repeats may differ by as much
-        return Verdict(Code.CANNOT_TELL, (), near, left)
+        return Verdict(Code.CANNOT_TELL, (), _best(found) if found.is_idle else near, left)
     lacks = unfinished or imitated or left.enough
     return Verdict(Code.NONE, (), near, Unexplained() if lacks else None)
 
@@ -272,6 +272,6 @@ def _imitates(found: Found, left: Unexplained) -> bool:
 
 
 def _best(found: Found) -> tuple[Rung, ...]:
-    """Return the judged model with effects that predicts best."""
+    """Return the judged model with effects that predicts best, if any was judged."""
     others = [rung for rung in found.judged.values() if rung is not found.base]
-    return (min(others, key=found.typical),)
+    return tuple(sorted(others, key=found.typical)[:1])

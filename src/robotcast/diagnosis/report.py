@@ -88,9 +88,7 @@ def _left(found: Found, verdict: Verdict, times: str, where: str, wording: Wordi
         if found.is_idle:
             assert found.idle is not None
             error = f"{np.median(found.idle[found.known_scales.usual]):.2f}"
-            return (
-                f" {wording.idle} miss {error}, and nothing that was tried does better than that."
-            )
+            return f" {wording.idle} miss {error}, and no effect is confirmed to do better."
         beside = "how much of it differs from run to run, repeats would tell"
         return f" That is {times}{_most(where)}. Nothing that was tried explains it; {beside}."
     if verdict.left is None:
