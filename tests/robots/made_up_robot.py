@@ -31,7 +31,7 @@ ARM = """
 
 FEW = ("dry_friction_axis", "viscous_friction_axis", "drive_gain_axis", "mass_table")
 PERIOD_S, QUANTUM = 0.01, 1e-4
-AMPLITUDE = np.array([1.0, 0.3])
+AMPLITUDE = np.array([1.0, 0.3, 0.6, 0.5, 0.4])
 
 
 def write_folder(

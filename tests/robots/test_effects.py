@@ -8,6 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
+from robotcast.diagnosis.diagnose import diagnose
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.by_joint import diagnose_by_joint
@@ -46,6 +47,16 @@ SERVO = """<mujoco><worldbody><body><joint name="axis" axis="0 0 1" damping="0.1
 
 def parameters(*names: str) -> list[Parameter]:
     return [Parameter(name, "1", 0.0, 10.0, 0.0, null=0.0) for name in names]
+
+
+LINKS = "".join(
+    f"""<body pos="0 0 -0.2"><joint name="j{k}" axis="{k % 2} {1 - k % 2} 0" damping="0.02"/>
+<inertial pos="0 0 -0.1" mass="0.5" diaginertia="0.002 0.002 0.001"/>"""
+    for k in range(5)
+)
+SERVOS = "".join(f'<position name="s{k}" joint="j{k}" kp="8" kv="0.6"/>' for k in range(5))
+CHAIN = f"""<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>{LINKS}
+</body></body></body></body></body></worldbody><actuator>{SERVOS}</actuator></mujoco>"""
 
 
 def test_a_late_encoder_is_what_makes_a_log_with_a_shifted_column(tmp_path: Path) -> None:
@@ -146,6 +157,26 @@ def test_a_joint_is_told_apart_within_its_group(tmp_path: Path) -> None:
     torque = found["model"]["parameters"]["dry_friction_right_knee_joint.torque"]
     assert torque["value"] == pytest.approx(0.1, rel=0.1)
     assert "told apart" in found["notes"][0]
+
+
+@pytest.mark.parametrize("frictions", [(0.3, 0.1, 0.2, 0.05, 0.0), (0.1,) * 5])
+def test_each_joint_of_a_chain_has_friction_of_its_own_size(
+    tmp_path: Path, frictions: tuple[float, ...]
+) -> None:
+    def hide(model: mujoco.MjModel) -> None:
+        model.dof_frictionloss[:] = frictions
+
+    windows = {"length_s": 0.5, "most": 16}
+    case = read_case(write_folder(tmp_path, CHAIN, windows=windows, change=hide))
+    kept = ("dry_friction_each_hinge", "dry_friction_all_hinges", "viscous_friction_all_hinges")
+    others = [n for n, e in case.model.effects.items() if e.depends_on is None and n not in kept]
+    effort = Effort(some=16, tried=3, finalists=1)
+    found = diagnose(case.question(others, (), Rule(), effort), lambda known: None)
+    alike = len({*frictions}) == 1
+    assert found["verdict"] == [kept[alike]]
+    sizes = found["model"]["parameters"]
+    names = [f"{kept[alike]}.torque" + f"_j{k}" * (not alike) for k in range(5)]
+    np.testing.assert_allclose([sizes[n]["value"] for n in names], frictions, atol=0.015)
 
 
 def test_one_signal_beyond_its_floor_is_not_lost_among_many_at_theirs(tmp_path: Path) -> None:

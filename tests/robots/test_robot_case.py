@@ -490,6 +490,23 @@ def test_a_drive_of_another_sign_or_unit_is_told(tmp_path: Path) -> None:
     assert read_case(folder).notes[0].startswith("With u_motor of the other sign")
 
 
+def test_nothing_is_named_that_predicts_worse_than_joints_that_go_on_as_they_moved(
+    tmp_path: Path,
+) -> None:
+    """Whatever slows a hopeless model down lowers its error by much, and explains nothing."""
+    xml = SLIDER.replace('ctrllimited="true" ctrlrange="-10 10"', "")
+    folder = rewrite(write_folder(tmp_path, xml), pl.col("u_motor").sin() * 100)
+    case = read_case(folder)
+    record = case.model.records[0]
+    path = case.model.idle([record])[0]
+    speed = np.diff(path[:, 0]) / np.diff(record.times_s)
+    np.testing.assert_allclose(speed, speed[0], rtol=1e-3)
+    said = diagnosed(case)
+    errors = {row["effect"]: row["realised_typical_error_percent"] for row in said["ranking"]}
+    assert errors["viscous_friction_axis"] < said["ladder"][0]["heldout_typical_error_percent"] / 5
+    assert said["code"] == "cannot tell" and "Joints that go on as they moved" in said["sentence"]
+
+
 @pytest.mark.parametrize("tuned", [True, False])
 def test_windows_are_as_long_as_the_model_that_was_found_predicts(
     tmp_path: Path, tuned: bool

@@ -167,7 +167,8 @@ class RobotCase:
         known = Known(tuple(old.effects[name] for name in last["effects"]), values)
         noise = old.units.noise * old.units.si
         case = _case(self.robot, self.logs, noise, old.rollout.threads, known)
-        if not _pays(case.length_s / self.length_s, self.floor.percent / case.floor.percent):
+        longer, lower = case.length_s / self.length_s, self.floor.percent / case.floor.percent
+        if longer < 1 or max(longer, lower) < BETTER:
             return None
         why = (
             f"First {' and '.join(old.effects[name].text for name in found['verdict'])} was named, "
@@ -204,7 +205,7 @@ def _case(
     _refuse_divergence(robot, model)
     if not (holds or known.effects or loose(robot.model).any()):
         free = _cut(starts, threads, known.without_forces(robot.model))
-        if _pays(free[2] / length_s, floor.percent / free[1].percent):
+        if free[2] >= BETTER * length_s:
             model, floor, length_s, _ = free
             hints.append(_why_idle(robot))
     sizes = replace(sizes_of(robot, logs, starts), window_s=length_s)
@@ -244,11 +245,6 @@ def _why_idle(robot: RobotFile) -> str:
         "which holds windows were cut. Look whether a unit, a sign or a column in robot.yaml is "
         f"wrong{'' if robot.tune else tuned}."
     )
-
-
-def _pays(longer: float, lower: float) -> bool:
-    """Tell whether windows are so much longer, or their floor so much lower, and none shorter."""
-    return longer >= 1 and max(longer, lower) >= BETTER
 
 
 def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:
