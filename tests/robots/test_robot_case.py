@@ -500,10 +500,10 @@ def test_nothing_is_named_that_predicts_worse_than_joints_that_go_on_as_they_mov
     record = case.model.records[0]
     path = case.model.idle([record])[0]
     speed = np.diff(path[:, 0]) / np.diff(record.times_s)
-    np.testing.assert_allclose(speed, speed[0], rtol=1e-3)
+    np.testing.assert_allclose(speed, speed[0], rtol=1e-2)
     said = diagnosed(case)
     errors = {row["effect"]: row["realised_typical_error_percent"] for row in said["ranking"]}
-    assert errors["viscous_friction_axis"] < said["ladder"][0]["heldout_typical_error_percent"] / 5
+    assert errors["dry_friction_axis"] < said["ladder"][0]["heldout_typical_error_percent"] / 5
     assert said["code"] == "cannot tell" and "Joints that go on as they moved" in said["sentence"]
 
 

@@ -188,7 +188,9 @@ def decide(
     if shown or (far and (imitated or not floor.is_least)):
         return Verdict(Code.UNKNOWN, (), near, left)
     if far:  # above the sensors' noise, and repeats may differ by as much
-        return Verdict(Code.CANNOT_TELL, (), _best(found) if found.is_idle else near, left)
+        if found.is_idle:
+            near = tuple(r for r in _best(found) if found.typical(r) < found.known_scales.base)
+        return Verdict(Code.CANNOT_TELL, (), near, left)
     lacks = unfinished or imitated or left.enough
     return Verdict(Code.NONE, (), near, Unexplained() if lacks else None)
 

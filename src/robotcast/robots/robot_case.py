@@ -241,9 +241,9 @@ def _cut(
 def _why_idle(robot: RobotFile) -> str:
     tuned = ", or let tune fit damping, frictionloss and armature of the joints first"
     return (
-        "The model as it is predicts worse than joints that go on as they moved, for as long as "
-        "which holds windows were cut. Look whether a unit, a sign or a column in robot.yaml is "
-        f"wrong{'' if robot.tune else tuned}."
+        "The model as it is predicts worse than joints that go on as they moved, and windows were "
+        "cut as long as that holds. Look whether a unit, a sign or a column in robot.yaml is wrong"
+        f"{'' if robot.tune else tuned}."
     )
 
 
