@@ -8,7 +8,6 @@ import numpy as np
 import polars as pl
 import pytest
 
-from robotcast.diagnosis.diagnose import diagnose
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.by_joint import diagnose_by_joint
@@ -23,6 +22,7 @@ from robotcast.robots.effects import (
 )
 from robotcast.robots.library import alone, candidates, parts_of
 from robotcast.robots.model_fields import OneModel, Payload, load
+from robotcast.robots.patch import write_patched
 from robotcast.robots.robot_case import RobotCase, read_case
 from tests.robots.made_up_robot import ARM, PERIOD_S, diagnosed, rewrite, write_folder
 
@@ -50,11 +50,11 @@ def parameters(*names: str) -> list[Parameter]:
 
 
 LINKS = "".join(
-    f"""<body pos="0 0 -0.2"><joint name="j{k}" axis="{k % 2} {1 - k % 2} 0" damping="0.02"/>
+    f"""<body pos="0 0 -0.2"><joint name="j.{k}" axis="{k % 2} {1 - k % 2} 0" damping="0.02"/>
 <inertial pos="0 0 -0.1" mass="0.5" diaginertia="0.002 0.002 0.001"/>"""
     for k in range(5)
 )
-SERVOS = "".join(f'<position name="s{k}" joint="j{k}" kp="8" kv="0.6"/>' for k in range(5))
+SERVOS = "".join(f'<position name="s{k}" joint="j.{k}" kp="8" kv="0.6"/>' for k in range(5))
 CHAIN = f"""<mujoco><option timestep="0.001" integrator="implicitfast"/><worldbody>{LINKS}
 </body></body></body></body></body></worldbody><actuator>{SERVOS}</actuator></mujoco>"""
 
@@ -159,9 +159,16 @@ def test_a_joint_is_told_apart_within_its_group(tmp_path: Path) -> None:
     assert "told apart" in found["notes"][0]
 
 
-@pytest.mark.parametrize("frictions", [(0.3, 0.1, 0.2, 0.05, 0.0), (0.1,) * 5])
-def test_each_joint_of_a_chain_has_friction_of_its_own_size(
-    tmp_path: Path, frictions: tuple[float, ...]
+@pytest.mark.parametrize(
+    ("frictions", "name"),
+    [
+        ((0.3, 0.1, 0.2, 0.05, 0.15), "each_hinge"),
+        ((0.3, 0.0, 0.2, 0.0, 0.0), "j.0_and_j.2"),
+        ((0.1,) * 5, "all_hinges"),
+    ],
+)
+def test_joints_of_a_chain_have_friction_of_another_size_each(
+    tmp_path: Path, frictions: tuple[float, ...], name: str
 ) -> None:
     def hide(model: mujoco.MjModel) -> None:
         model.dof_frictionloss[:] = frictions
@@ -171,12 +178,31 @@ def test_each_joint_of_a_chain_has_friction_of_its_own_size(
     kept = ("dry_friction_each_hinge", "dry_friction_all_hinges", "viscous_friction_all_hinges")
     others = [n for n, e in case.model.effects.items() if e.depends_on is None and n not in kept]
     effort = Effort(some=16, tried=3, finalists=1)
-    found = diagnose(case.question(others, (), Rule(), effort), lambda known: None)
-    alike = len({*frictions}) == 1
-    assert found["verdict"] == [kept[alike]]
-    sizes = found["model"]["parameters"]
-    names = [f"{kept[alike]}.torque" + f"_j{k}" * (not alike) for k in range(5)]
-    np.testing.assert_allclose([sizes[n]["value"] for n in names], frictions, atol=0.015)
+    found = diagnose_by_joint(case, case.question(others, (), Rule(), effort), lambda known: None)
+    effect = f"dry_friction_{name.replace('.', '_')}"
+    assert found["verdict"] == [effect]
+    sizes = [p["value"] for p in found["model"]["parameters"].values()]
+    true = list(dict.fromkeys(f for f in frictions if f))
+    np.testing.assert_allclose(sizes, true, atol=0.015)
+    write_patched(case.robot, case.model.effects, found["model"], tmp_path / "new.xml")
+    new = mujoco.MjModel.from_xml_path(str(tmp_path / "new.xml"))
+    np.testing.assert_allclose(new.dof_frictionloss, frictions, atol=0.015)
+
+
+@pytest.mark.parametrize(
+    ("tuned", "left"),
+    [
+        ("joint[j.1].frictionloss", {"all_hinges": (0, 1, 2, 3, 4), "each_hinge": (0, 2, 3, 4)}),
+        ("joint[*].frictionloss", {"each_hinge": (0, 1, 2, 3, 4)}),
+    ],
+)
+def test_what_is_tuned_is_no_candidate(
+    tmp_path: Path, tuned: str, left: dict[str, tuple[int, ...]]
+) -> None:
+    windows, tune = {"length_s": 0.5, "most": 16}, {tuned: [0.0, 1.0]}
+    case = read_case(write_folder(tmp_path, CHAIN, logs=2, windows=windows, tune=tune))
+    dry = {n.removeprefix("dry_friction_"): e for n, e in case.model.effects.items()}
+    assert {n: dry[n].where.dofs for n in ("all_hinges", "each_hinge") if n in dry} == left
 
 
 def test_one_signal_beyond_its_floor_is_not_lost_among_many_at_theirs(tmp_path: Path) -> None:

@@ -349,7 +349,8 @@ def test_effects_of_single_joints_may_act_or_be_left_out_from_the_start(tmp_path
     asked = case.question(["dry_friction_elbow"], ["viscous_friction_elbow"], *some)
     assert asked.fixed == ("viscous_friction_elbow",)
     assert "viscous_friction_arm" in asked.candidates
-    assert asked.candidates == case.question([], [], *some).candidates  # of groups, both times
+    more = {*case.question([], [], *some).candidates} - {*asked.candidates}
+    assert more == {"dry_friction_each_joint_of_arm"}  # which the elbow is part of
     inquiry = Inquiry(asked.model, asked.records, 1.0)
     assert inquiry.residuals(asked.fixed)(inquiry.nominal(asked.fixed)[None], np.arange(2)).size
     nearest = "effects: no effect is called viscous_elbow; nearest is viscous_friction_elbow"
@@ -500,10 +501,10 @@ def test_nothing_is_named_that_predicts_worse_than_joints_that_go_on_as_they_mov
     record = case.model.records[0]
     path = case.model.idle([record])[0]
     speed = np.diff(path[:, 0]) / np.diff(record.times_s)
-    np.testing.assert_allclose(speed, speed[0], rtol=1e-2)
+    np.testing.assert_allclose(speed, speed[0])
     said = diagnosed(case)
     errors = {row["effect"]: row["realised_typical_error_percent"] for row in said["ranking"]}
-    assert errors["dry_friction_axis"] < said["ladder"][0]["heldout_typical_error_percent"] / 5
+    assert errors["drive_gain_axis"] < said["ladder"][0]["heldout_typical_error_percent"] / 5
     assert said["code"] == "cannot tell" and "Joints that go on as they moved" in said["sentence"]
 
 

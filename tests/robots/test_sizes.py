@@ -31,7 +31,7 @@ def test_what_holds_a_joint_may_be_as_large_as_what_drives_it(tmp_path: Path) ->
 
     case = read_case(write_folder(tmp_path, change=stick))
     pushed = np.concatenate([log.drive for log in case.model.rollout.logs])
-    np.testing.assert_allclose(case.sizes.missing, np.sqrt((pushed**2).mean()), rtol=0.1)
+    np.testing.assert_allclose(case.sizes.driven, np.sqrt((pushed**2).mean()), rtol=0.1)
     torque = case.model.effects["dry_friction_axis"].parameters[0]
     assert torque.upper > np.abs(pushed).max()
 

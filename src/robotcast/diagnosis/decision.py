@@ -68,7 +68,7 @@ def look_for_the_unknown(
         return Unexplained()
     best = min(revisions, key=lambda one: inquiry.expected_loss(one.effects, one.fit))
     rung = Rung(best, held_out(inquiry, best, effort))
-    enough = found.gain(found.base, rung).pays(scales.rule, len(fields))
+    enough = found.gain(found.base, rung).pays(scales.rule, len(fields)) and found.predicts(rung)
     return Unexplained(best.effects[-1], rung, enough, len(fields))
 
 
@@ -188,8 +188,6 @@ def decide(
     if shown or (far and (imitated or not floor.is_least)):
         return Verdict(Code.UNKNOWN, (), near, left)
     if far:  # above the sensors' noise, and repeats may differ by as much
-        if found.is_idle:
-            near = tuple(r for r in _best(found) if found.typical(r) < found.known_scales.base)
         return Verdict(Code.CANNOT_TELL, (), near, left)
     lacks = unfinished or imitated or left.enough
     return Verdict(Code.NONE, (), near, Unexplained() if lacks else None)
@@ -218,7 +216,7 @@ def _name_for(found: Found, left: Unexplained) -> Found | None:
     rule, likely = found.known_scales.rule, []
     for rung in found.judged.values():
         gain = found.gain(found.base, rung)
-        if gain.matters(rule, rule.mostly) and gain.p_value < rule.equal:
+        if found.predicts(rung) and gain.matters(rule, rule.mostly) and gain.p_value < rule.equal:
             likely.append((len(rung.effects), found.typical(rung), rung.effects))
     if not likely:
         return None
@@ -262,7 +260,7 @@ def _imitates(found: Found, left: Unexplained) -> bool:
     floor, or beyond what a field that pays leaves and honest models may differ by.
     """
     rule, reach = found.known_scales.rule, found.known_scales.floor.reach
-    before, after = found.known_scales.base, found.typical(found.top)
+    before, after = found.typical(found.base), found.typical(found.top)
     if left.rung is not None:
         beside, gain = found.typical(left.rung), found.gain(found.top, left.rung)
         refuted = after - beside > rule.mostly * (after - reach)
@@ -274,6 +272,6 @@ def _imitates(found: Found, left: Unexplained) -> bool:
 
 
 def _best(found: Found) -> tuple[Rung, ...]:
-    """Return the judged model with effects that predicts best, if any was judged."""
+    """Return the judged model with effects that predicts best."""
     others = [rung for rung in found.judged.values() if rung is not found.base]
-    return tuple(sorted(others, key=found.typical)[:1])
+    return (min(others, key=found.typical),)

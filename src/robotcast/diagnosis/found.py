@@ -65,25 +65,16 @@ class Found:
         return self.known_scales.typical(rung.errors.waypoint)
 
     def gain(self, before: Rung, after: Rung) -> Gain:
-        """Return what one model saves over another, or what it explains beside the base model."""
-        first = before.errors.waypoint
-        if before.effects == self.base.effects:
-            first = self.to_beat(self.known_scales)
-        return self.known_scales.gain(first, after.errors.waypoint)
+        """Return what one model saves over another."""
+        return self.known_scales.gain(before.errors.waypoint, after.errors.waypoint)
 
-    def to_beat(self, scales: Scales) -> np.ndarray:
-        """Return what a model must miss less than to explain anything, (n_trials,).
+    def predicts(self, rung: Rung) -> bool:
+        """Tell whether a model predicts better than if nothing acted.
 
-        That is what the base model misses, or, where it predicts worse, one in which nothing acts:
-        whatever slows that model down would else seem to be missing.
+        Whatever slows a hopeless model down lowers its error, and explains nothing.
         """
-        own = self.base.errors.waypoint
-        return own if self.idle is None else min(own, self.idle, key=scales.typical)
-
-    @property
-    def is_idle(self) -> bool:
-        """Tell whether the base model predicts worse than one in which nothing acts."""
-        return self.idle is not None and self.to_beat(self.known_scales) is self.idle
+        idle = self.idle
+        return idle is None or self.typical(rung) < self.known_scales.typical(idle)
 
     def above(self, rung: Rung, times: float) -> bool:
         """Tell whether a model lies so many times above the floor."""
@@ -125,7 +116,8 @@ class Found:
     @property
     def near(self) -> tuple[Rung, ...]:
         """Judged models that promise to pay over the chosen one, the best first."""
-        larger = [r for effects, r in self.judged.items() if len(effects) > len(self.chosen)]
+        judged = {e: r for e, r in self.judged.items() if self.predicts(r)}
+        larger = [r for effects, r in judged.items() if len(effects) > len(self.chosen)]
         rule = self.known_scales.rule
         hopeful = [rung for rung in larger if self.gain(self.top, rung).promises(rule)]
         return tuple(sorted(hopeful, key=self.typical))

@@ -50,7 +50,7 @@ def sentence(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording,
         said = (
             "No effect of the library is confirmed: the typical error on held-out "
             f"{trials} stays at {before:.2f} {unit}{beside}."
-            f"{_left(found, verdict, times, where, wording)}"
+            f"{_left(found, verdict, times, where, wording, unit)}"
         )
     return f"{said}{near}{_blunders(usual, wording)}"
 
@@ -81,14 +81,16 @@ def _times(found: Found, middle: float, wording: Wording) -> str:
     return f"{times} in the {wording.trial} in the middle, and {whole:.1f} times over all"
 
 
-def _left(found: Found, verdict: Verdict, times: str, where: str, wording: Wording) -> str:
+def _left(
+    found: Found, verdict: Verdict, times: str, where: str, wording: Wording, unit: str
+) -> str:
     if verdict.code is Code.CANNOT_TELL:
         if not times:
             return " Nothing was repeated, so nobody can say how much of it is noise."
-        if found.is_idle:
+        if not found.predicts(found.base):
             assert found.idle is not None
-            error = f"{np.median(found.idle[found.known_scales.usual]):.2f}"
-            return f" {wording.idle} miss {error}, and no effect is confirmed to do better."
+            error = f"{np.median(found.idle[found.known_scales.usual]):.2f} {unit}"
+            return f" {wording.idle} miss {error}, and nothing is named that misses more than that."
         beside = "how much of it differs from run to run, repeats would tell"
         return f" That is {times}{_most(where)}. Nothing that was tried explains it; {beside}."
     if verdict.left is None:

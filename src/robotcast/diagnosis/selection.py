@@ -198,7 +198,9 @@ class Selection:
         named, least = self.found.named, self._rule.material
         base = self.early.expected_error(self._fixed)
         own = [self._inquiry.model.effects[name] for name in named]
-        kinds = {(type(e), *((p.name, p.unit) for p in e.parameters)) for e in own}
+        kinds = {
+            getattr(e, "kind", (type(e), *((p.name, p.unit) for p in e.parameters))) for e in own
+        }
         parts = self.early.parts(self._fixed, named, len(named) - 1) if len(kinds) > 1 else []
         saved = [base - self.early.expected_error(effects) for effects in parts]
         together = bool(parts) and not any(some > least * base for some in saved)
@@ -322,17 +324,18 @@ class Selection:
         found = self.found
         known = usual([r.errors.low for r in found.judged.values()], self._floor, self._rule)
         scales = Scales(self._floor, 1.0, self._inquiry.groups, known, self._rule)
-        scales = replace(scales, base=scales.typical(found.to_beat(scales)))
+        scales = replace(scales, base=scales.typical(found.base.errors.waypoint))
         self.found = found = replace(found, scales=scales)
         gains = {e: found.gain(found.base, r) for e, r in found.judged.items()}
         judged = {e: replace(r, gain=gains[e]) for e, r in found.judged.items()}
         chosen = self._fixed
-        for size in sorted({len(effects) for effects in judged}):
-            simplest = self._simplest([judged[e] for e in judged if len(e) == size])
+        hopeful = {e: r for e, r in judged.items() if e == self._fixed or found.predicts(r)}
+        for size in sorted({len(effects) for effects in hopeful}):
+            simplest = self._simplest([hopeful[e] for e in hopeful if len(e) == size])
             if size > len(self._fixed) and not self._pays(gains[simplest]):
                 continue
             chosen = simplest
-            larger = [rung for effects, rung in judged.items() if len(effects) > size]
+            larger = [rung for effects, rung in hopeful.items() if len(effects) > size]
             if not any(self._pays(found.gain(judged[chosen], rung)) for rung in larger):
                 break
         if parts := found.enough(chosen):

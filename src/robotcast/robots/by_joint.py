@@ -13,6 +13,7 @@ from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.library import library_at
 from robotcast.diagnosis.report import unexplained
 from robotcast.robots.effect import RobotEffect
+from robotcast.robots.library import of_joints
 from robotcast.robots.robot_case import RobotCase, draw_field
 from robotcast.running import Progress, silent
 
@@ -68,6 +69,7 @@ def diagnose_by_joint(
         why = f"First, of a group: {' + '.join(named)}. Then its joints were told apart."
         cases = Inquiry(case.model, question.records, 1.0).special_cases
         own += [one for n in own for one in cases(n, laws)]
+        own += [some.name for some in _those_that_have_it(found, effects)]
         asked = replace(question, candidates=list(dict.fromkeys([*named, *own])))
         found = ask(asked, found, why)
     while laws and _unfinished(question, found):
@@ -93,6 +95,24 @@ def diagnose_by_joint(
     return found
 
 
+def _those_that_have_it(
+    found: Mapping[str, Any], effects: dict[str, RobotEffect]
+) -> list[RobotEffect]:
+    """Return, and add, what was named of another size in each joint, for those that have it."""
+    sizes, some = found["model"].get("parameters", {}), []
+    for one in [effects[n] for n in found["verdict"] if n in effects and effects[n].where.each]:
+        known = [sizes[f"{one.name}.{p.name}"] for p in one.parameters]
+        sure = [dof for dof, p in zip(one.where.dofs, known, strict=True) if not _is_null(p)]
+        if 1 < len(sure) < len(known):
+            some.append(of_joints(one, sure))
+    effects.update({one.name: one for one in some})
+    return some
+
+
+def _is_null(size: Mapping[str, float]) -> bool:
+    return size["low"] <= size["null"] <= size["high"]
+
+
 def _same(one: RobotEffect, other: RobotEffect) -> bool:
     """Tell whether two effects do the same to a group and to a part of it, or to each joint."""
     return one.is_part_of(other) or other.is_part_of(one)
@@ -108,7 +128,7 @@ def _of_single_joints(case: RobotCase, question: Case) -> dict[str, RobotEffect]
         if not any(effects[other].is_part_of(e) for other in tried)
     ]
     others = {n: e for n, e in case.of_single_parts.items() if n not in effects}
-    return {n: e for n, e in others.items() if not any(map(e.is_part_of, left_out))}
+    return {n: e for n, e in others.items() if not any(_same(e, one) for one in left_out)}
 
 
 def _look_at(
@@ -125,7 +145,8 @@ def _look_at(
     others = [n for n in laws if n not in named]
     if not others or len(named) == question.rule.most_effects:
         return found
-    parts = [n for n in others if any(effects[n].is_part_of(effects[name]) for name in named)]
+    among = (n for n in dict.fromkeys([*others, *question.candidates]) if n not in named)
+    parts = [n for n in among if any(effects[n].is_part_of(effects[name]) for name in named)]
     promising = _promising(case, question, found, named, others)
     promising += [n for n in parts if n not in promising]
     why += (

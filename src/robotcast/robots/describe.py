@@ -239,8 +239,9 @@ class _Guess:
             place, unit = self.measured.get(f"joint[{joint}].position", ("", "rad"))
             if not place:
                 return "deg/s" if most > FAST else "rad/s"
-            rate = np.gradient(self._numbers(place) * UNITS["rad"][unit], times_s)
-            return "deg/s" if np.nanstd(values) > MORE * np.nanstd(rate) else "rad/s"
+            seen = np.isfinite(turned := self._numbers(place) * UNITS["rad"][unit])
+            rate = np.gradient(turned[seen], times_s[seen]) if seen.sum() > 1 else np.zeros(1)
+            return "deg/s" if np.nanstd(values) > MORE * np.std(rate) else "rad/s"
         if self._model.jnt_limited[number]:
             far = most > max(FAR, 2 * np.abs(self._model.jnt_range[number]).max())
         else:

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any
@@ -22,6 +23,7 @@ from robotcast.robots.sizes import Sizes
 from robotcast.robots.transmission import FILTERS, drives_of, is_plain, is_servo
 
 FEW_JOINTS = 4  # up to as many, each is looked at alone; of more, groups of them
+MANY_JOINTS = 8  # of more, a size for each is only looked at where one for all was named
 NEAR = 5  # names that are said where one is wrong
 FIELD_KNOTS = np.array([-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0])
 PLACES = 21  # of a field over the range of positions: ripple has several waves there
@@ -60,8 +62,9 @@ def candidates(
         kinds = (entry["part"], *entry.get("also", ()))
         for where in (one for kind in kinds for one in parts.get(kind, ())):
             effect = _made(robot, name, entry, where, sizes)
-            if effect is not None and not _tuned(robot, effect):
-                found.append(effect)
+            if effect is not None and isinstance(effect, ModelField):
+                effect = _untuned(robot, effect)
+            found += [effect] if effect is not None else []
     joints = (*parts["joint"], *parts.get("free motion", ()))
     return (*found, *_fields(robot.model, joints, sizes))
 
@@ -83,7 +86,7 @@ def alone(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     known = {b for one in parts["body"] for b in one.bodies}
     return {
         "joint": joints,
-        "each joint": [own for own in _each(parts["joint"]) if own not in parts["each joint"]],
+        "each joint": [w for w in _each(robot, parts["joint"]) if w not in parts["each joint"]],
         "drive": [*(one for one in joints if one.channels), *(_drive(robot, c) for c in others)],
         "body": [one for one in _links(model, model.dof_bodyid) if not known & {*one.bodies}],
     }
@@ -111,7 +114,11 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     several = sum(bool(one.dofs) for one in drives) > 1
     return {
         "joint": joints,
-        "each joint": [own for own in _each(joints) if _carries(model, own.dofs)],
+        "each joint": [
+            w
+            for w in _each(robot, joints)
+            if len(w.dofs) <= MANY_JOINTS and _carries(model, w.dofs)
+        ],
         "pair": pairs,
         **_free_parts(robot),
         "body": _links(model, bodies),
@@ -121,11 +128,26 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     }
 
 
-def _each(joints: Iterable[Where]) -> list[Where]:
+def _each(robot: RobotFile, joints: Iterable[Where]) -> list[Where]:
     """Return of groups of joints all that they have, each joint for itself."""
-    names = [re.sub("^all_(.*)s$", r"\1", one.name) for one in joints]
-    pairs = zip(joints, names, strict=True)
-    return [replace(one, name=f"each_{n}", each=True) for one, n in pairs if len(one.dofs) > 1]
+    short = {"all_hinges": "each_hinge", "all_slides": "each_slide"}
+    long = "each_joint_of_{}" if robot.groups else "each_{}"
+    several = (one for one in joints if len(one.dofs) > 1)
+    return [replace(w, name=short.get(w.name, long.format(w.name)), each=True) for w in several]
+
+
+def of_joints(effect: RobotEffect, dofs: Sequence[int], name: str = "") -> RobotEffect:
+    """Return an effect that is of another size in each joint, of some of them, called by these."""
+    found, where = copy(effect), effect.where
+    kept = [k for k, dof in enumerate(where.dofs) if dof in dofs]
+    found.parameters = tuple(effect.parameters[k] for k in kept)
+    name = name or "_and_".join(p.name.partition("_")[2] for p in found.parameters)
+    found.where = replace(where, name=name, dofs=tuple(where.dofs[k] for k in kept))
+    found.name = f"{effect.kind}_{name}"
+    found.text = effect.text.replace(where.name.replace("_", " "), name.replace("_", " "))
+    if isinstance(found, ModelField) and isinstance(effect, ModelField):
+        found.writes = {p.name: effect.writes[p.name] for p in found.parameters}
+    return found
 
 
 def _carries(model: mujoco.MjModel, dofs: Iterable[int]) -> bool:
@@ -228,8 +250,8 @@ def _made(
     if where.each:
         ((n, given),) = entry["parameters"].items()
         parameters = [
-            _parameter(f"{n}_{name_of_dof(model, dof)}", given, sizes, one, heaviest)
-            for dof, one in ((dof, replace(where, dofs=(dof,))) for dof in where.dofs)
+            _parameter(f"{n}_{joint}", given, sizes, replace(where, dofs=(dof,)), heaviest)
+            for joint, dof in zip(_words(model, where.dofs), where.dofs, strict=True)
         ]
         if "writes" in more:
             more["writes"] = dict.fromkeys((p.name for p in parameters), more["writes"][n])
@@ -242,6 +264,12 @@ def _made(
     )
     _keep_physical(model, effect)
     return effect
+
+
+def _words(model: mujoco.MjModel, dofs: Sequence[int]) -> list[str]:
+    """Return joints' names without dots, which part effects from parameters, or their numbers."""
+    found = [re.sub(r"\W+", "_", name_of_dof(model, dof)) for dof in dofs]
+    return found if len({*found}) == len(found) else [str(dof) for dof in dofs]
 
 
 def _needed(robot: RobotFile, what: str | None, where: Where, sizes: Sizes) -> bool:
@@ -286,20 +314,23 @@ def _parameter(
 ) -> Parameter:
     """Make a parameter whose numbers are in units of a usual size.
 
-    A joint that sticks, or turns a heavy rotor, needs little torque to move as it does: what brakes
-    it may be as large as what drives it beyond that. A light flange may carry as much as the
-    `heaviest` link weighs, in its own masses; a first look at it is taken in between. What an
-    encoder shows late moved before the window: so much of it is measured, not predicted.
+    A joint that sticks needs little torque to move as it does: what brakes it may be larger, up to
+    what drives it; a rotor may be as heavy as what that accelerates. A light flange may carry as
+    much as the `heaviest` link weighs, in its own masses; a first look at it is taken in between.
+    What an encoder shows late moved before the window: so much of it is measured, not predicted.
     """
     on, null = (given["of"], where.dofs, where.channels), given.get("null_at")
     size, unit = sizes.of(*on)
     nominal = size * (given["nominal"] if null is None else null)
     lower = size * given["lower"]
-    missing = replace(sizes, torque=sizes.missing, inertia=sizes.swung).of(*on)[0] / size
-    wide = max(1.0, given.get("of_missing", 0.0) * missing / given["upper"])
+    driven = replace(sizes, torque=sizes.driven, inertia=sizes.swung).of(*on)[0]
+    wide = max(1.0, driven * given.get("of_swung", 0.0) / size / given["upper"])
+    upper = size * wide * given["upper"]
+    upper = max(
+        upper, driven * given.get("of_driven", 0.0), heaviest * given.get("of_heaviest", 0.0)
+    )
     if "of_heaviest" in given:
-        wide = math.sqrt(max(1.0, heaviest * given["of_heaviest"] / given["upper"]))
-    upper = max(size * wide * given["upper"], heaviest * given.get("of_heaviest", 0.0))
+        wide = math.sqrt(upper / given["upper"])
     upper = min(upper, given.get("of_window", np.inf) * sizes.window_s)
     probes = tuple(size * p * (wide if p > 0 else 1.0) for p in given.get("probes", ()))
     probes = tuple(p for p in probes if p <= upper)
@@ -324,16 +355,34 @@ def _keep_physical(model: mujoco.MjModel, effect: RobotEffect) -> None:
     effect.parameters = tuple(bounded)
 
 
-def _tuned(robot: RobotFile, effect: RobotEffect) -> bool:
-    """Tell whether the nominal fit may already change what an effect changes."""
-    if not isinstance(effect, ModelField):
-        return False
-    own = [at for some in effect.addresses(robot.model).values() for at in some]
-    tuned, changed = (
-        {(at.field, row, at.column, bool(at.along)) for at in some for row in at.rows or (-1,)}
-        for some in ([t.at for t in robot.tune], own)
-    )
-    return changed <= tuned
+def _untuned(robot: RobotFile, effect: ModelField) -> RobotEffect | None:
+    """Return what of an effect the nominal fit leaves: all of it, some joints, or nothing."""
+    tuned = _tuned(robot, effect)
+    if not effect.where.each or not tuned:
+        return None if len(tuned) == len(effect.writes) else effect
+    pairs = zip(effect.where.dofs, effect.parameters, strict=True)
+    left = [dof for dof, p in pairs if p.name not in tuned]
+    return of_joints(effect, left, effect.where.name) if len(left) > 1 else None
+
+
+def _tuned(robot: RobotFile, effect: ModelField) -> list[str]:
+    """Return parameters whose change the nominal fit may make already.
+
+    One number for several joints cannot do what each may have of its own.
+    """
+    tuned = {(t.at.field, t.at.rows, t.at.column, bool(t.at.along)) for t in robot.tune}
+    found = []
+    for name, some in effect.addresses(robot.model).items():
+        places: dict[tuple[str, int | None, bool], list[int]] = {}
+        for at in some:
+            places.setdefault((at.field, at.column, bool(at.along)), []).extend(at.rows)
+        if all(
+            (field, tuple(rows), *more) in tuned
+            or (rows and all((field, (row,), *more) in tuned for row in rows))
+            for (field, *more), rows in places.items()
+        ):
+            found.append(name)
+    return found
 
 
 def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:

@@ -21,7 +21,7 @@ from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import Field
 from robotcast.robots.library import alone, candidates, parts_of, refuse_unknown
 from robotcast.robots.logs import Log, periods, read_logs
-from robotcast.robots.names import loose, name_of_dof, names_of, to_si
+from robotcast.robots.names import name_of_dof, names_of, to_si
 from robotcast.robots.next_motions import Motions, motions
 from robotcast.robots.robot_file import RobotFile, read_robot
 from robotcast.robots.robot_model import Known, RobotFloor, RobotModel, of_quaternions
@@ -109,6 +109,9 @@ class RobotCase:
         refuse_unknown("exclude", exclude, laws)
         refuse_unknown("effects", fixed, [*every])
         self.model.effects.update({n: single[n] for n in (*left_out, *fixed) if n in single})
+        own = [every[n] for n in left_out]  # which what each joint has of it would bring back
+        each = (n for n in laws if every[n].where.each)
+        left_out |= {n for n in each if any(one.is_part_of(every[n]) for one in own)}
         names = [n for n in laws if n not in single]
         asked = Case(
             model=self.model,
@@ -201,13 +204,8 @@ def _case(
         some = Inquiry(model, model.records, 1.0).beginnings(1.0, LOOKED_AT)
         fit = some.fit((), some.nominal(()), TUNING)
         known = Known((), some.values((), fit.vector)[0])
-        model, floor, length_s, holds = _cut(starts, threads, known)
+        model, floor, length_s, _ = _cut(starts, threads, known)
     _refuse_divergence(robot, model)
-    if not (holds or known.effects or loose(robot.model).any()):
-        free = _cut(starts, threads, known.without_forces(robot.model))
-        if free[2] >= BETTER * length_s:
-            model, floor, length_s, _ = free
-            hints.append(_why_idle(robot))
     sizes = replace(sizes_of(robot, logs, starts), window_s=length_s)
     model.effects = {one.name: one for one in candidates(robot, sizes, parts_of(robot))}
     notes = [*hints, *_notes(robot, logs, model.rollout.windows, length_s)]
@@ -236,15 +234,6 @@ def _cut(
         length_s /= 2
     floor = RobotFloor.of(model)
     return model, floor, length_s, holds and floor.step_percent < np.sqrt(0.5) * floor.percent
-
-
-def _why_idle(robot: RobotFile) -> str:
-    tuned = ", or let tune fit damping, frictionloss and armature of the joints first"
-    return (
-        "The model as it is predicts worse than joints that go on as they moved, and windows were "
-        "cut as long as that holds. Look whether a unit, a sign or a column in robot.yaml is wrong"
-        f"{'' if robot.tune else tuned}."
-    )
 
 
 def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:

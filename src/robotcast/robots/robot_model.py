@@ -19,10 +19,9 @@ import numpy as np
 from robotcast.diagnosis.model import Record
 from robotcast.fitting.least_squares import DIFFERENCE
 from robotcast.fitting.parameter import Parameter
-from robotcast.robots.effect import RobotEffect, Where
-from robotcast.robots.effects import ModelField
+from robotcast.robots.effect import RobotEffect
 from robotcast.robots.logs import Log
-from robotcast.robots.names import Signal, loose, turning
+from robotcast.robots.names import Signal, moved, turning
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.rollout import Rollout
 from robotcast.robots.windows import Window
@@ -31,7 +30,6 @@ PART = 0.02  # of how far a signal moves: what is missed by so much counts as on
 MOST_SD = 3.0  # standard deviations that a start state may move by
 FINER = 5  # into how many parts a step is cut to see what it errs by
 DRAWS = 20  # of noise, for what it leaves of a perfect model
-HEAVY = 1e4  # times as heavy as any joint: what forces hardly move
 TRIED = 4  # of starts, for what their slopes leave
 
 
@@ -46,15 +44,6 @@ class Known:
     def nominal(cls, robot: RobotFile) -> "Known":
         """Return the model as it is."""
         return cls((), np.array([p.nominal for p in tuned_parameters(robot)], float))
-
-    def without_forces(self, model: mujoco.MjModel) -> "Known":
-        """Return this model with rotors so heavy that every joint goes on at its speed."""
-        dofs = tuple(np.flatnonzero(~loose(model)).tolist())
-        heavy = HEAVY * float(model.dof_M0.max())
-        inertia = Parameter("inertia", "1", 0.0, heavy, 0.0, null=0.0, probes=(heavy,))
-        where = Where("joints", dofs, (), (), ())
-        rotors = ModelField("rotors", "", [inertia], where, writes={"inertia": ["armature"]})
-        return Known((*self.effects, rotors), np.append(self.values, heavy))
 
 
 @dataclass(frozen=True)
@@ -170,8 +159,20 @@ class RobotModel:
 
     def idle(self, records: Sequence[Record]) -> np.ndarray:
         """Predict windows (n, k, d) as if nothing acted: joints go on as they moved."""
-        free = Known.nominal(self.rollout.robot).without_forces(self.rollout.robot.model)
-        return self._predict(records, free.effects, free.values[None])[0]
+        longest, signals = max(len(r.times_s) for r in records), list(self.rollout.robot.measured)
+        found = np.full((len(records), longest, len(signals)), np.nan)
+        for path, record in zip(found, records, strict=True):
+            window, k = self.rollout.windows[record.trial], len(record.times_s)
+            by = np.outer(record.times_s, window.qvel)
+            qpos = moved(self.rollout.robot.model, np.tile(window.qpos, (k, 1)), by)
+            for column, at in enumerate(signals):
+                if at.kind in ("position", "turn"):
+                    path[:k, column] = qpos[:, at.index] / self.units.si[column]
+                elif at.kind == "velocity":
+                    path[:k, column] = window.qvel[at.dof] / self.units.si[column]
+                else:
+                    path[:k, column] = record.measured[0, column]
+        return found
 
     @cached_property
     def nominal_misses(self) -> list[np.ndarray]:

@@ -43,10 +43,10 @@ class Sizes:
     Attributes
     ----------
     torque : of what moves a joint and holds it, and of its own inertial torque.
-    missing : of what drives a joint beyond that: friction may eat it up, or a rotor.
+    driven : the same, or what a joint is driven by where that is more: it may stick.
     position, speed : about the mean position, and of the speed.
     inertia : of a joint with all that hangs on it.
-    swung : what `missing` accelerates as the joint usually is.
+    swung : inertia that what drives a joint beyond what it needs goes along with.
     lowest, highest : the range of positions.
     command : the largest that was commanded of every channel, (n_channels,).
     reach_m : how far the bodies' centres lie from the joints, the median.
@@ -69,7 +69,7 @@ class Sizes:
     log_s: float
     reach_m: float
     touches: bool
-    missing: np.ndarray
+    driven: np.ndarray
     wave: np.ndarray
     logs: int
     window_s: float = np.inf
@@ -181,8 +181,8 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
     most = np.where(loose(model), 0.0, np.quantile(np.abs(found.held), OFTEN, axis=0))
     moves = found.needed + found.held - np.clip(found.held, -most, most)
     torque = np.hypot(found.inertia * found.acceleration, moves)
-    missing = np.abs(found.given - moves)
-    missing = np.minimum(missing, np.quantile(missing, OFTEN, axis=0))
+    given = np.abs(found.given)
+    given = np.minimum(given, np.quantile(given, OFTEN, axis=0))
     # where a tied joint hardly moves what moves others, these are as heavy as can be: no usual size
     mean = np.median if model.neq else np.mean
     own, position = mean(found.inertia, axis=0), found.position
@@ -192,16 +192,16 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         return np.maximum(found, STILL * found.max() + 1e-12)
 
     usual, kinds = own * size(torque / own), model.jnt_type[model.dof_jntid]
-    missing = np.sqrt(mean(missing**2, axis=0))
+    with_it = np.sum((found.given - moves) * found.acceleration, axis=0)
     reach_m = np.linalg.norm(model.body_ipos[1:], axis=1)
     by_joint = (position.T, found.speed.T, found.acceleration.T, found.missing.T)
     return Sizes(
         torque=usual,
-        missing=missing,
+        driven=np.maximum(usual, np.sqrt(mean(given**2, axis=0))),
         speed=size(found.speed),
         position=size(position - position.mean(axis=0)),
         inertia=own,
-        swung=missing / size(found.acceleration),
+        swung=np.maximum(with_it / np.sum(found.acceleration**2, axis=0), 0.0),
         lowest=position.min(axis=0),
         highest=position.max(axis=0),
         hinge=turning(model) | (kinds == int(mujoco.mjtJoint.mjJNT_HINGE)),
