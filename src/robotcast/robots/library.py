@@ -114,11 +114,7 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     several = sum(bool(one.dofs) for one in drives) > 1
     return {
         "joint": joints,
-        "each joint": [
-            w
-            for w in _each(robot, joints)
-            if len(w.dofs) <= MANY_JOINTS and _carries(model, w.dofs)
-        ],
+        "each joint": [w for w in _each(robot, joints) if _differ(model, w.dofs)],
         "pair": pairs,
         **_free_parts(robot),
         "body": _links(model, bodies),
@@ -150,14 +146,14 @@ def of_joints(effect: RobotEffect, dofs: Sequence[int], name: str = "") -> Robot
     return found
 
 
-def _carries(model: mujoco.MjModel, dofs: Iterable[int]) -> bool:
-    """Tell whether one of some joints carries another, so that they are not alike."""
-    parents = {int(model.dof_parentid[dof]) for dof in dofs}
-    while parents - {-1}:
-        if parents & {*dofs}:
-            return True
-        parents = {int(model.dof_parentid[dof]) for dof in parents - {-1}}
-    return False
+def _depth(model: mujoco.MjModel, dof: int) -> int:
+    """Return how many degrees of freedom carry one, and itself."""
+    return 1 + _depth(model, int(model.dof_parentid[dof])) if dof >= 0 else 0
+
+
+def _differ(model: mujoco.MjModel, dofs: Sequence[int]) -> bool:
+    """Tell whether joints are few, and at other depths in the tree, as those of an arm are."""
+    return len(dofs) <= MANY_JOINTS and len({_depth(model, dof) for dof in dofs}) > 1
 
 
 def _links(model: mujoco.MjModel, bodies: Iterable[int]) -> list[Where]:
@@ -184,10 +180,8 @@ def _groups(model: mujoco.MjModel) -> dict[str, tuple[int, ...]]:
         return {name_of_dof(model, dof): (dof,) for dof in single}
     alike: dict[tuple[int, int], list[int]] = {}
     for dof in single:
-        depth, parent = 0, int(model.dof_parentid[dof])
-        while parent >= 0:
-            depth, parent = depth + 1, int(model.dof_parentid[parent])
-        alike.setdefault((int(model.jnt_type[model.dof_jntid[dof]]), depth), []).append(dof)
+        kind = int(model.jnt_type[model.dof_jntid[dof]]), _depth(model, dof)
+        alike.setdefault(kind, []).append(dof)
     if len(alike) > FEW_JOINTS:  # a chain
         kinds = model.jnt_type[model.dof_jntid]
         found = {"all_hinges": np.flatnonzero(kinds == 3), "all_slides": np.flatnonzero(kinds == 2)}

@@ -201,7 +201,7 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         speed=size(found.speed),
         position=size(position - position.mean(axis=0)),
         inertia=own,
-        swung=np.maximum(with_it / np.sum(found.acceleration**2, axis=0), 0.0),
+        swung=np.maximum(with_it / (np.sum(found.acceleration**2, axis=0) + 1e-30), 0.0),
         lowest=position.min(axis=0),
         highest=position.max(axis=0),
         hinge=turning(model) | (kinds == int(mujoco.mjtJoint.mjJNT_HINGE)),
