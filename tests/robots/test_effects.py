@@ -181,6 +181,8 @@ def test_joints_of_a_chain_have_friction_of_another_size_each(
     found = diagnose_by_joint(case, case.question(others, (), Rule(), effort), lambda known: None)
     effect = f"dry_friction_{name.replace('.', '_')}"
     assert found["verdict"] == [effect]
+    again = read_case(tmp_path).question([], [effect], Rule(), effort)
+    assert again.fixed == (effect,) and effect in again.model.effects
     sizes = [p["value"] for p in found["model"]["parameters"].values()]
     true = list(dict.fromkeys(f for f in frictions if f))
     np.testing.assert_allclose(sizes, true, atol=0.015)

@@ -146,6 +146,17 @@ def of_joints(effect: RobotEffect, dofs: Sequence[int], name: str = "") -> Robot
     return found
 
 
+def effect_of_joints(name: str, effects: Iterable[RobotEffect]) -> RobotEffect | None:
+    """Return the effect of this name that `of_joints` makes of one of others, if any."""
+    for one in (e for e in effects if e.where.each):
+        joints = name.removeprefix(f"{one.kind}_").split("_and_")
+        pairs = zip(one.where.dofs, one.parameters, strict=True)
+        dofs = [dof for dof, p in pairs if p.name.partition("_")[2] in joints]
+        if len(dofs) > 1 and (found := of_joints(one, dofs)).name == name:
+            return found
+    return None
+
+
 def _depth(model: mujoco.MjModel, dof: int) -> int:
     """Return how many degrees of freedom carry one, and itself."""
     return 1 + _depth(model, int(model.dof_parentid[dof])) if dof >= 0 else 0

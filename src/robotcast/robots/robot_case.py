@@ -19,7 +19,13 @@ from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.starts import spread
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import Field
-from robotcast.robots.library import alone, candidates, parts_of, refuse_unknown
+from robotcast.robots.library import (
+    alone,
+    candidates,
+    effect_of_joints,
+    parts_of,
+    refuse_unknown,
+)
 from robotcast.robots.logs import Log, periods, read_logs
 from robotcast.robots.names import name_of_dof, names_of, to_si
 from robotcast.robots.next_motions import Motions, motions
@@ -102,8 +108,11 @@ class RobotCase:
         No window is left out as measured wrongly: logs are checked for that, and one that every
         model misses from its start on is one in which a joint sticks.
         """
-        left_out, single = {*exclude, *self.robot.exclude}, self.of_single_parts
+        left_out, single = {*exclude, *self.robot.exclude}, {**self.of_single_parts}
         every = self.model.effects | single
+        made = ((n, effect_of_joints(n, every.values())) for n in fixed if n not in every)
+        single |= {n: effect for n, effect in made if effect}
+        every |= single
         laws = [n for n, e in every.items() if e.depends_on is None]
         refuse_unknown(f"{self.robot.path}: exclude", self.robot.exclude, laws)
         refuse_unknown("exclude", exclude, laws)
