@@ -88,6 +88,7 @@ class Found:
             part
             for some, part in self.judged.items()
             if set(self.base.effects) < set(some) < set(effects)
+            and self.predicts(part)
             and self.gain(self.base, part).promises(rule)
             and not self.gain(part, whole).matters(rule)
         ]

@@ -69,7 +69,8 @@ def diagnose_by_joint(
         why = f"First, of a group: {' + '.join(named)}. Then its joints were told apart."
         cases = Inquiry(case.model, question.records, 1.0).special_cases
         own += [one for n in own for one in cases(n, laws)]
-        own += [some.name for some in _those_that_have_it(found, effects)]
+        effects.update(some := _those_that_have_it(found, effects))
+        own += some
         asked = replace(question, candidates=list(dict.fromkeys([*named, *own])))
         found = ask(asked, found, why)
     while laws and _unfinished(question, found):
@@ -96,21 +97,18 @@ def diagnose_by_joint(
 
 
 def _those_that_have_it(
-    found: Mapping[str, Any], effects: dict[str, RobotEffect]
-) -> list[RobotEffect]:
-    """Return, and add, what was named of another size in each joint, for those that have it."""
-    sizes, some = found["model"].get("parameters", {}), []
+    found: Mapping[str, Any], effects: Mapping[str, RobotEffect]
+) -> dict[str, RobotEffect]:
+    """Return by name what was named of another size in each joint, for those that have it."""
+    sizes, some = found["model"].get("parameters", {}), {}
     for one in [effects[n] for n in found["verdict"] if n in effects and effects[n].where.each]:
         known = [sizes[f"{one.name}.{p.name}"] for p in one.parameters]
-        sure = [dof for dof, p in zip(one.where.dofs, known, strict=True) if not _is_null(p)]
+        pairs = zip(one.where.dofs, known, strict=True)
+        sure = [dof for dof, p in pairs if not p["low"] <= p["null"] <= p["high"]]
         if 1 < len(sure) < len(known):
-            some.append(of_joints(one, sure))
-    effects.update({one.name: one for one in some})
+            less = of_joints(one, sure)
+            some[less.name] = less
     return some
-
-
-def _is_null(size: Mapping[str, float]) -> bool:
-    return size["low"] <= size["null"] <= size["high"]
 
 
 def _same(one: RobotEffect, other: RobotEffect) -> bool:

@@ -62,9 +62,9 @@ def candidates(
         kinds = (entry["part"], *entry.get("also", ()))
         for where in (one for kind in kinds for one in parts.get(kind, ())):
             effect = _made(robot, name, entry, where, sizes)
-            if effect is not None and isinstance(effect, ModelField):
+            if isinstance(effect, ModelField):
                 effect = _untuned(robot, effect)
-            found += [effect] if effect is not None else []
+            found += [effect] if effect else []
     joints = (*parts["joint"], *parts.get("free motion", ()))
     return (*found, *_fields(robot.model, joints, sizes))
 
@@ -361,33 +361,27 @@ def _keep_physical(model: mujoco.MjModel, effect: RobotEffect) -> None:
 
 
 def _untuned(robot: RobotFile, effect: ModelField) -> RobotEffect | None:
-    """Return what of an effect the nominal fit leaves: all of it, some joints, or nothing."""
-    tuned = _tuned(robot, effect)
-    if not effect.where.each or not tuned:
-        return None if len(tuned) == len(effect.writes) else effect
-    pairs = zip(effect.where.dofs, effect.parameters, strict=True)
-    left = [dof for dof, p in pairs if p.name not in tuned]
-    return of_joints(effect, left, effect.where.name) if len(left) > 1 else None
-
-
-def _tuned(robot: RobotFile, effect: ModelField) -> list[str]:
-    """Return parameters whose change the nominal fit may make already.
+    """Return what of an effect the nominal fit leaves: all of it, some joints, or nothing.
 
     One number for several joints cannot do what each may have of its own.
     """
     tuned = {(t.at.field, t.at.rows, t.at.column, bool(t.at.along)) for t in robot.tune}
-    found = []
+    left = []
     for name, some in effect.addresses(robot.model).items():
         places: dict[tuple[str, int | None, bool], list[int]] = {}
         for at in some:
             places.setdefault((at.field, at.column, bool(at.along)), []).extend(at.rows)
-        if all(
-            (field, tuple(rows), *more) in tuned
-            or (rows and all((field, (row,), *more) in tuned for row in rows))
-            for (field, *more), rows in places.items()
-        ):
-            found.append(name)
-    return found
+        alone = all(
+            (at.field, (r,), at.column, bool(at.along)) in tuned for at in some for r in at.rows
+        )
+        whole = all((field, tuple(rows), *more) in tuned for (field, *more), rows in places.items())
+        if not (whole or (alone and any(at.rows for at in some))):
+            left.append(name)
+    if not effect.where.each or len(left) == len(effect.writes):
+        return effect if left else None
+    pairs = zip(effect.where.dofs, effect.writes, strict=True)
+    dofs = [dof for dof, name in pairs if name in left]
+    return of_joints(effect, dofs, effect.where.name) if len(dofs) > 1 else None
 
 
 def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:
