@@ -53,9 +53,11 @@ def look_for_the_unknown(
     together = _fields_together(early, base, tuned, fields)
     for effects in together.best(1, min(effort.finalists + 1, len(fields)), base):
         tell(inquiry.model.effects[effects[-1]].text)
-        for start in (together.start(effects), *_guesses(early, effects, tuned)):
-            known = together.look(effects, start)
-            begun.fit(effects, known.vector, known)
+        null = early.carried(effects, base, tuned.vector)
+        for start in (together.start(effects), early.guessed(effects, null, effects[-1:])):
+            if start is not None:
+                known = together.look(effects, start)
+                begun.fit(effects, known.vector, known)
     least = early.expected_loss(found.chosen, found.early[found.chosen])
     cost = {effects: early.expected_loss(effects, fit) for effects, fit in begun.fits.items()}
     hopeful = sorted((e for e in cost if cost[e] <= least), key=cost.__getitem__)
@@ -70,18 +72,6 @@ def look_for_the_unknown(
     rung = Rung(best, held_out(inquiry, best, effort))
     enough = found.gain(found.base, rung).pays(scales.rule, len(fields)) and found.predicts(rung)
     return Unexplained(best.effects[-1], rung, enough, len(fields))
-
-
-def _guesses(early: Inquiry, effects: Effects, base: Fit) -> list[np.ndarray]:
-    """Return where else the last of the effects may start: strengths that its model guesses."""
-    own = early.model.effects[effects[-1]]
-    guess = getattr(own, "guess", None)
-    if guess is None:
-        return []
-    start = early.carried(effects, effects[:-1], base.vector)
-    units = [p.to_unit(np.asarray(x)) for p, x in zip(own.parameters, guess, strict=True)]
-    start[early.entries(effects, effects[-1])] = np.clip(units, 0.0, 1.0)
-    return [start]
 
 
 def _fields_together(early: Inquiry, base: Effects, fit: Fit, fields: Sequence[str]) -> Library:

@@ -69,12 +69,13 @@ class Found:
         return self.known_scales.gain(before.errors.waypoint, after.errors.waypoint)
 
     def predicts(self, rung: Rung) -> bool:
-        """Tell whether a model predicts better than if nothing acted.
+        """Tell whether a model predicts the trial in the middle better than if nothing acted.
 
-        Whatever slows a hopeless model down lowers its error, and explains nothing.
+        Whatever slows a hopeless model down lowers its error, and explains nothing. Of trials at
+        rest that nothing acts is right, so that they say little in a mean of logarithms.
         """
-        idle = self.idle
-        return idle is None or self.typical(rung) < self.known_scales.typical(idle)
+        idle, usual = self.idle, self.known_scales.usual
+        return idle is None or bool(np.median(rung.errors.waypoint[usual]) < np.median(idle[usual]))
 
     def above(self, rung: Rung, times: float) -> bool:
         """Tell whether a model lies so many times above the floor."""

@@ -124,6 +124,22 @@ class Inquiry:
             found[self.entries(active, name)] = vector[self.entries(of, name)]
         return found
 
+    def have_guess(self, names: Sequence[str]) -> list[str]:
+        """Return the effects whose parameters the model guesses."""
+        return [n for n in names if getattr(self.model.effects[n], "guess", None) is not None]
+
+    def guessed(
+        self, active: Sequence[str], vector: np.ndarray, of: Sequence[str]
+    ) -> np.ndarray | None:
+        """Return a vector with the parameters of some effects as they are guessed, if any are."""
+        found, names = vector.copy(), self.have_guess(of)
+        for name in names:
+            effect: Any = self.model.effects[name]
+            pairs = zip(effect.parameters, effect.guess, strict=True)
+            units = [p.to_unit(np.asarray(x)) for p, x in pairs]
+            found[self.entries(active, name)] = np.clip(units, 0.0, 1.0)
+        return found if names else None
+
     def steps(self, active: Sequence[str]) -> np.ndarray:
         """Return the finite-difference steps of all parameters."""
         return difference_steps(self.parameters(active))

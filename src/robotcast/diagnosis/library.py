@@ -41,8 +41,13 @@ def fit_library(
     effects = starts[0].effects
     fits = [early.fit(effects, some.fit.vector, 2, known=some.fit) for some in starts]
     best = min(fits, key=lambda fit: fit.loss)
+    guess = early.guessed(effects, starts[0].fit.vector, candidates)
+    if guess is not None:
+        begun = early.fit(effects, guess, 0)
+        guess = guess if begun.loss < best.loss else None
+        best = best if guess is None else early.fit(effects, guess, 2, known=begun)
     best = early.fit(effects, best.vector, iterations - 2, known=best)
-    return Library(early, effects, best, starts)
+    return Library(early, effects, best, starts, guess)
 
 
 def library_at(
@@ -108,18 +113,29 @@ class Library:
     fit : to the beginnings.
     starts : the same where its fits started, every effect at its null: what one effect alone
         would do shows there, before all of them have moved.
+    guess : the vector with effects as they are guessed, where that misses less than what fits come
+        to from null.
     """
 
     early: Inquiry
     effects: tuple[str, ...]
     fit: Fit
     starts: tuple["Library", ...] = ()
+    guess: np.ndarray | None = None
 
     def best(self, size: int, most: int, beside: Sequence[str] = ()) -> list[tuple[str, ...]]:
         """Return the sets of so many effects that would predict best, beside those that act."""
         others = [name for name in self.effects if name not in beside]
         sets = sorted(combinations(others, size), key=lambda some: self.loss((*beside, *some)))
         return [(*beside, *some) for some in sets[:most]]
+
+    def guessed(self, size: int, beside: Sequence[str]) -> list[tuple[tuple[str, ...], np.ndarray]]:
+        """Return the sets of so many effects that are all guessed, and where."""
+        if self.guess is None:
+            return []
+        known = self.early.have_guess([n for n in self.effects if n not in beside])
+        sets = [(*beside, *some) for some in combinations(known, size)]
+        return [(effects, self.guess[self._kept(effects)]) for effects in sets]
 
     def loss(self, effects: Sequence[str]) -> float:
         """Return the weighted square that the model with these effects alone would miss by."""

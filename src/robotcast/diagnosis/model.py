@@ -47,8 +47,8 @@ class Candidate(Protocol):
     `parameters` with a `null` are its strengths: at null it does nothing. Those without one say
     where or how it acts. `text` says in a few words what it is. `depends_on` is None for a
     mechanism with a name; for a flexible field that stands for any mechanism, it is what that
-    may depend on: "place", "speed", "heading", "time", "bending" or "endpoint". A field may have a
-    `guess` too: strengths from which its fit starts beside those that its slopes promise.
+    may depend on: "place", "speed", "heading", "time", "bending" or "endpoint". Any may have a
+    `guess`: parameters from which a fit starts beside those that its slopes promise.
     """
 
     @property

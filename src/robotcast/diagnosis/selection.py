@@ -125,18 +125,22 @@ class Selection:
     def _refit_size(self, size: int) -> None:
         """Fit the likeliest sets of one size: one step each, then the best of them to the end.
 
-        Those are what the library's slopes promise; of single effects also its starts', a few less.
+        Those are what the library's slopes promise; of single effects also its starts', a few less;
+        and all that are guessed, where guesses do well.
         """
         self._next(Step.BEGINNINGS, f"{size} effect{'s' * (size > 1)} more")
         looked: dict[Effects, Fit] = {}
         library, most = self._library, self._effort.tried
+        begin = [(library, *guessed) for guessed in library.guessed(size, self._fixed)]
         for some in (library, *(library.starts if size == 1 else ())):
             n = most if some is library else most - 2
             for effects in some.best(size, n, self._fixed):
-                for start in self.early.starts(effects, some.start(effects)):
-                    fit = some.look(effects, start)
-                    if effects not in looked or fit.loss < looked[effects].loss:
-                        looked[effects] = fit
+                starts = self.early.starts(effects, some.start(effects))
+                begin += [(some, effects, start) for start in starts]
+        for some, effects, start in begin:
+            fit = some.look(effects, start)
+            if effects not in looked or fit.loss < looked[effects].loss:
+                looked[effects] = fit
         early = self.early.inquiry
         begun = {e: early.fit(e, fit.vector, 1, known=fit) for e, fit in looked.items()}
         for effects in sorted(begun, key=lambda e: begun[e].loss)[: most - 1]:

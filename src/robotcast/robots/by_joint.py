@@ -13,7 +13,6 @@ from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.library import library_at
 from robotcast.diagnosis.report import unexplained
 from robotcast.robots.effect import RobotEffect
-from robotcast.robots.library import of_joints
 from robotcast.robots.robot_case import RobotCase, draw_field
 from robotcast.running import Progress, silent
 
@@ -106,7 +105,7 @@ def _those_that_have_it(
         pairs = zip(one.where.dofs, known, strict=True)
         sure = [dof for dof, p in pairs if not p["low"] <= p["null"] <= p["high"]]
         if 1 < len(sure) < len(known):
-            less = of_joints(one, sure)
+            less = one.of_joints(sure)
             some[less.name] = less
     return some
 

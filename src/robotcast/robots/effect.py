@@ -6,7 +6,8 @@ its null an effect must change no bit: add 0, multiply by 1.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -65,7 +66,10 @@ class RobotEffect:
     part : what it acts on, as in conf/robot_effects.yaml: joint, free motion, pair, body, drive,
         robot.
     depends_on : None, or of a flexible field that stands for any mechanism, what it depends on.
+    guess : what a look at the logs promises of its parameters, (n,), or None.
     """
+
+    guess: np.ndarray | None = None
 
     def __init__(
         self,
@@ -86,6 +90,18 @@ class RobotEffect:
     def kind(self) -> str:
         """Its name in the library."""
         return self.name.removesuffix(f"_{self.where.name}")
+
+    def of_joints(self, dofs: Sequence[int], name: str = "") -> "RobotEffect":
+        """Return an effect of another size in each joint in some of them, called by these."""
+        found, where = copy(self), self.where
+        kept = [k for k, dof in enumerate(where.dofs) if dof in dofs]
+        found.parameters = tuple(self.parameters[k] for k in kept)
+        name = name or "_and_".join(p.name.partition("_")[2] for p in found.parameters)
+        found.where = replace(where, name=name, dofs=tuple(where.dofs[k] for k in kept))
+        found.name = f"{self.kind}_{name}"
+        found.text = self.text.replace(where.name.replace("_", " "), name.replace("_", " "))
+        found.guess = None if self.guess is None else self.guess[kept]
+        return found
 
     def is_part_of(self, other: "RobotEffect") -> bool:
         """Tell whether another effect does the same to more, or to each joint in a size of its own.

@@ -41,14 +41,15 @@ class ModelField(RobotEffect):
         """Return what each parameter changes."""
         kind, numbers = self._objects(model)
         names, numbers = names_of(model, kind), list(dict.fromkeys(numbers))
-        of = [[i] for i in numbers] if self.where.each else [numbers] * len(self.writes)
+        own = [p.name for p in self.parameters if p.name in self.writes]
+        of = [[i] for i in numbers] if self.where.each else [numbers] * len(own)
         return {
             name: [
                 self._own(address(model, f"{kind}[{names[i]}].{field}", self.name))
-                for field in fields
-                for i in own
+                for field in self.writes[name]
+                for i in some
             ]
-            for (name, fields), own in zip(self.writes.items(), of, strict=True)
+            for name, some in zip(own, of, strict=True)
         }
 
     def _own(self, at: Address) -> Address:
@@ -365,8 +366,7 @@ class Field(RobotEffect):
 
     It is a field `of` "position", "speed", "torque", "time" or "log", with a parameter at each knot
     (n,): of one curve for all joints, or of one after the other for each. What repeats ends as it
-    began, so that its last knot, a wave from the first, has no parameter. A `guess` (n,) is what
-    its parameters may be.
+    began, so that its last knot, a wave from the first, has no parameter.
     """
 
     def __init__(

@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from copy import copy
 from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any
@@ -69,6 +68,14 @@ def candidates(
     return (*found, *_fields(robot.model, joints, sizes))
 
 
+def lacking(robot: RobotFile, sizes: Sizes) -> list[RobotEffect]:
+    """Return the effects that inverse dynamics guess, each on every joint in a size of its own."""
+    dofs = tuple(np.flatnonzero(~loose(robot.model)).tolist())
+    where = replace(_where(robot, "every_joint", dofs), each=True)
+    made = (_made(robot, name, library()[name], where, sizes) for name in sizes.lacks if dofs)
+    return [one for one in made if one]
+
+
 def refuse_unknown(key: str, names: Iterable[str], known: Sequence[str]) -> None:
     """Raise ValueError for a name of no effect, with those that are most like it."""
     if unknown := sorted({*names} - {*known}):
@@ -132,27 +139,13 @@ def _each(robot: RobotFile, joints: Iterable[Where]) -> list[Where]:
     return [replace(w, name=short.get(w.name, long.format(w.name)), each=True) for w in several]
 
 
-def of_joints(effect: RobotEffect, dofs: Sequence[int], name: str = "") -> RobotEffect:
-    """Return an effect that is of another size in each joint, of some of them, called by these."""
-    found, where = copy(effect), effect.where
-    kept = [k for k, dof in enumerate(where.dofs) if dof in dofs]
-    found.parameters = tuple(effect.parameters[k] for k in kept)
-    name = name or "_and_".join(p.name.partition("_")[2] for p in found.parameters)
-    found.where = replace(where, name=name, dofs=tuple(where.dofs[k] for k in kept))
-    found.name = f"{effect.kind}_{name}"
-    found.text = effect.text.replace(where.name.replace("_", " "), name.replace("_", " "))
-    if isinstance(found, ModelField) and isinstance(effect, ModelField):
-        found.writes = {p.name: effect.writes[p.name] for p in found.parameters}
-    return found
-
-
 def effect_of_joints(name: str, effects: Iterable[RobotEffect]) -> RobotEffect | None:
-    """Return the effect of this name that `of_joints` makes of one of others, if any."""
+    """Return the effect of this name that is one of others in some of its joints, if any."""
     for one in (e for e in effects if e.where.each):
         joints = name.removeprefix(f"{one.kind}_").split("_and_")
         pairs = zip(one.where.dofs, one.parameters, strict=True)
         dofs = [dof for dof, p in pairs if p.name.partition("_")[2] in joints]
-        if len(dofs) > 1 and (found := of_joints(one, dofs)).name == name:
+        if len(dofs) > 1 and (found := one.of_joints(dofs)).name == name:
             return found
     return None
 
@@ -248,14 +241,15 @@ def _made(
     heaviest = links_kg / own_kg if own_kg > 0 else 0.0
     if "usual" in more:
         more["usual"] = sizes.of(more["usual"], dofs, where.channels)[0]
+    guess = sizes.lacks.get(name)
     parameters = [
-        _parameter(n, given, sizes, replace(where, dofs=dofs), heaviest)
+        _parameter(n, given, sizes, replace(where, dofs=dofs), heaviest, guess)
         for n, given in entry["parameters"].items()
     ]
     if where.each:
         ((n, given),) = entry["parameters"].items()
         parameters = [
-            _parameter(f"{n}_{joint}", given, sizes, replace(where, dofs=(dof,)), heaviest)
+            _parameter(f"{n}_{joint}", given, sizes, replace(where, dofs=(dof,)), heaviest, guess)
             for joint, dof in zip(_words(model, where.dofs), where.dofs, strict=True)
         ]
         if "writes" in more:
@@ -268,6 +262,9 @@ def _made(
         where=where,
     )
     _keep_physical(model, effect)
+    if guess is not None and len(effect.parameters) == len(where.dofs):
+        ends = np.array([[p.lower, p.upper] for p in effect.parameters]).T
+        effect.guess = np.clip(guess[list(where.dofs)], *ends)
     return effect
 
 
@@ -315,21 +312,27 @@ def _turns(model: mujoco.MjModel, body: int) -> bool:
 
 
 def _parameter(
-    name: str, given: Mapping[str, Any], sizes: Sizes, where: Where, heaviest: float
+    name: str,
+    given: Mapping[str, Any],
+    sizes: Sizes,
+    where: Where,
+    heaviest: float,
+    guess: np.ndarray | None,
 ) -> Parameter:
     """Make a parameter whose numbers are in units of a usual size.
 
     A joint that sticks needs little torque to move as it does: what brakes it may be larger, up to
-    what drives it; a rotor may be as heavy as what that accelerates. A light flange may carry as
-    much as the `heaviest` link weighs, in its own masses; a first look at it is taken in between.
+    what drives it; or twice what inverse dynamics `guess` (nv,). A light flange may carry as much
+    as the `heaviest` link weighs, in its own masses; a first look at it is taken in between.
     What an encoder shows late moved before the window: so much of it is measured, not predicted.
     """
     on, null = (given["of"], where.dofs, where.channels), given.get("null_at")
     size, unit = sizes.of(*on)
     nominal = size * (given["nominal"] if null is None else null)
     lower = size * given["lower"]
-    driven = replace(sizes, torque=sizes.driven, inertia=sizes.swung).of(*on)[0]
-    wide = max(1.0, driven * given.get("of_swung", 0.0) / size / given["upper"])
+    driven = replace(sizes, torque=sizes.driven).of(*on)[0]
+    much = 0.0 if guess is None else float(np.median(guess[list(where.dofs)]))
+    wide = max(1.0, much * given.get("of_guess", 0.0) / size / given["upper"])
     upper = size * wide * given["upper"]
     upper = max(
         upper, driven * given.get("of_driven", 0.0), heaviest * given.get("of_heaviest", 0.0)
@@ -377,11 +380,11 @@ def _untuned(robot: RobotFile, effect: ModelField) -> RobotEffect | None:
         whole = all((field, tuple(rows), *more) in tuned for (field, *more), rows in places.items())
         if not (whole or (alone and any(at.rows for at in some))):
             left.append(name)
-    if not effect.where.each or len(left) == len(effect.writes):
+    if not effect.where.each or len(left) == len(effect.parameters):
         return effect if left else None
-    pairs = zip(effect.where.dofs, effect.writes, strict=True)
-    dofs = [dof for dof, name in pairs if name in left]
-    return of_joints(effect, dofs, effect.where.name) if len(dofs) > 1 else None
+    pairs = zip(effect.where.dofs, effect.parameters, strict=True)
+    dofs = [dof for dof, p in pairs if p.name in left]
+    return effect.of_joints(dofs, effect.where.name) if len(dofs) > 1 else None
 
 
 def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> list[RobotEffect]:

@@ -23,6 +23,7 @@ from robotcast.robots.library import (
     alone,
     candidates,
     effect_of_joints,
+    lacking,
     parts_of,
     refuse_unknown,
 )
@@ -179,8 +180,7 @@ class RobotCase:
         known = Known(tuple(old.effects[name] for name in last["effects"]), values)
         noise = old.units.noise * old.units.si
         case = _case(self.robot, self.logs, noise, old.rollout.threads, known)
-        longer, lower = case.length_s / self.length_s, self.floor.percent / case.floor.percent
-        if longer < 1 or max(longer, lower) < BETTER:
+        if not _better((case.floor, case.length_s), (self.floor, self.length_s)):
             return None
         why = (
             f"First {' and '.join(old.effects[name].text for name in found['verdict'])} was named, "
@@ -203,19 +203,34 @@ def _case(
 ) -> RobotCase:
     """Cut windows as long as the known model predicts, and say what it would miss if it were right.
 
-    Where it loses the trials, or where its step errs by more than the noise, it is tuned first.
+    Where it loses the trials, or where its step errs by more than the noise, it is tuned first; and
+    where windows are longer by it or the floor is lower, friction and rotor inertia are added that
+    inverse dynamics tell of every joint.
     """
     starts, hints = StartStates(robot, logs, noise), []
     model, floor, length_s, holds = _cut(starts, threads, known)
+    sizes = sizes_of(robot, logs, starts)
     if not known.effects and not (holds and robot.length_s is None):
         hints += filter(None, [_drive_that_fits(model)])
     if not (holds or known.effects) and any(not p.frozen for p in model.parameters):
         some = Inquiry(model, model.records, 1.0).beginnings(1.0, LOOKED_AT)
         fit = some.fit((), some.nominal(()), TUNING)
         known = Known((), some.values((), fit.vector)[0])
-        model, floor, length_s, _ = _cut(starts, threads, known)
+        model, floor, length_s, holds = _cut(starts, threads, known)
+    if not (holds or known.effects):
+        lacks = tuple(lacking(robot, sizes))
+        values = [known.values, *(one.guess for one in lacks if one.guess is not None)]
+        guess = Known(lacks, np.concatenate(values))
+        other = _cut(starts, threads, guess)
+        if _better(other[1:3], (floor, length_s)):
+            model, floor, length_s, _ = other
+            hints.append(
+                "By the model as it is, predictions are soon lost: windows and noise floor are "
+                "those of the model with as much friction and rotor inertia in every joint as "
+                "torques show by inverse dynamics."
+            )
     _refuse_divergence(robot, model)
-    sizes = replace(sizes_of(robot, logs, starts), window_s=length_s)
+    sizes = replace(sizes, window_s=length_s)
     model.effects = {one.name: one for one in candidates(robot, sizes, parts_of(robot))}
     notes = [*hints, *_notes(robot, logs, model.rollout.windows, length_s)]
     if floor.step_percent > np.sqrt(0.5) * floor.percent:
@@ -243,6 +258,12 @@ def _cut(
         length_s /= 2
     floor = RobotFloor.of(model)
     return model, floor, length_s, holds and floor.step_percent < np.sqrt(0.5) * floor.percent
+
+
+def _better(one: tuple[RobotFloor, float], other: tuple[RobotFloor, float]) -> bool:
+    """Tell whether one floor and length of windows [s] are better than others, by enough."""
+    longer, lower = one[1] / other[1], other[0].percent / one[0].percent
+    return longer >= 1 and max(longer, lower) >= BETTER
 
 
 def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:

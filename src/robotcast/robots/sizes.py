@@ -1,11 +1,12 @@
 """How large things usually are on a robot's logs, so that bounds of effects fit any robot."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from scipy.optimize import nnls
 
 from robotcast.robots.closure import ways
 from robotcast.robots.logs import Log, periods
@@ -46,7 +47,8 @@ class Sizes:
     driven : the same, or what a joint is driven by where that is more: it may stick.
     position, speed : about the mean position, and of the speed.
     inertia : of a joint with all that hangs on it.
-    swung : inertia that what drives a joint beyond what it needs goes along with.
+    lacks : dry friction, damping and rotor inertia, by their effects' names, that tell most of what
+        drives a joint beyond what it needs.
     lowest, highest : the range of positions.
     command : the largest that was commanded of every channel, (n_channels,).
     reach_m : how far the bodies' centres lie from the joints, the median.
@@ -61,7 +63,7 @@ class Sizes:
     speed: np.ndarray
     position: np.ndarray
     inertia: np.ndarray
-    swung: np.ndarray
+    lacks: Mapping[str, np.ndarray]
     lowest: np.ndarray
     highest: np.ndarray
     hinge: np.ndarray
@@ -192,7 +194,6 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         return np.maximum(found, STILL * found.max() + 1e-12)
 
     usual, kinds = own * size(torque / own), model.jnt_type[model.dof_jntid]
-    with_it = np.sum((found.given - moves) * found.acceleration, axis=0)
     reach_m = np.linalg.norm(model.body_ipos[1:], axis=1)
     by_joint = (position.T, found.speed.T, found.acceleration.T, found.missing.T)
     return Sizes(
@@ -201,7 +202,7 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         speed=size(found.speed),
         position=size(position - position.mean(axis=0)),
         inertia=own,
-        swung=np.maximum(with_it / (np.sum(found.acceleration**2, axis=0) + 1e-30), 0.0),
+        lacks=_lacks(found, found.given - moves),
         lowest=position.min(axis=0),
         highest=position.max(axis=0),
         hinge=turning(model) | (kinds == int(mujoco.mjtJoint.mjJNT_HINGE)),
@@ -211,6 +212,21 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         touches=found.touches,
         wave=np.array([_wave(*own, periods(logs)) for own in zip(*by_joint, strict=True)]),
         logs=len(logs),
+    )
+
+
+def _lacks(of: Dynamics, surplus: np.ndarray) -> dict[str, np.ndarray]:
+    """Return friction and inertia, (nv,) each, that explain a surplus of drive (n, nv) best.
+
+    Least squares of inverse dynamics beside a constant, none negative (as Atkeson, An and
+    Hollerbach 1986, doi 10.1177/027836498600500306, take the inertia of links and loads).
+    """
+    found = []
+    for v, a, own in zip(of.speed.T, of.acceleration.T, surplus.T, strict=True):
+        slopes = np.column_stack([np.sign(v), v, a])
+        found.append(nnls(slopes - slopes.mean(axis=0), own - own.mean())[0])
+    return dict(
+        zip(("dry_friction", "viscous_friction", "armature"), np.array(found).T, strict=True)
     )
 
 
