@@ -89,7 +89,7 @@ class Gain:
 
     Attributes
     ----------
-    share : by how much the typical error falls, of the base model's.
+    share : by how much the typical error falls, of `Scales.base`.
     rest : of what the worse model misses beyond the floor; 0 where it stands at the floor.
     far : whether the worse model is farther above the floor than honest models differ by.
     small : whether it stands at the floor already, which only the sensors' noise tells.
@@ -129,7 +129,7 @@ class Scales:
 
     Attributes
     ----------
-    base : typical error of the base model, % of the scale.
+    base : typical error of the base model, or where nothing acts if less, % of the scale.
     groups : of every trial, numbered from 0; the sampling units.
     usual : bool (n_trials,), trials that were not measured wrongly.
     """

@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -105,10 +105,13 @@ class Inquiry:
         own, most, part = known(name)
         among = [(n, *known(n)) for n in others]
         cases = [n for n, some, fewer, at in among if some < own and fewer < most and at == part]
-        if getattr(part, "each", False):
-            whole: Any = self.model.effects[name]
-            cases += [n for n in others if cast(Any, self.model.effects[n]).is_part_of(whole)]
-        return cases
+        return cases + [other for _, other in self.nested([name], others)]
+
+    def nested(self, names: Sequence[str], others: Sequence[str]) -> list[tuple[str, str]]:
+        """Return which effects, of a size of its own in each joint, hold which others."""
+        every: Any = self.model.effects
+        whole = [n for n in names if getattr(getattr(every[n], "where", None), "each", False)]
+        return [(n, one) for n in whole for one in others if every[one].is_part_of(every[n])]
 
     def carried(
         self,

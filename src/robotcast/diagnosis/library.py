@@ -124,10 +124,14 @@ class Library:
     guess: np.ndarray | None = None
 
     def best(self, size: int, most: int, beside: Sequence[str] = ()) -> list[tuple[str, ...]]:
-        """Return the sets of so many effects that would predict best, beside those that act."""
-        others = [name for name in self.effects if name not in beside]
-        sets = sorted(combinations(others, size), key=lambda some: self.loss((*beside, *some)))
-        return [(*beside, *some) for some in sets[:most]]
+        """Return the sets of so many effects that would predict best, beside those that act.
+
+        None of them can do all that another of them does.
+        """
+        others, nested = [name for name in self.effects if name not in beside], self._nested
+        sets = [(*beside, *some) for some in combinations(others, size)]
+        sets = [some for some in sets if not any({*pair} <= {*some} for pair in nested)]
+        return sorted(sets, key=self.loss)[:most]
 
     def guessed(self, size: int, beside: Sequence[str]) -> list[tuple[tuple[str, ...], np.ndarray]]:
         """Return the sets of so many effects that are all guessed, and where."""
@@ -184,6 +188,11 @@ class Library:
         """Which of the vector's entries are whose."""
         every = list(range(len(self.fit.vector)))
         return {name: every[self.early.entries(self.effects, name)] for name in self.effects}
+
+    @cached_property
+    def _nested(self) -> list[tuple[str, str]]:
+        """Pairs of effects of which one does to each joint what the other does to all or some."""
+        return self.early.nested(self.effects, self.effects)
 
     @property
     def free(self) -> list[int]:

@@ -323,26 +323,32 @@ class Selection:
     def _choose(self) -> None:
         """Choose the smallest model that pays over which no larger one does.
 
-        It proves that something is missing; of it, no more is chosen than a part that is enough.
+        It proves that something is missing; of it, no more is chosen than a part that is enough,
+        over which no larger one pays either.
         """
         found = self.found
         known = usual([r.errors.low for r in found.judged.values()], self._floor, self._rule)
         scales = Scales(self._floor, 1.0, self._inquiry.groups, known, self._rule)
-        scales = replace(scales, base=scales.typical(found.base.errors.waypoint))
+        first = [found.base.errors.waypoint, *([] if found.idle is None else [found.idle])]
+        scales = replace(scales, base=min(map(scales.typical, first)))
         self.found = found = replace(found, scales=scales)
         gains = {e: found.gain(found.base, r) for e, r in found.judged.items()}
         judged = {e: replace(r, gain=gains[e]) for e, r in found.judged.items()}
         chosen = self._fixed
         hopeful = {e: r for e, r in judged.items() if e == self._fixed or found.predicts(r)}
+
+        def beaten(effects: Effects) -> bool:
+            larger = [rung for some, rung in hopeful.items() if len(some) > len(effects)]
+            return any(self._pays(found.gain(judged[effects], rung)) for rung in larger)
+
         for size in sorted({len(effects) for effects in hopeful}):
             simplest = self._simplest([hopeful[e] for e in hopeful if len(e) == size])
             if size > len(self._fixed) and not self._pays(gains[simplest]):
                 continue
             chosen = simplest
-            larger = [rung for effects, rung in hopeful.items() if len(effects) > size]
-            if not any(self._pays(found.gain(judged[chosen], rung)) for rung in larger):
+            if not beaten(chosen):
                 break
-        if parts := found.enough(chosen):
+        if parts := [rung for rung in found.enough(chosen) if not beaten(rung.effects)]:
             fewest = min(len(rung.effects) for rung in parts)
             chosen = self._simplest([rung for rung in parts if len(rung.effects) == fewest])
         self.found = replace(found, judged=judged, chosen=chosen)

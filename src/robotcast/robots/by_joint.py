@@ -192,17 +192,20 @@ def _ask_again(
 ) -> dict[str, Any]:
     """Return another diagnosis if it names something else, or what is missing where nothing did.
 
-    Where signals are `weighed` otherwise, it stands where the whole named nothing, else it must
-    keep what that named. It is `said` why each one that stands was asked for.
+    What it names must predict about as well as what was named before. Where signals are `weighed`
+    otherwise, it stands where the whole named nothing, else it must keep what that named. It is
+    `said` why each one that stands was asked for.
     """
     again = diagnose(question, tell, progress)
-    other = {*again["verdict"]} != {*found["verdict"]}
+    rule, other = question.rule, {*again["verdict"]} != {*found["verdict"]}
+    least, left = (one["ladder"][-1]["heldout_typical_error_percent"] for one in (found, again))
+    least = max(least, rule.at_floor * found["noise_floor_percent"])
     was, now = ((one["unexplained"] or {}).get("explains", False) for one in (found, again))
     clearer = again["code"] == "unknown" and found["code"] != "named" and (other or now > was)
-    better = again["code"] == "named" and other
+    better = again["code"] == "named" and other and left < (1 + rule.material) * least
     if weighed:
         clearer = found["code"] == "none"
-        better = better and {*found["verdict"]} < {*again["verdict"]}
+        better = again["code"] == "named" and {*found["verdict"]} < {*again["verdict"]}
     if clearer or better:
         said.append(why)
         found = {**again, "notes": [*said, *again["notes"]]}
