@@ -14,7 +14,7 @@ import polars as pl
 import pytest
 import yaml
 
-from robotcast.diagnosis.diagnose import Case
+from robotcast.diagnosis.diagnose import Case, diagnose
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.rule import Effort, Rule
@@ -536,3 +536,31 @@ def test_windows_are_as_long_as_a_better_model_predicts(tmp_path: Path, by: str)
     assert case.length_s > 0.9
     times = 20 if by == "inverse dynamics" else 2
     assert case.model.usual_miss(case.model.nominal_misses) < times * case.floor.percent
+
+
+def test_rotors_that_a_light_arm_lacks_are_told_by_inverse_dynamics(tmp_path: Path) -> None:
+    """As a URDF lacks them: a thousand times its forearm's inertia, lost within a few samples."""
+    xml = """
+    <mujoco><option timestep="0.005" integrator="implicitfast"/><worldbody>
+    <body name="upper"><joint name="shoulder" axis="0 1 0" damping="0.05"/>
+    <inertial pos="0 0 -0.15" mass="0.8" diaginertia="0.006 0.006 0.0005"/>
+    <body name="fore" pos="0 0 -0.3"><joint name="elbow" axis="0 1 0" damping="0.03"/>
+    <inertial pos="0 0 -0.02" mass="0.02" diaginertia="2e-5 2e-5 1e-6"/></body></body></worldbody>
+    <actuator><motor name="s" joint="shoulder"/><motor name="e" joint="elbow"/></actuator>
+    </mujoco>"""
+
+    def hide(model: mujoco.MjModel) -> None:
+        model.dof_armature[:] = 0.03
+        model.dof_damping[1] = 0.1
+
+    case = read_case(write_folder(tmp_path, xml, change=hide))
+    guess = case.sizes.lacks
+    np.testing.assert_allclose(guess["armature"], 0.03, rtol=0.1)
+    np.testing.assert_allclose(guess["viscous_friction"], [0.0, 0.07], atol=0.01)
+    assert case.length_s > 0.4 and case.model.usual_miss(case.model.nominal_misses) < 5
+    laws = [n for n, e in case.model.effects.items() if e.depends_on is None]
+    kept = [n for n in laws if n.startswith(("armature", "viscous_friction", "dry_friction"))]
+    effort = Effort(some=12, tried=3, finalists=1)
+    asked = case.question([n for n in laws if n not in kept], (), Rule(), effort)
+    named = ["viscous_friction_elbow", "armature_shoulder", "armature_elbow"]
+    assert diagnose(asked, lambda known: None)["verdict"] == named
