@@ -520,7 +520,7 @@ def test_windows_are_as_long_as_a_better_model_predicts(tmp_path: Path, by: str)
 
     tune = {"joint[axis].damping": [0.0, 100.0]} if by == "tuned" else {}
     case = read_case(write_folder(tmp_path, length_s=3.0, change=hide, tune=tune))
-    assert any("by inverse dynamics" in note for note in case.notes) == (by == "inverse dynamics")
+    assert any("as its torques show" in note for note in case.notes) == (by == "inverse dynamics")
     if by == "named":
         short_s = case.length_s
 

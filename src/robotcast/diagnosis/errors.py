@@ -129,7 +129,7 @@ class Scales:
 
     Attributes
     ----------
-    base : typical error of the base model, or where nothing acts if less, % of the scale.
+    base : typical error of the base model, or of none where that predicts better, % of the scale.
     groups : of every trial, numbered from 0; the sampling units.
     usual : bool (n_trials,), trials that were not measured wrongly.
     """

@@ -134,8 +134,12 @@ class Inquiry:
     def guessed(
         self, active: Sequence[str], vector: np.ndarray, of: Sequence[str]
     ) -> np.ndarray | None:
-        """Return a vector with the parameters of some effects as they are guessed, if any are."""
-        found, names = vector.copy(), self.have_guess(of)
+        """Return a vector with the parameters of some effects as they are guessed, if any are.
+
+        Of effects of which one holds another, the larger one alone.
+        """
+        held = {part for _, part in self.nested(of, of)}
+        found, names = vector.copy(), [n for n in self.have_guess(of) if n not in held]
         for name in names:
             effect: Any = self.model.effects[name]
             pairs = zip(effect.parameters, effect.guess, strict=True)

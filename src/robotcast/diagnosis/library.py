@@ -128,18 +128,28 @@ class Library:
 
         None of them can do all that another of them does.
         """
-        others, nested = [name for name in self.effects if name not in beside], self._nested
-        sets = [(*beside, *some) for some in combinations(others, size)]
-        sets = [some for some in sets if not any({*pair} <= {*some} for pair in nested)]
-        return sorted(sets, key=self.loss)[:most]
+        others = [name for name in self.effects if name not in beside]
+        return sorted(self._sets(others, size, beside), key=self.loss)[:most]
 
-    def guessed(self, size: int, beside: Sequence[str]) -> list[tuple[tuple[str, ...], np.ndarray]]:
-        """Return the sets of so many effects that are all guessed, and where."""
+    def guessed(
+        self, size: int, most: int, beside: Sequence[str]
+    ) -> list[tuple[tuple[str, ...], np.ndarray]]:
+        """Return the sets of so many guessed effects that do best so, and what is guessed."""
         if self.guess is None:
             return []
         known = self.early.have_guess([n for n in self.effects if n not in beside])
-        sets = [(*beside, *some) for some in combinations(known, size)]
-        return [(effects, self.guess[self._kept(effects)]) for effects in sets]
+        sets = self._sets(known, size, beside)
+        fits = [self.look(effects, self.guess[self._kept(effects)]) for effects in sets]
+        pairs = sorted(zip(sets, fits, strict=True), key=lambda pair: pair[1].loss)
+        return [(effects, fit.vector) for effects, fit in pairs[:most]]
+
+    def _sets(
+        self, names: Sequence[str], size: int, beside: Sequence[str]
+    ) -> list[tuple[str, ...]]:
+        """Return sets of so many, beside those that act, but where one holds all of another."""
+        sets, nested = [*combinations(names, size)], self.early.nested(names, names)
+        fine = [some for some in sets if not any({*pair} <= {*some} for pair in nested)]
+        return [(*beside, *some) for some in fine or sets]
 
     def loss(self, effects: Sequence[str]) -> float:
         """Return the weighted square that the model with these effects alone would miss by."""
@@ -188,11 +198,6 @@ class Library:
         """Which of the vector's entries are whose."""
         every = list(range(len(self.fit.vector)))
         return {name: every[self.early.entries(self.effects, name)] for name in self.effects}
-
-    @cached_property
-    def _nested(self) -> list[tuple[str, str]]:
-        """Pairs of effects of which one does to each joint what the other does to all or some."""
-        return self.early.nested(self.effects, self.effects)
 
     @property
     def free(self) -> list[int]:

@@ -126,12 +126,12 @@ class Selection:
         """Fit the likeliest sets of one size: one step each, then the best of them to the end.
 
         Those are what the library's slopes promise; of single effects also its starts', a few less;
-        and all that are guessed, where guesses do well.
+        and what does best as it is guessed, where guesses do well.
         """
         self._next(Step.BEGINNINGS, f"{size} effect{'s' * (size > 1)} more")
         looked: dict[Effects, Fit] = {}
         library, most = self._library, self._effort.tried
-        begin = [(library, *guessed) for guessed in library.guessed(size, self._fixed)]
+        begin = [(library, *guessed) for guessed in library.guessed(size, most, self._fixed)]
         for some in (library, *(library.starts if size == 1 else ())):
             n = most if some is library else most - 2
             for effects in some.best(size, n, self._fixed):
@@ -329,9 +329,11 @@ class Selection:
         found = self.found
         known = usual([r.errors.low for r in found.judged.values()], self._floor, self._rule)
         scales = Scales(self._floor, 1.0, self._inquiry.groups, known, self._rule)
-        first = [found.base.errors.waypoint, *([] if found.idle is None else [found.idle])]
-        scales = replace(scales, base=min(map(scales.typical, first)))
+        scales = replace(scales, base=scales.typical(found.base.errors.waypoint))
         self.found = found = replace(found, scales=scales)
+        if found.idle is not None and not found.predicts(found.base):
+            scales = replace(scales, base=min(scales.base, scales.typical(found.idle)))
+            self.found = found = replace(found, scales=scales)
         gains = {e: found.gain(found.base, r) for e, r in found.judged.items()}
         judged = {e: replace(r, gain=gains[e]) for e, r in found.judged.items()}
         chosen = self._fixed

@@ -203,9 +203,9 @@ def _case(
 ) -> RobotCase:
     """Cut windows as long as the known model predicts, and say what it would miss if it were right.
 
-    Where it loses the trials, or where its step errs by more than the noise, it is tuned first; and
-    where windows are longer by it or the floor is lower, friction and rotor inertia are added that
-    inverse dynamics tell of every joint.
+    Where it loses the trials, or where its step errs by more than the noise, it is tuned first.
+    Where it still does, and the file's model with friction and rotor inertia of every joint as
+    inverse dynamics tell them predicts better, in better windows, these are by that model.
     """
     starts, hints = StartStates(robot, logs, noise), []
     model, floor, length_s, holds = _cut(starts, threads, known)
@@ -217,19 +217,20 @@ def _case(
         fit = some.fit((), some.nominal(()), TUNING)
         known = Known((), some.values((), fit.vector)[0])
         model, floor, length_s, holds = _cut(starts, threads, known)
-    if not (holds or known.effects):
-        lacks = tuple(lacking(robot, sizes))
-        values = [known.values, *(one.guess for one in lacks if one.guess is not None)]
-        guess = Known(lacks, np.concatenate(values))
-        other = _cut(starts, threads, guess)
-        if _better(other[1:3], (floor, length_s)):
-            model, floor, length_s, _ = other
-            hints.append(
-                "By the model as it is, predictions are soon lost: windows and noise floor are "
-                "those of the model with as much friction and rotor inertia in every joint as "
-                "torques show by inverse dynamics."
-            )
     _refuse_divergence(robot, model)
+    if not (holds or known.effects or hints):
+        lacks = tuple(lacking(robot, sizes))
+        guesses = [one.guess for one in lacks if one.guess is not None]
+        guess = Known(lacks, np.concatenate([Known.nominal(robot).values, *guesses]))
+        other = _cut(starts, threads, guess)
+        missed = (_median(one, one.nominal_misses) for one in (other[0], model))
+        if _better(other[1:3], (floor, length_s)) and next(missed) < next(missed):
+            hints.append(
+                f"By the model as it is, windows would be {length_s:.2g} s long and noise would "
+                f"leave {floor.percent:.2g} % in them: they are cut, and noise is judged, by that "
+                "with as much friction and rotor inertia in every joint as its torques show."
+            )
+            model, floor, length_s, _ = other
     sizes = replace(sizes, window_s=length_s)
     model.effects = {one.name: one for one in candidates(robot, sizes, parts_of(robot))}
     notes = [*hints, *_notes(robot, logs, model.rollout.windows, length_s)]

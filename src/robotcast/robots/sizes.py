@@ -100,6 +100,7 @@ class Dynamics:
     needed : what the motion takes beside what touches and stops the joint, `held`.
     given : what drove it.
     touches : whether anything touched anything.
+    tied : whether equalities tie a joint to others, (nv,).
     """
 
     position: np.ndarray
@@ -110,6 +111,7 @@ class Dynamics:
     held: np.ndarray
     given: np.ndarray
     touches: bool
+    tied: np.ndarray
 
     @property
     def missing(self) -> np.ndarray:
@@ -128,6 +130,7 @@ def dynamics(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Dyna
         Where too many samples are missing.
     """
     at, touches, rows = coordinates(robot.model), False, []
+    tied = np.zeros(robot.model.nv, bool)
     pose, way = mujoco.MjData(robot.model), np.eye(robot.model.nv)
     mass = np.empty_like(way)
     every, gap = max(1, sum(len(log.times_s) for log in logs) // STATES), starts.margin
@@ -152,11 +155,12 @@ def dynamics(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Dyna
                 pose.qpos[:] = qpos
                 mujoco.mj_fwdPosition(robot.model, pose)
                 way = ways(robot.model, pose)
+                tied |= (way != 0).sum(axis=1) > 1
                 inertia, forces = np.diag(way @ mass @ way.T), forces @ way.T
             rows.append((qpos[at], qvel, qacc, inertia, *forces))
     if not rows:
         raise ValueError("no state can be taken from the logs: too many samples are missing")
-    return Dynamics(*np.array(rows).swapaxes(0, 1), touches=touches)
+    return Dynamics(*np.array(rows).swapaxes(0, 1), touches=touches, tied=tied)
 
 
 def _given(robot: RobotFile, data: mujoco.MjData, commands: np.ndarray) -> np.ndarray:
@@ -219,15 +223,15 @@ def _lacks(of: Dynamics, surplus: np.ndarray) -> dict[str, np.ndarray]:
     """Return friction and inertia, (nv,) each, that explain a surplus of drive (n, nv) best.
 
     Least squares of inverse dynamics beside a constant, none negative (as Atkeson, An and
-    Hollerbach 1986, doi 10.1177/027836498600500306, take the inertia of links and loads).
+    Hollerbach 1986, doi 10.1177/027836498600500306, take the inertia of links and loads). Of a
+    joint that stands still nothing is seen, and of tied ones not whose it is: 0.
     """
-    found = []
-    for v, a, own in zip(of.speed.T, of.acceleration.T, surplus.T, strict=True):
+    found, speed = np.zeros((3, len(of.tied))), np.sqrt((of.speed**2).mean(axis=0))
+    for dof in np.flatnonzero((speed > STILL * speed.max()) & ~of.tied):
+        v, a, own = (some[:, dof] for some in (of.speed, of.acceleration, surplus))
         slopes = np.column_stack([np.sign(v), v, a])
-        found.append(nnls(slopes - slopes.mean(axis=0), own - own.mean())[0])
-    return dict(
-        zip(("dry_friction", "viscous_friction", "armature"), np.array(found).T, strict=True)
-    )
+        found[:, dof] = nnls(slopes - slopes.mean(axis=0), own - own.mean())[0]
+    return dict(zip(("dry_friction", "viscous_friction", "armature"), found, strict=True))
 
 
 def _wave(
