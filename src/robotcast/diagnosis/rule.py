@@ -41,8 +41,8 @@ class Rule:
     ----------
     level : chance of naming anything where nothing is missing, shared by all effects tried.
     equal : p-value above which two models explain the trials equally well.
-    material : of the base model's typical error, or of none's where that predicts better: what takes
-        away less does not matter.
+    material : of the base model's typical error, or of none's where that predicts better: what
+        takes away less does not matter.
     at_floor : times what repeats differ by: up to there a model is as good as its data.
     beyond : times what repeats differ by: above, something is missing whatever explains it. Below
         it may be what two honest models of one thing differ by.
