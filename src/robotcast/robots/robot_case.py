@@ -218,11 +218,11 @@ def _case(
         known = Known((), some.values((), fit.vector)[0])
         model, floor, length_s, holds = _cut(starts, threads, known)
     _refuse_divergence(robot, model)
-    if not (holds or known.effects or hints):
-        lacks = tuple(lacking(robot, sizes))
-        guesses = [one.guess for one in lacks if one.guess is not None]
-        guess = Known(lacks, np.concatenate([Known.nominal(robot).values, *guesses]))
-        other = _cut(starts, threads, guess)
+    lacks = () if holds or known.effects or hints else tuple(lacking(robot, sizes))
+    guesses = [one.guess for one in lacks if one.guess is not None]
+    if any(guess.any() for guess in guesses):
+        guessed = Known(lacks, np.concatenate([Known.nominal(robot).values, *guesses]))
+        other = _cut(starts, threads, guessed)
         missed = (_median(one, one.nominal_misses) for one in (other[0], model))
         if _better(other[1:3], (floor, length_s)) and next(missed) < next(missed):
             hints.append(
