@@ -392,6 +392,13 @@ def _notes(
             "states leave of a perfect model. What else differs from run to run is not in it: "
             "repeat one motion three times and name the logs in repeats."
         )
+    lacks = np.array([np.isnan(log.measured).mean(axis=0) for log in logs])
+    if lacks.any():
+        log, k = map(int, np.unravel_index(lacks.argmax(), lacks.shape))
+        notes.append(
+            f"Samples are missing, most in {logs[log].path.name}: {100 * lacks[log, k]:.2g} % of "
+            f"{[*robot.measured][k].spoken}. What was not measured decides nothing."
+        )
     left = [log.path.name for k, log in enumerate(logs) if k not in {w.log for w in windows}]
     if left and len(windows) < robot.most_windows:
         notes.append(f"No window could be cut from {', '.join(left)}: left out.")
