@@ -71,11 +71,15 @@ class Found:
     def predicts(self, rung: Rung) -> bool:
         """Tell whether a model predicts the trial in the middle better than if nothing acted.
 
-        Whatever slows a hopeless model down lowers its error, and explains nothing. Of trials at
-        rest that nothing acts is right, so that they say little in a mean of logarithms.
+        Beside a base model that does not, it must miss less than half: whatever slows a hopeless
+        model down lowers its error, and explains nothing. Of trials at rest that nothing acts is
+        right, so that they say little in a mean of logarithms.
         """
-        idle, usual = self.idle, self.known_scales.usual
-        return idle is None or bool(np.median(rung.errors.waypoint[usual]) < np.median(idle[usual]))
+        if self.idle is None:
+            return True
+        errors = (self.idle, self.base.errors.waypoint, rung.errors.waypoint)
+        idle, base, own = (float(np.median(one[self.known_scales.usual])) for one in errors)
+        return own < (idle if base < idle else self.known_scales.rule.mostly * idle)
 
     def above(self, rung: Rung, times: float) -> bool:
         """Tell whether a model lies so many times above the floor."""

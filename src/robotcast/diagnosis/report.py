@@ -90,7 +90,7 @@ def _left(
         if not found.predicts(found.base):
             assert found.idle is not None
             error = f"{np.median(found.idle[found.known_scales.usual]):.2f} {unit}"
-            return f" {wording.idle} miss {error}, and nothing is named that misses more than that."
+            return f" {wording.idle} miss {error}, and nothing is named that misses more than half."
         beside = "how much of it differs from run to run, repeats would tell"
         return f" That is {times}{_most(where)}. Nothing that was tried explains it; {beside}."
     if verdict.left is None:
