@@ -49,7 +49,8 @@ class Rule:
     most_effects : the most that are named together; more would explain anything.
     mostly : of what a model misses beyond the floor: effects that take away less of it explain
         too little to be named where the rest stays above the floor; a field that takes away more
-        of what they leave refutes them. And of what matters: a gain that is looked into further.
+        of what they leave refutes them. Of what matters: a gain that is looked into further. And
+        of what is missed if nothing acts: what is left beside a base model that misses more.
     fewest_groups : different trials below which nothing can be held back and tested.
     blunder : times the typical error: a trial of which even the best quarter is missed by more
         was measured wrongly.
