@@ -204,8 +204,9 @@ def _case(
     """Cut windows as long as the known model predicts, and say what it would miss if it were right.
 
     Where it loses the trials, or where its step errs by more than the noise, it is tuned first.
-    Where it still does, and the file's model with friction and rotor inertia of every joint as
-    inverse dynamics tell them predicts better, in better windows, these are by that model.
+    Where it predicts worse than joints do that go on as they moved, and the file's model with
+    friction and rotor inertia of every joint as inverse dynamics tell them predicts better, in
+    better windows, these are by that model.
     """
     starts, hints = StartStates(robot, logs, noise), []
     model, floor, length_s, holds = _cut(starts, threads, known)
@@ -216,9 +217,11 @@ def _case(
         some = Inquiry(model, model.records, 1.0).beginnings(1.0, LOOKED_AT)
         fit = some.fit((), some.nominal(()), TUNING)
         known = Known((), some.values((), fit.vector)[0])
-        model, floor, length_s, holds = _cut(starts, threads, known)
+        model, floor, length_s, _ = _cut(starts, threads, known)
     _refuse_divergence(robot, model)
-    lacks = () if holds or known.effects or hints else tuple(lacking(robot, sizes))
+    idle, lacks = model.misses(model.idle(model.records)), ()
+    if not (known.effects or hints) and _median(model, idle) < _median(model, model.nominal_misses):
+        lacks = tuple(lacking(robot, sizes))
     guesses = [one.guess for one in lacks if one.guess is not None]
     if any(guess.any() for guess in guesses):
         guessed = Known(lacks, np.concatenate([Known.nominal(robot).values, *guesses]))
