@@ -204,9 +204,9 @@ def _case(
     """Cut windows as long as the known model predicts, and say what it would miss if it were right.
 
     Where it loses the trials, or where its step errs by more than the noise, it is tuned first.
-    Where it predicts worse than joints do that go on as they moved, and the file's model with
-    friction and rotor inertia of every joint as inverse dynamics tell them predicts better, in
-    better windows, these are by that model.
+    Where it still predicts worse than joints do that go on as they moved, windows and floor are by
+    the file's model with friction and rotor inertia of every joint as inverse dynamics tell them,
+    if that predicts better than those.
     """
     starts, hints = StartStates(robot, logs, noise), []
     model, floor, length_s, holds = _cut(starts, threads, known)
@@ -219,15 +219,12 @@ def _case(
         known = Known((), some.values((), fit.vector)[0])
         model, floor, length_s, _ = _cut(starts, threads, known)
     _refuse_divergence(robot, model)
-    idle, lacks = model.misses(model.idle(model.records)), ()
-    if not (known.effects or hints) and _median(model, idle) < _median(model, model.nominal_misses):
-        lacks = tuple(lacking(robot, sizes))
-    guesses = [one.guess for one in lacks if one.guess is not None]
-    if any(guess.any() for guess in guesses):
-        guessed = Known(lacks, np.concatenate([Known.nominal(robot).values, *guesses]))
+    lacks = () if known.effects or hints or _predicts(model) else lacking(robot, sizes)
+    if lacks:
+        guesses = [one.guess for one in lacks if one.guess is not None]
+        guessed = Known(tuple(lacks), np.concatenate([Known.nominal(robot).values, *guesses]))
         other = _cut(starts, threads, guessed)
-        missed = (_median(one, one.nominal_misses) for one in (other[0], model))
-        if _better(other[1:3], (floor, length_s)) and next(missed) < next(missed):
+        if _predicts(other[0]):
             hints.append(
                 f"By the model as it is, windows would be {length_s:.2g} s long and noise would "
                 f"leave {floor.percent:.2g} % in them: they are cut, and noise is judged, by that "
@@ -333,6 +330,12 @@ def _median(model: RobotModel, found: Sequence[np.ndarray]) -> float:
     """Return what is missed in the window in the middle, in usual motions; where lost, infinity."""
     lost = [np.full_like(one, np.inf) if np.isnan(one).all() else one for one in found]
     return model.usual_miss(lost) / 100
+
+
+def _predicts(model: RobotModel) -> bool:
+    """Tell whether the known model misses no more than joints that go on as they moved."""
+    idle = model.misses(model.idle(model.records))
+    return _median(model, model.nominal_misses) <= _median(model, idle)
 
 
 def _drive_that_fits(model: RobotModel) -> str:
