@@ -78,9 +78,7 @@ def test_every_refitted_effect_shows_what_it_mends(tilted: dict[str, Any]) -> No
     for row in tilted["ranking"]:
         refitted = row["status"] in ("confirmed", "refitted")
         assert bool(row["slices"]) == refitted
-        assert (row["first_in_resamples"] is not None) == refitted
     confirmed = row_of(tilted, "tilt")
-    assert confirmed["first_in_resamples"] > 0.95
     assert all(s["after_percent"] < 0.3 * s["before_percent"] for s in confirmed["slices"])
 
 

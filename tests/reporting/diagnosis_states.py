@@ -132,7 +132,7 @@ def near() -> dict[str, Any]:
 def with_gaps() -> dict[str, Any]:
     """A finished diagnosis in which everything that may be missing is."""
     first, *_ = effect()["ranking"]
-    gaps = dict.fromkeys(("p_value", "power", "first_in_resamples", "slices", "parameters"))
+    gaps = dict.fromkeys(("p_value", "power", "slices", "parameters"))
     unknown = dict.fromkeys(("noise_floor_percent", "casts", "simulated_casts", "base"))
     row = {**first, **gaps, "realised_typical_error_percent": None}
     return {**effect(), **unknown, "ranking": [row]}

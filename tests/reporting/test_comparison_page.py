@@ -137,7 +137,7 @@ def test_without_repeats_the_page_asks_for_some() -> None:
 
 def test_a_right_model_is_not_sent_to_diagnosis() -> None:
     text = comparison_page(compared(made_up(groups=12, repeats=3)))
-    assert "as good as these repeats can show" in text
+    assert "errs by about as much as noise" in text
     assert "stages/diagnose.py" not in text
     assert "No part of the casts holds clearly more" in text
 

@@ -1,7 +1,7 @@
 """How far a prediction is from measured trials, where, and which part effects take away."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,13 +12,7 @@ from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.localise import Finding, any_of, localise, outstanding_trials
 from robotcast.diagnosis.misfit import Misfit, known_median, misfit
 from robotcast.diagnosis.model import PLAIN, Record, Wording
-from robotcast.diagnosis.repeats import (
-    LackOfFit,
-    RepeatScatter,
-    TimeGrid,
-    pure_error,
-    repeat_scatter,
-)
+from robotcast.diagnosis.repeats import RepeatScatter, TimeGrid, repeat_scatter
 from robotcast.diagnosis.rule import RULE, Rule
 from robotcast.diagnosis.slices import Slice, shared_factors
 from robotcast.files import plain
@@ -87,9 +81,6 @@ def _trend(values: np.ndarray, errors: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-SEED = 0
-
-
 @dataclass(frozen=True)
 class Comparison:
     """One prediction beside the measured trials.
@@ -102,9 +93,6 @@ class Comparison:
         scale; a diverged trial counts as one scale.
     final_error_percent : median over the trials that ended of the error at the last sample.
     repeats : the noise floor.
-    share_beyond_noise : part of the squared error that is more than the repeats' errors
-        scatter; None without repeats.
-    lack_of_fit : None without repeats.
     findings : the slices that hold most of the error.
     """
 
@@ -116,8 +104,6 @@ class Comparison:
     waypoint_error_percent: float
     final_error_percent: float
     repeats: RepeatScatter
-    share_beyond_noise: float | None
-    lack_of_fit: LackOfFit | None
     findings: tuple[Finding, ...]
     course: Mapping[str, np.ndarray]
 
@@ -138,8 +124,6 @@ class Comparison:
                 "diverged": [
                     r.trial for r, lost in zip(self.records, found.diverged, strict=True) if lost
                 ],
-                "share_beyond_noise": self.share_beyond_noise,
-                "lack_of_fit": asdict(self.lack_of_fit) if self.lack_of_fit else None,
                 "slices": [_finding(f) for f in self.findings],
                 "over_time": self.course,
                 "phases": median_phases(self.records),
@@ -186,14 +170,11 @@ def compare(
     wording : what trials, samples, axes and factors are called.
     rule : what counts as a repeat, and which slices are named.
     """
-    rng = np.random.default_rng(SEED)
     found = misfit(records, predicted, scale)
     grid = TimeGrid.of(records)
     repeats = repeat_scatter(records, grid, scale, rule)
     exceptions = outstanding_trials(records, found, wording, rule.slicing)
-    single = np.asarray(any_of(found, exceptions).any(axis=1))
-    variance, lack_of_fit = pure_error(records, found, ~single, grid, rng)
-    noise = None if variance is None else grid.at_samples(variance, found.distance.shape[1])
+    noise = grid.at_samples(repeats.square_over_time, found.distance.shape[1])
     return Comparison(
         records=tuple(records),
         predicted=predicted,
@@ -203,18 +184,9 @@ def compare(
         waypoint_error_percent=float(found.sample_percent.mean()),
         final_error_percent=known_median(found.final_percent),
         repeats=repeats,
-        share_beyond_noise=_share_beyond(found, noise),
-        lack_of_fit=lack_of_fit,
-        findings=tuple(localise(records, found, noise, exceptions, wording, rng, rule.slicing)),
+        findings=tuple(localise(records, found, noise, exceptions, wording, rule.slicing)),
         course=error_over_time(found, grid, repeats),
     )
-
-
-def _share_beyond(found: Misfit, noise: np.ndarray | None) -> float | None:
-    square = float(np.nansum(found.distance**2))
-    if noise is None or square == 0:
-        return None
-    return max(0.0, 1 - float(np.nansum(noise)) / square)
 
 
 def _finding(finding: Finding) -> dict[str, Any]:

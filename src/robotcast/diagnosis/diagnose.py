@@ -20,7 +20,6 @@ from robotcast.diagnosis.repeats import RepeatScatter, TimeGrid, repeat_scatter
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.diagnosis.screen import Screened, screen
 from robotcast.diagnosis.selection import Selection
-from robotcast.diagnosis.sizes import first_in_resamples
 from robotcast.files import plain
 from robotcast.running import Progress, silent
 
@@ -248,11 +247,8 @@ class _Run:
         verdict, base = self._verdict, self._base
         decided = verdict.code is not Code.OPEN
         known = (*case.fixed, *verdict.named)
-        stability = first_in_resamples(found, inquiry.groups, case.effort.seed)
         slices = self._explained.slices(found) if decided else {}
-        ranked = report.ranking(
-            inquiry, found, self._screens, verdict, case.rule, slices, stability
-        )
+        ranked = report.ranking(inquiry, found, self._screens, verdict, case.rule, slices)
         held = [report.unjudged(inquiry, name, "held at its null") for name in self._held]
         top = found.top if decided and found.judged else None
         folds = found.base.errors.vectors if found.judged else None

@@ -148,7 +148,7 @@ def outstanding_trials(
     return [find(made, shares, found, found.present, None, wording, slicing)]
 
 
-PERMUTATIONS = 2000
+PERMUTATIONS, SEED = 2000, 0
 
 
 class Contrast:
@@ -256,10 +256,9 @@ def any_of(found: Misfit, findings: Sequence[Finding]) -> np.ndarray:
 def localise(
     records: Sequence[Record],
     found: Misfit,
-    noise: np.ndarray | None,
+    noise: np.ndarray,
     exceptions: Sequence[Finding],
     wording: Wording,
-    rng: np.random.Generator,
     slicing: Slicing = RULE.slicing,
 ) -> list[Finding]:
     """Find the slices that hold most of the squared error, the weightiest first.
@@ -272,19 +271,19 @@ def localise(
     Parameters
     ----------
     noise : ndarray of shape (n_trials, k_max), the squared error that noise alone makes at every
-        sample; None when it is not known.
+        sample; 0 where it is not known.
     exceptions : findings on single trials, which come first; their trials are left out here.
     """
     findings = list(exceptions)
     used = found.present & ~any_of(found, findings)
     square = found.distance**2
-    excess = square if noise is None else square - noise
+    excess = square - noise
     if excess[used].sum() < slicing.excess * square[used].sum():
         return findings
     candidates = candidate_slices(records, wording, slicing)
     if not candidates:
         return findings
-    contrast = Contrast(candidates, found, used, rng)
+    contrast = Contrast(candidates, found, used, np.random.default_rng(SEED))
     remaining = square
     while len(findings) < slicing.most:
         weight, p_value = contrast.test(remaining)

@@ -1,4 +1,4 @@
-"""Whether a model misses its actions by more than their repeats scatter."""
+"""By how much repeats of one action scatter: what a model without fault still misses."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -7,7 +7,6 @@ from itertools import combinations
 import numpy as np
 from scipy.stats import ttest_1samp
 
-from robotcast.diagnosis.misfit import Misfit
 from robotcast.diagnosis.model import Record
 from robotcast.diagnosis.rule import RULE, Rule
 from robotcast.fitting.resampling import at_times
@@ -79,6 +78,8 @@ class RepeatScatter:
         None without repeats.
     over_time_percent : average deviation at every time of the grid, (n_times,), NaN where no two
         repeats share it.
+    square_over_time : the average square of deviations there, (n_times,); its mean in gaps, 0
+        without repeats.
     deviations_percent : of every group, the average deviation of its trials, (n,) each.
     groups, trials : how many groups hold repeats, and the trials they make together.
     strays : numbers of trials that lie too far from their repeats to be such; left out.
@@ -90,6 +91,7 @@ class RepeatScatter:
     sample_percent: float | None
     final_percent: float | None
     over_time_percent: np.ndarray
+    square_over_time: np.ndarray
     deviations_percent: tuple[np.ndarray, ...]
     groups: int
     trials: int
@@ -121,25 +123,28 @@ def repeat_scatter(
         cuts = [np.flatnonzero(np.diff(rows) > apart) + 1 for rows in groups]
         runs = [run for rows, cut in zip(groups, cuts, strict=True) for run in np.split(rows, cut)]
         groups = [run.tolist() for run in runs if len(run) > 1]
-    averages, finals, deviations, trials = [], [], [], []
+    averages, finals, away, trials = [], [], [], []
     for rows in groups:
-        deviation = _deviations(measured[rows])
+        deviation = deviations(measured[rows])
         deviation = deviation[np.isfinite(deviation).any(axis=1)]
         if len(deviation):
             averages.append(np.nanmean(deviation, axis=1))
             ended = [records[row].measured[-1:] for row in rows if records[row].ended]
             if len(ended) > 1:
-                finals.append(_deviations(np.stack(ended)))
-            deviations.append(deviation)
+                finals.append(deviations(np.stack(ended)))
+            away.append(deviation)
             trials.append(len(rows))
     numbers = tuple(records[row].trial for row in strays)
     if not trials:
         nowhere = np.full(len(grid.times_s), np.nan)
-        return RepeatScatter(None, None, nowhere, (), 0, 0, numbers)
+        return RepeatScatter(None, None, nowhere, np.zeros(len(nowhere)), (), 0, 0, numbers)
+    every = np.concatenate(away)
+    square = _of_present(np.ma.mean, every**2)
     return RepeatScatter(
         sample_percent=float(100 / scale * np.concatenate(averages).mean()),
         final_percent=float(100 / scale * np.median(np.concatenate(finals))) if finals else None,
-        over_time_percent=100 / scale * _of_present(np.ma.mean, np.concatenate(deviations)),
+        over_time_percent=100 / scale * _of_present(np.ma.mean, every),
+        square_over_time=np.where(np.isnan(square), np.nanmean(square), square),
         deviations_percent=tuple(100 / scale * average for average in averages),
         groups=len(trials),
         trials=sum(trials),
@@ -193,7 +198,7 @@ def _strays(records: Sequence[Record], measured: np.ndarray, rule: Rule) -> list
     return sorted(row for row, d in zip(rows, deviation.tolist(), strict=True) if d > limit)
 
 
-def _deviations(repeats: np.ndarray) -> np.ndarray:
+def deviations(repeats: np.ndarray) -> np.ndarray:
     """Return distances from the mean over axis 0, as if the true mean were known.
 
     The mean of n repeats lies too near to each of them, on average √((n − 1)/n) as far as the
@@ -217,102 +222,3 @@ def _of_present(mean: Callable[..., np.ma.MaskedArray], values: np.ndarray) -> n
     """Return the mean or median over axis 0 of what is not NaN; NaN where nothing is."""
     return mean(np.ma.masked_invalid(values), axis=0).filled(np.nan)
 
-
-PATTERNS = 4096  # of signs: if there are no more, all are tried, else this many are drawn
-PRIOR_DEGREES = 2.0  # what the average variance counts beside a time's own degrees of freedom
-
-
-@dataclass(frozen=True)
-class LackOfFit:
-    """The mean errors of repeated actions against the scatter of their repeats.
-
-    Attributes
-    ----------
-    ratio : variance of the groups' mean errors over the pure-error variance inside groups,
-        about 1 for a model without fault.
-    p_value : how often a ratio as large comes about when every trial's error is as likely as
-        its opposite. Whole trials change sign, so nothing is assumed of how the errors inside
-        a trial hang together, nor that all actions scatter alike.
-    smallest_p_value : the least that this number of repeats allows.
-    groups : number of repeated actions.
-    """
-
-    ratio: float
-    p_value: float
-    smallest_p_value: float
-    groups: int
-
-
-def pure_error(
-    records: Sequence[Record],
-    found: Misfit,
-    usual: np.ndarray,
-    grid: TimeGrid,
-    rng: np.random.Generator,
-) -> tuple[np.ndarray | None, LackOfFit | None]:
-    """Estimate the pure-error variance of a prediction and test for lack of fit.
-
-    The errors are compared, not the measurements: repeats are never driven quite alike, and
-    what the model knows of that is no noise.
-
-    Parameters
-    ----------
-    usual : bool ndarray of shape (n_trials,), the trials that are no exceptions; diverged ones
-        are left out besides.
-
-    Returns
-    -------
-    variance : ndarray of shape (n_times,), expected squared length of one trial's scatter at
-        every time of the grid, pulled a little towards the average over time.
-    lack_of_fit : the test that stands on it. Both are None when no two repeats share a time.
-    """
-    groups = repeated(records, np.flatnonzero(usual & ~found.diverged).tolist())
-    errors = [grid.place(found.error)[rows] for rows in groups]
-    errors = [e for e in errors if (np.isfinite(e[..., 0]).sum(axis=0) > 1).any()]
-    if not errors:
-        return None, None
-    signs, every = _sign_patterns([len(e) for e in errors], rng)
-    ratios, variances = _ratios(errors, signs)
-    as_large = int((ratios >= ratios[0] * (1 - 1e-9)).sum())
-    return variances[0], LackOfFit(float(ratios[0]), as_large / len(ratios), 1 / every, len(errors))
-
-
-def _sign_patterns(sizes: Sequence[int], rng: np.random.Generator) -> tuple[np.ndarray, int]:
-    """Return sign patterns (n_patterns, n_trials), the data's own first, and how many can differ.
-
-    The first trial of each group keeps its sign: turning a whole group changes nothing.
-    """
-    free = np.concatenate([np.arange(size) > 0 for size in sizes])
-    possible = 2 ** int(free.sum())
-    signs = np.ones((min(possible, PATTERNS), len(free)))
-    if possible <= PATTERNS:
-        bits = np.arange(possible)[:, None] >> np.arange(free.sum()) & 1
-        signs[:, free] = 1 - 2 * bits
-        return signs, possible
-    signs[1:, free] = rng.choice([-1.0, 1.0], size=(PATTERNS - 1, int(free.sum())))
-    return signs, PATTERNS
-
-
-def _ratios(errors: Sequence[np.ndarray], signs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the ratio (n_patterns,) and the variance (n_patterns, n_times) of every pattern."""
-    n_times = errors[0].shape[1]
-    between, within = np.zeros((2, len(signs), n_times))
-    groups, degrees = np.zeros((2, n_times))
-    at = 0
-    for error in errors:
-        count = np.isfinite(error[..., 0]).sum(axis=0)
-        used = count > 1
-        some = np.nan_to_num(error[:, used])
-        total = np.einsum("jkd,jkd->k", some, some)
-        mean_part = np.einsum("pj,jkd->pkd", signs[:, at : at + len(error)], some)
-        of_mean = (mean_part**2).sum(axis=-1) / count[used]
-        between[:, used] += of_mean
-        within[:, used] += total - of_mean
-        groups[used] += 1
-        degrees[used] += count[used] - 1
-        at += len(error)
-    # repeats that agree to the last digit leave no scatter to divide by
-    least = max(1e-9 * (between + within).mean(), np.finfo(float).tiny)
-    average = np.maximum(within.sum(axis=1) / degrees.sum(), least)[:, None]
-    variance = (within + PRIOR_DEGREES * average) / (degrees + PRIOR_DEGREES)
-    return (between / variance).sum(axis=1) / groups.sum(), variance

@@ -243,7 +243,6 @@ def ranking(
     verdict: Verdict,
     rule: Rule,
     slices: Mapping[str, list[dict[str, Any]]],
-    first: Mapping[str, float],
 ) -> list[dict[str, Any]]:
     """Return every effect that was tried, the most promising first.
 
@@ -252,14 +251,12 @@ def ranking(
     Parameters
     ----------
     slices : judged effect → the slices of the error before and after it.
-    first : judged effect → how often its set comes first in resamples.
     """
     rows = []
     for name, one in screens.items():
         rung = _judged(found, name)
         row = _row(inquiry, found, verdict, one, rung, rule)
         row["slices"] = slices.get(name, [])
-        row["first_in_resamples"] = first.get(name, 0.0 if rung else None)
         order = (
             one.status is not None and rung is None,
             name not in verdict.named,
@@ -290,7 +287,6 @@ def unjudged(inquiry: Inquiry, name: str, status: str) -> dict[str, Any]:
         "confusable_with": [],
         "status": status,
         "slices": [],
-        "first_in_resamples": None,
     }
 
 

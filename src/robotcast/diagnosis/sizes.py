@@ -4,42 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotcast.diagnosis.errors import group_means, misses
-from robotcast.diagnosis.found import Found
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.fitting.least_squares import Fit, bread, median_miss, sandwich
 from robotcast.fitting.parameter import Parameter
-
-RESAMPLES = 2000
-
-
-def first_in_resamples(found: Found, groups: np.ndarray, seed: int) -> dict[str, float]:
-    """Return the share of resamples in which the set of each judged effect predicts best.
-
-    Whole groups of trials are drawn with replacement (the bootstrap, Efron 1979). Compared are
-    the held-out errors of judged sets of one size, so nothing is simulated; where the model as it
-    is predicts better, none comes first.
-
-    Parameters
-    ----------
-    groups : ndarray of shape (n_trials,), the group of every trial, numbered from 0.
-    """
-    if not found.judged:
-        return {}
-    fixed = len(found.base.effects)
-    size = max(len(found.chosen) - fixed, 1)
-    sets = [effects for effects in found.judged if len(effects) == fixed + size]
-    if not sets:
-        return {}
-    n = int(groups.max()) + 1
-    drawn = np.random.default_rng(seed).multinomial(n, np.full(n, 1 / n), size=RESAMPLES)
-    errors = (found.judged[e].errors.waypoint for e in (found.base.effects, *sets))
-    unit = found.known_scales.floor.unit
-    missed = np.array([drawn @ group_means(misses(one, unit), groups) for one in errors])
-    first = np.bincount(missed.argmin(axis=0), minlength=len(sets) + 1)[1:] / RESAMPLES
-    order = np.argsort(first)
-    return {name: float(first[k]) for k in order for name in sets[k][fixed:]}
-
 
 SPREAD = 2.0  # standard errors on either side of a value
 

@@ -44,7 +44,6 @@ from robotcast.reporting.style import (
 Comparison = Mapping[str, Any]
 
 _BLOCKS = "blocks.html"
-_DOUBT = 0.05
 _WORST = 6
 _SHADES = ("#c3c9d3", "#e8b96a", "#e8833a", "#cf4522", "#8c1218")
 _RESTING = 0.01  # of scale: closer than this to where it ends, the signal rests
@@ -83,15 +82,12 @@ def comparison_page(comparison: Comparison) -> str:
 def _state(comparison: Comparison) -> str:
     """Return "missing" when the model errs by more than noise, "within" when it does not.
 
-    And "open" when the repeats are too few to tell.
+    And "open" when nobody knows the noise.
     """
-    fit, floor = comparison["lack_of_fit"], comparison["noise_floor_percent"]
-    if fit is None and "floor" in comparison["words"]:  # known from elsewhere than from repeats
-        within = comparison["waypoint_error_percent"] <= RULE.at_floor * floor
-        return "within" if within else "missing"
-    if fit is None or fit["smallest_p_value"] > _DOUBT:
+    floor = comparison["noise_floor_percent"]
+    if floor is None:
         return "open"
-    return "missing" if fit["p_value"] <= _DOUBT else "within"
+    return "within" if comparison["waypoint_error_percent"] <= RULE.at_floor * floor else "missing"
 
 
 def where_blocks(comparison: Comparison) -> dict[str, Markup]:

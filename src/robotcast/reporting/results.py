@@ -14,7 +14,8 @@ import numpy as np
 import polars as pl
 import yaml
 
-from robotcast.measurements.errors import NoiseFloor, deviations, noise_floor
+from robotcast.cast_model import noise_floor
+from robotcast.diagnosis.repeats import RepeatScatter, deviations
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.datasets import Examples, read_simulated
@@ -198,7 +199,7 @@ class CableData:
 
     name: str
     measured: MeasurementSet | None
-    floor: NoiseFloor | None
+    floor: RepeatScatter | None
     tracking: dict
     simulated: Examples | None
     generation: dict
