@@ -1,14 +1,14 @@
 """Making what the configuration names by `_target_`, so that no stage knows which rig, simulator
 or effects are configured, and depends on no other's code."""
 
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from hydra.utils import get_object, instantiate
 from omegaconf import Container, DictConfig, OmegaConf
+
+from robotcast.files import digest
 
 CONFIGURATION = Path(__file__).resolve().parents[2] / "conf"
 
@@ -94,7 +94,4 @@ def _library() -> Any:
 def fingerprint(config: DictConfig, parts: dict[str, Any], *known: object) -> str:
     """Return a digest of parts of the configuration, resolved, and of whatever else is known."""
     text = OmegaConf.to_yaml(OmegaConf.create(parts, parent=config), resolve=True)
-    digest = hashlib.sha256(text.encode())
-    for item in known:
-        digest.update(item.tobytes() if isinstance(item, np.ndarray) else str(item).encode())
-    return digest.hexdigest()
+    return digest(text, *known)

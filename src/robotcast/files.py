@@ -121,11 +121,16 @@ def unseal(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path}: is not a sealed answer") from None
 
 
+def digest(*parts: object) -> str:
+    """Return a fingerprint: of arrays and bytes as they are, of all else by its text."""
+    found = hashlib.sha256()
+    for part in parts:
+        raw = np.ascontiguousarray(part).tobytes() if isinstance(part, np.ndarray) else part
+        found.update(raw if isinstance(raw, bytes) else str(raw).encode())
+    return found.hexdigest()
+
+
 def source_digest(*rooms: str, root: Path = Path(__file__).parent) -> str:
     """Return a digest of all modules below the folders `rooms` of `root`."""
-    digest = hashlib.sha256()
-    for room in rooms:
-        for path in sorted((root / room).rglob("*.py")):
-            digest.update(f"{path.relative_to(root)}\n".encode())
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
+    paths = [path for room in rooms for path in sorted((root / room).rglob("*.py"))]
+    return digest(*(b"%s\n%s" % (str(p.relative_to(root)).encode(), p.read_bytes()) for p in paths))

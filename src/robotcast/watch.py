@@ -35,23 +35,14 @@ Key = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Cell:
-    """One stage of the pipeline, as `dvc repro NAME` takes it.
-
-    Attributes
-    ----------
-    needs : names of the cells whose outputs it reads.
-    key : its command, `_key`.
-    outputs : their paths.
-    state : "done" only where dvc.lock, files and all that it needs agree.
-    left_s : how long it still takes, None where nothing like it has run here.
-    """
+    """One stage of the pipeline, as `dvc repro NAME` takes it."""
 
     name: str
-    needs: tuple[str, ...]
-    key: Key
-    outputs: tuple[str, ...]
-    state: str  # "done", "running", "failed" or "left"
-    left_s: float | None = 0.0
+    needs: tuple[str, ...]  # cells whose outputs it reads
+    key: Key  # its command
+    outputs: tuple[str, ...]  # paths
+    state: str  # "done" where lock, files and all it needs agree; "running", "failed" or "left"
+    left_s: float | None = 0.0  # how long it still takes, None where nothing like it has run
 
     @property
     def stage(self) -> str:

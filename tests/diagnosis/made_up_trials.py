@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +15,9 @@ SCALE = 0.5
 NOISE = 0.005
 TIMES_S = np.arange(25) * 0.1
 PHASES = {"swing": 0.0, "coast": 1.0, "rest": 1.8}
+
+
+MODEL: Any = SimpleNamespace(scale=SCALE, error_unit="% of cable length")
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,4 @@ def made_up(
 
 
 def compared(made: MadeUp) -> Comparison:
-    return compare(
-        made.records, made.predicted, scale=SCALE, error_unit="% of cable length", wording=WORDS
-    )
+    return compare(MODEL, made.records, made.predicted, WORDS)

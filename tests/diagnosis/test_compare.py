@@ -13,7 +13,7 @@ from robotcast.diagnosis.misfit import misfit
 from robotcast.diagnosis.model import Record
 from robotcast.measurements.errors import prediction_errors
 from robotcast.measurements.measurement_set import Trial
-from tests.diagnosis.made_up_trials import NOISE, SCALE, TIMES_S, MadeUp, compared, made_up
+from tests.diagnosis.made_up_trials import MODEL, NOISE, SCALE, TIMES_S, MadeUp, compared, made_up
 
 
 @pytest.mark.parametrize("repeats", [2, 3, 8])
@@ -99,16 +99,16 @@ def wrong_above(record: Record) -> np.ndarray:
 
 
 def test_one_trial_with_one_sample_can_be_compared() -> None:
-    record = Record(0, 0, np.array([0.0]), np.array([[1.0, 2.0]]))
-    found = compare([record], np.array([[[1.0, 2.5]]]), scale=1, error_unit="%")
-    assert found.waypoint_error_percent == pytest.approx(50)
+    record = Record(0, 0, np.array([0.0]), np.array([[1.0, 1.0]]))
+    found = compare(MODEL, [record], np.array([[[1.0, 1.5]]]))
+    assert found.waypoint_error_percent == pytest.approx(100)
     assert found.findings == ()
 
 
 def test_signals_of_one_component_can_be_compared() -> None:
     made = made_up(wrong=wrong_above)
     records = [replace(r, measured=r.measured[:, :1]) for r in made.records]
-    found = compare(records, made.predicted[..., :1], scale=SCALE, error_unit="%")
+    found = compare(MODEL, records, made.predicted[..., :1])
     assert [f.slice.kind for f in found.findings] == ["alpha"]
 
 

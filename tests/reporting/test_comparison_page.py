@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robotcast.diagnosis.compare import compare
 from robotcast.reporting.comparison_page import casts_block, comparison_page, where_blocks
-from tests.diagnosis.made_up_trials import SCALE, TIMES_S, WORDS, MadeUp, made_up
+from tests.diagnosis import made_up_trials
+from tests.diagnosis.made_up_trials import TIMES_S, MadeUp, made_up
 
 EMPTY = {"meta", "link", "br", "input"}
 
@@ -20,13 +20,7 @@ def wrong_above(alpha: float):
 
 
 def compared(made: MadeUp, notes: tuple[str, ...] = ()) -> dict[str, Any]:
-    found = compare(
-        made.records,
-        made.predicted,
-        scale=SCALE,
-        error_unit="% of cable length",
-        wording=WORDS,
-    )
+    found = made_up_trials.compared(made)
     given = {
         "rig": "virtual",
         "measurements": "sets/one",

@@ -149,7 +149,7 @@ def test_an_answer_to_another_question_is_not_taken_from_the_journal(tmp_path: P
     response = Journal(path, "bowl", evaluate)(Query(np.full((1, 3), 0.2)))
     assert evaluate.asked == 1
     np.testing.assert_array_equal(response.percent, Bowl()(Query(np.full((1, 3), 0.2))).percent)
-    assert len(path.read_text().splitlines()) == 3
+    assert len(path.read_text().splitlines()) == 5
 
 
 def test_only_vectors_tried_on_all_casts_can_be_the_best() -> None:

@@ -11,7 +11,7 @@ from robotcast.diagnosis.found import Found
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.localise import Finding, any_of, localise, outstanding_trials
 from robotcast.diagnosis.misfit import Misfit, known_median, misfit
-from robotcast.diagnosis.model import PLAIN, Record, Wording
+from robotcast.diagnosis.model import PLAIN, Model, Record, Wording
 from robotcast.diagnosis.repeats import RepeatScatter, TimeGrid, repeat_scatter
 from robotcast.diagnosis.rule import RULE, Rule
 from robotcast.diagnosis.slices import Slice, shared_factors
@@ -151,40 +151,35 @@ class Comparison:
 
 
 def compare(
+    model: Model,
     records: Sequence[Record],
     predicted: np.ndarray,
-    *,
-    scale: float,
-    error_unit: str,
     wording: Wording = PLAIN,
     rule: Rule = RULE,
 ) -> Comparison:
-    """Compare a prediction with the measured trials.
+    """Compare a model's prediction with the measured trials.
 
     Parameters
     ----------
     predicted : ndarray of shape (n_trials, k_max, d), as `Model.predict` gives it for one
         parameter vector; NaN in any of a trial's samples marks a run that diverged.
-    scale : errors are given in % of it.
-    error_unit : what an error of `scale` / 100 is called, "% of cable length".
-    wording : what trials, samples, axes and factors are called.
-    rule : what counts as a repeat, and which slices are named.
+    rule : what counts as a repeat, and as noise.
     """
-    found = misfit(records, predicted, scale)
+    found = misfit(records, predicted, model.scale)
     grid = TimeGrid.of(records)
-    repeats = repeat_scatter(records, grid, scale, rule)
-    exceptions = outstanding_trials(records, found, wording, rule.slicing)
+    repeats = repeat_scatter(records, grid, model.scale, rule)
+    exceptions = outstanding_trials(records, found, wording)
     noise = grid.at_samples(repeats.square_over_time, found.distance.shape[1])
     return Comparison(
         records=tuple(records),
         predicted=predicted,
         found=found,
-        error_unit=error_unit,
+        error_unit=model.error_unit,
         wording=wording,
         waypoint_error_percent=float(found.sample_percent.mean()),
         final_error_percent=known_median(found.final_percent),
         repeats=repeats,
-        findings=tuple(localise(records, found, noise, exceptions, wording, rule.slicing)),
+        findings=tuple(localise(records, found, noise, exceptions, wording)),
         course=error_over_time(found, grid, repeats),
     )
 
@@ -206,14 +201,9 @@ class Explained:
         """Compare a revision with all trials; diverged runs stay diverged."""
         key = (revision.effects, revision.fit.vector.tobytes())
         if key not in self._compared:
-            model = self._inquiry.model
+            inquiry, predicted = self._inquiry, self._prediction(revision)
             self._compared[key] = compare(
-                self._inquiry.records,
-                self._prediction(revision),
-                scale=model.scale,
-                error_unit=model.error_unit,
-                wording=self._wording,
-                rule=self._rule,
+                inquiry.model, inquiry.records, predicted, self._wording, self._rule
             )
         return self._compared[key]
 

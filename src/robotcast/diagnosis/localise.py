@@ -7,7 +7,7 @@ import numpy as np
 
 from robotcast.diagnosis.misfit import Misfit
 from robotcast.diagnosis.model import Record, Wording
-from robotcast.diagnosis.rule import RULE, Slicing
+from robotcast.diagnosis.rule import SLICING
 from robotcast.diagnosis.slices import Slice, candidate_slices
 
 
@@ -17,7 +17,6 @@ def sentence(
     found: Misfit,
     inside: np.ndarray,
     wording: Wording,
-    slicing: Slicing,
     alone: bool,
 ) -> str:
     """Say which part of the error lies in a slice, and which part of the data that is.
@@ -33,7 +32,7 @@ def sentence(
     error, data = (f"{100 * share:.0f} %" for share in shares)
     if some.directions is not None and some.kind == "heading":
         signed = some.signed(found)[inside & ~found.diverged[:, None]]
-        steady = abs(signed.mean()) > slicing.steady * np.sqrt((signed**2).mean())
+        steady = abs(signed.mean()) > SLICING.steady * np.sqrt((signed**2).mean())
         way, other, *sides = ("along", "across", "runs ahead", "lags behind")
         if some.name.startswith("across"):
             way, other, *sides = ("across", "along", "passes on the left", "passes on the right")
@@ -88,7 +87,6 @@ def find(
     used: np.ndarray,
     p_value: float | None,
     wording: Wording,
-    slicing: Slicing,
 ) -> Finding:
     """Describe what a slice holds.
 
@@ -106,7 +104,7 @@ def find(
     to_percent = 100 / found.scale
     return Finding(
         slice=some,
-        sentence=sentence(some, shares, found, inside, wording, slicing, p_value is None),
+        sentence=sentence(some, shares, found, inside, wording, p_value is None),
         share_of_error=shares[0],
         share_of_samples=shares[1],
         error_percent=float(to_percent * some.sizes(found)[inside].mean()),
@@ -115,37 +113,36 @@ def find(
     )
 
 
-def well_beyond(share_of_error: float, share_of_samples: float, slicing: Slicing) -> bool:
+def well_beyond(share_of_error: float, share_of_samples: float) -> bool:
     """Tell whether a share of the error is worth a sentence."""
     surplus = share_of_error - share_of_samples
-    return surplus >= slicing.beyond and share_of_error >= slicing.times * share_of_samples
+    return surplus >= SLICING.beyond and share_of_error >= SLICING.times * share_of_samples
 
 
 def outstanding_trials(
     records: Sequence[Record],
     found: Misfit,
     wording: Wording,
-    slicing: Slicing = RULE.slicing,
 ) -> list[Finding]:
     """Return one finding on the few trials that hold much of the error alone, or none."""
     square = np.where(found.present, found.distance**2, 0)
     size = np.sqrt(square.sum(axis=1) / found.present.sum(axis=1))
     usual = np.quantile(size, 0.9, method="lower")
-    rows = np.flatnonzero(size > slicing.outstanding * usual)
-    if len(records) <= slicing.fewest or not len(rows):
+    rows = np.flatnonzero(size > SLICING.outstanding * usual)
+    if len(records) <= SLICING.fewest or not len(rows):
         return []
     rows = rows[np.argsort(-size[rows], kind="stable")]
     shares = (
         float(square[rows].sum() / square.sum()),
         float(found.present[rows].sum() / found.present.sum()),
     )
-    if not well_beyond(*shares, slicing):
+    if not well_beyond(*shares):
         return []
     mask = np.zeros_like(found.present)
     mask[rows] = found.present[rows]
     name = wording.numbered([records[row].trial for row in rows])
     made = Slice(name, "trial", name[0].upper() + name[1:], mask, whole_trials=True)
-    return [find(made, shares, found, found.present, None, wording, slicing)]
+    return [find(made, shares, found, found.present, None, wording)]
 
 
 PERMUTATIONS, SEED = 2000, 0
@@ -259,7 +256,6 @@ def localise(
     noise: np.ndarray,
     exceptions: Sequence[Finding],
     wording: Wording,
-    slicing: Slicing = RULE.slicing,
 ) -> list[Finding]:
     """Find the slices that hold most of the squared error, the weightiest first.
 
@@ -278,27 +274,27 @@ def localise(
     used = found.present & ~any_of(found, findings)
     square = found.distance**2
     excess = square - noise
-    if excess[used].sum() < slicing.excess * square[used].sum():
+    if excess[used].sum() < SLICING.excess * square[used].sum():
         return findings
-    candidates = candidate_slices(records, wording, slicing)
+    candidates = candidate_slices(records, wording)
     if not candidates:
         return findings
     contrast = Contrast(candidates, found, used, np.random.default_rng(SEED))
     remaining = square
-    while len(findings) < slicing.most:
+    while len(findings) < SLICING.most:
         weight, p_value = contrast.test(remaining)
         eligible = [
             at
-            for at in np.flatnonzero(p_value <= slicing.level).tolist()
+            for at in np.flatnonzero(p_value <= SLICING.level).tolist()
             if candidates[at].kind not in {f.slice.kind for f in findings}
-            and well_beyond(*contrast.shares(at, square), slicing)
-            and well_beyond(*contrast.shares(at, excess), slicing)
+            and well_beyond(*contrast.shares(at, square))
+            and well_beyond(*contrast.shares(at, excess))
         ]
         if not eligible:
             break
         best = max(eligible, key=lambda at: weight[at])
         shares = contrast.shares(best, square)
         p = float(p_value[best])
-        findings.append(find(candidates[best], shares, found, used, p, wording, slicing))
+        findings.append(find(candidates[best], shares, found, used, p, wording))
         remaining = contrast.without(best, remaining)
     return findings

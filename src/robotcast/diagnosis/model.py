@@ -165,11 +165,6 @@ class Wording:
         lengths = first.unit == second.unit and first.unit in ("", "m", "cm", "mm")
         return d == 2 and lengths and first.scale == second.scale
 
-    def factor(self, name: str, value: str) -> str:
-        """Return a factor's value as it is read, "alpha 1.6 rad" without the name."""
-        unit = self.factor_units.get(name, "")
-        return f"{value} {unit}" if unit not in ("", "1") else value
-
     def as_dict(self, d: int) -> dict[str, Any]:
         """Return the words as plain data for a signal of `d` components."""
         nouns = ("trial", "trials", "sample", "samples", "group", "groups")

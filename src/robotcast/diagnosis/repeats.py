@@ -221,4 +221,3 @@ def deviations(repeats: np.ndarray) -> np.ndarray:
 def _of_present(mean: Callable[..., np.ma.MaskedArray], values: np.ndarray) -> np.ndarray:
     """Return the mean or median over axis 0 of what is not NaN; NaN where nothing is."""
     return mean(np.ma.masked_invalid(values), axis=0).filled(np.nan)
-

@@ -211,7 +211,6 @@ def _rung(rung: Rung, usual: np.ndarray) -> dict[str, Any]:
         "heldout_final_error_percent": known_median(rung.errors.final),
         "standard_error_percent": _error_of_middle(errors[usual]),
         "p_value": rung.gain.p_value if rung.gain else None,
-        "gain_share": rung.gain.share if rung.gain else None,
     }
 
 

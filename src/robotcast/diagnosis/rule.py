@@ -1,6 +1,6 @@
 """The numbers that decide a diagnosis, and those that say how hard it tries."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,9 @@ class Slicing:
     outstanding: float = 3.0
     moving: float = 0.1
     steady: float = 0.5
+
+
+SLICING = Slicing()
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,6 @@ class Rule:
     decides : squared noise by which two models must differ on the next trials together.
     at_bound : of a parameter's range: so near its end, a fit was pushed there.
     ignored : of the noise: a parameter whose range moves no trial by more is ignored.
-    slicing : how the parts of the trials are found that hold most of the error.
     """
 
     level: float = 0.05
@@ -92,7 +94,6 @@ class Rule:
     decides: float = 4.0
     at_bound: float = 0.005
     ignored: float = 1e-4
-    slicing: Slicing = field(default_factory=Slicing)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from robotcast.diagnosis.misfit import Misfit, padded, sample_mask
 from robotcast.diagnosis.model import Record, Wording
-from robotcast.diagnosis.rule import RULE, Slicing
+from robotcast.diagnosis.rule import SLICING
 
 QUANTILES = (0.2, 0.25, 1 / 3, 0.4, 0.5, 0.6, 2 / 3, 0.75, 0.8)
 FEW_VALUES = 6  # a quantity with no more different values is split between them
@@ -128,31 +128,29 @@ class Slice:
         return float(100 / found.scale * self.sizes(found)[self.mask & found.present].mean())
 
 
-def candidate_slices(
-    records: Sequence[Record], wording: Wording, slicing: Slicing = RULE.slicing
-) -> list[Slice]:
+def candidate_slices(records: Sequence[Record], wording: Wording) -> list[Slice]:
     """Return the slices that hold neither too little nor nearly all of the samples."""
     present = sample_mask(records)
     made: list[Slice] = []
     seen: set[tuple[bytes, str]] = set()
     for family in (_phases, _places, _speeds, _headings, _signals, _factors):
-        for whole in family(records, wording, slicing):
+        for whole in family(records, wording):
             found = replace(whole, mask=whole.mask & present)
             key = (found.mask.tobytes(), found.name if found.directions is not None else "")
-            if _worth_a_look(found, present, slicing) and key not in seen:
+            if _worth_a_look(found, present) and key not in seen:
                 seen.add(key)
                 made.append(found)
     return made
 
 
-def _worth_a_look(found: Slice, present: np.ndarray, slicing: Slicing) -> bool:
+def _worth_a_look(found: Slice, present: np.ndarray) -> bool:
     share = found.mask.sum() / present.sum()
-    most = slicing.largest if found.directions is None else 1.0
+    most = SLICING.largest if found.directions is None else 1.0
     touched = found.mask.any(axis=1).sum()
-    return slicing.least <= share <= most and touched >= slicing.fewest
+    return SLICING.least <= share <= most and touched >= SLICING.fewest
 
 
-def _phases(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
+def _phases(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
     """Runs of phases that follow each other, all of them together left out."""
     names = list(dict.fromkeys(name for record in records for name in record.phases))
     number = np.full(sample_mask(records).shape, -1)
@@ -168,7 +166,7 @@ def _phases(records: Sequence[Record], wording: Wording, slicing: Slicing) -> It
         yield Slice(f"in {text}", "phase", subject, (number >= first) & (number <= last))
 
 
-def _places(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
+def _places(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
     """Ranges of every component of the measured signal; for a place in a plane also cells."""
     where = padded(records, [r.measured for r in records])
     samples, plane = wording.samples.capitalize(), wording.in_plane(where.shape[-1])
@@ -190,7 +188,7 @@ def _places(records: Sequence[Record], wording: Wording, slicing: Slicing) -> It
             yield Slice(text, "place", f"{samples} at {text}", across.holds(x) & up.holds(y))
 
 
-def _speeds(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
+def _speeds(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
     """Ranges of the speed; of signals with units of their own, of each and by its direction."""
     velocity = _velocity(records)
     axes = [wording.axis(i) for i in range(velocity.shape[-1])]
@@ -215,14 +213,14 @@ def _speeds(records: Sequence[Record], wording: Wording, slicing: Slicing) -> It
             yield Slice(name, f"speed{of}", subject, mask)
 
 
-def _headings(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
+def _headings(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
     """Errors along and across the measured path, where the signal moves in the plane."""
     velocity = _velocity(records)
     if not wording.in_plane(velocity.shape[-1]):
         return
     speed = np.linalg.norm(velocity, axis=-1)
     fastest = np.nanmax(speed, axis=1)[:, None]
-    moving = (speed > slicing.moving * fastest) & (fastest > 0)
+    moving = (speed > SLICING.moving * fastest) & (fastest > 0)
     along = np.divide(
         velocity, speed[..., None], out=np.zeros_like(velocity), where=moving[..., None]
     )
@@ -231,7 +229,7 @@ def _headings(records: Sequence[Record], wording: Wording, slicing: Slicing) -> 
         yield Slice(f"{name} the path", "heading", f"Errors {name} the path", moving, directions)
 
 
-def _signals(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
+def _signals(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
     """Errors of every signal beside the others, where they are no place in a plane."""
     d = records[0].measured.shape[1]
     present = sample_mask(records)
@@ -242,7 +240,7 @@ def _signals(records: Sequence[Record], wording: Wording, slicing: Slicing) -> I
         yield Slice(f"in {name}", "signal", name[0].upper() + name[1:], present, directions)
 
 
-def _factors(records: Sequence[Record], wording: Wording, slicing: Slicing) -> Iterator[Slice]:
+def _factors(records: Sequence[Record], wording: Wording) -> Iterator[Slice]:
     k_max = sample_mask(records).shape[1]
     for name, values in shared_factors(records).items():
         for part in ranges(values):

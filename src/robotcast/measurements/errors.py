@@ -11,37 +11,27 @@ from robotcast.measurements.measurement_set import Trial
 
 @dataclass(frozen=True)
 class PredictionErrors:
-    """The paper's two metrics over a set of casts.
+    """The paper's two metrics over a set of casts, in m and in % of cable length.
 
-    Attributes
-    ----------
-    waypoint_m : average waypoint error: L² distance averaged over a cast's tracked waypoints,
-        then over casts.
-    final_m : median of the L² distance at the last tracked waypoint, over the casts whose end was
-        seen at rest (over all where none was).
-    waypoint_percent, final_percent : the same in % of cable length.
-    standard_error_percent : of `waypoint_percent`, None of a single cast.
-    n_diverged : casts whose run diverged; each counts with an error of one cable length.
+    The L² distance averaged over a cast's tracked waypoints, then over casts; and the median of
+    that at the last one, over the casts whose end was seen at rest (over all where none was).
     """
 
     waypoint_m: float
     final_m: float
     waypoint_percent: float
     final_percent: float
-    standard_error_percent: float | None
+    standard_error_percent: float | None  # of `waypoint_percent`, None of a single cast
     n_casts: int
-    n_diverged: int
+    n_diverged: int  # each counts with an error of one cable length
 
 
 def cast_errors(predicted_m: np.ndarray, trials: Sequence[Trial]) -> tuple[np.ndarray, np.ndarray]:
     """Return every cast's average waypoint error and final error, each (n_casts,) [m].
 
     Both are NaN for a cast whose prediction lacks one of its waypoints: its run diverged.
-
-    Parameters
-    ----------
-    predicted_m : ndarray of shape (n_casts, k_max, 2); waypoint j of cast i belongs to
-        `trials[i].waypoints_s[j]`, so frames lost by the tracker take no part.
+    Waypoint j of cast i in `predicted_m` (n_casts, k_max, 2) belongs to
+    `trials[i].waypoints_s[j]`, so frames lost by the tracker take no part.
     """
     k_most = max((len(t.waypoints_s) for t in trials), default=0)
     if len(predicted_m) != len(trials) or predicted_m.shape[1] < k_most:

@@ -15,17 +15,11 @@ _APART_S = 1000.0  # between the casts on one line of time
 
 @dataclass(frozen=True)
 class Log:
-    """One table of all n casts, N rows that stand cast by cast in time.
+    """One table of all n casts, N rows that stand cast by cast in time."""
 
-    Attributes
-    ----------
-    t_s, values : ndarrays of shape (N,) and (N, d).
-    first : ndarray of shape (n,), the row where each cast begins.
-    """
-
-    t_s: np.ndarray
-    values: np.ndarray
-    first: np.ndarray
+    t_s: np.ndarray  # (N,)
+    values: np.ndarray  # (N, d)
+    first: np.ndarray  # (n,), the row where each cast begins
 
     @classmethod
     def of(cls, times_s: Sequence[np.ndarray], values: Sequence[np.ndarray]) -> "Log":

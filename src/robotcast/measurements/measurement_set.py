@@ -23,27 +23,17 @@ class Cable:
 
 @dataclass(frozen=True)
 class Trial:
-    """One cast that was executed and tracked.
-
-    Attributes
-    ----------
-    trial, action_id : casts that repeat an action share its `action_id`.
-    tool : what the held end really did.
-    waypoints_s : ndarray of shape (k,), times of the tracked waypoints; lost frames are gaps.
-    waypoints_m : ndarray of shape (k, 2), the tracked free end in the robot base's frame.
-    logged : further numbers that were logged with the cast, by name; "order" is where it stands
-        in its session, from 0 for the first cast to 1 for the last.
-    rested : the free end was seen at rest: where it was seen last is where the cast ended.
-    """
+    """One cast that was executed and tracked."""
 
     trial: int
-    action_id: int
+    action_id: int  # shared by casts that repeat an action
     action: Action
-    tool: ToolMotion
-    waypoints_s: np.ndarray
-    waypoints_m: np.ndarray
+    tool: ToolMotion  # what the held end really did
+    waypoints_s: np.ndarray  # (k,), of the tracked waypoints; lost frames are gaps
+    waypoints_m: np.ndarray  # (k, 2), the tracked free end in the robot base's frame
+    # further numbers that were logged with the cast; "order": its place in the session, 0 to 1
     logged: Mapping[str, float] = field(default_factory=dict)
-    rested: bool = True
+    rested: bool = True  # where the free end was seen last is where the cast ended
 
     @property
     def factors(self) -> dict[str, float]:
@@ -70,24 +60,16 @@ class Trial:
 
 @dataclass(frozen=True)
 class MeasurementSet:
-    """A set of casts with one cable on one rig.
-
-    Attributes
-    ----------
-    noise_m : standard deviation of one tracked coordinate, None when unknown.
-    rig : which rig the casts come from, as every table names it.
-    tool_planned : the tool was not logged; the planned motion stands in for it.
-    notices : what a stage must tell its user before it uses the set, a sentence each.
-    """
+    """A set of casts with one cable on one rig."""
 
     cable: Cable
     r0_m: float
     period_s: float
-    noise_m: float | None
+    noise_m: float | None  # standard deviation of one tracked coordinate, None when unknown
     trials: tuple[Trial, ...]
-    rig: str = "recorded"
-    tool_planned: bool = False
-    notices: tuple[str, ...] = ()
+    rig: str = "recorded"  # as every table names it
+    tool_planned: bool = False  # not logged; the planned motion stands in for it
+    notices: tuple[str, ...] = ()  # what a stage must tell before it uses the set
 
     @property
     def rested(self) -> "MeasurementSet":
@@ -108,16 +90,11 @@ class MeasurementSet:
 def split_by_action(
     measured: MeasurementSet, n_first: int, n_second: int, seed: int
 ) -> tuple[MeasurementSet, MeasurementSet]:
-    """Draw two disjoint sets of `n_first` and `n_second` casts.
+    """Draw two disjoint sets of `n_first` and `n_second` casts, or refuse too few (ValueError).
 
     All repeats of an action go to one side or are left out together. Actions with many repeats
     are placed first, each by chance in proportion to the room that is left; a side stays below
     its number only where no placing of the repeats fills it.
-
-    Raises
-    ------
-    ValueError
-        When the set has too few casts.
     """
     if n_first < 1 or n_second < 1:
         raise ValueError(f"both sides of a split need casts, asked for {n_first} and {n_second}")

@@ -101,17 +101,13 @@ NEARLY_ALL = 0.8
 
 
 def read_measurement_set(folder: Path) -> MeasurementSet:
-    """Read a measurement set, its tables as CSV or Parquet.
+    """Read a measurement set, its tables as CSV or Parquet, or refuse it (ValueError).
 
     What was put right on reading, what is doubtful and which casts are left out, or have no
     endpoint, stands in its `notices`. Without a tool table, the planned motion of the actions
-    stands in for it.
-
-    Raises
-    ------
-    ValueError
-        One sentence that names the file, the row (the line of a CSV file, counting the header
-        as line 1; the row of a Parquet file, from 1) and the rule that it breaks.
+    stands in for it. The refusal is one sentence that names the file, the row (the line of a CSV
+    file, counting the header as line 1; the row of a Parquet file, from 1) and the rule that it
+    breaks.
     """
     if not folder.is_dir():
         raise ValueError(f"{folder}: there is no such folder; expected a measurement set")

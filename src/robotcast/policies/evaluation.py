@@ -1,6 +1,5 @@
 """How far casts end from their targets (paper, "Physical Experiments")."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
@@ -14,6 +13,7 @@ import yaml
 
 from robotcast.casts.action import action_factors
 from robotcast.casts.plan import PlanLimits, plan_action
+from robotcast.files import digest
 from robotcast.measurements.measurement_set import Cable, MeasurementSet
 from robotcast.policies.choosing import Choice
 from robotcast.policies.forward_model import ForwardModel
@@ -64,9 +64,8 @@ def execute_choices(
     another policy or another rig starts a new session, and no cast is ever replaced.
     """
     actions = [(n, choice.action) for n, choice in enumerate(choices, _FIRST_TARGET_ID)] * repeats
-    decided = b"".join(choice.action.as_array().tobytes() for choice in choices)
-    decided += (settings + yaml.safe_dump(rig.facts())).encode()
-    folder = sessions / hashlib.sha256(decided).hexdigest()[:12]
+    chosen = (choice.action.as_array() for choice in choices)
+    folder = sessions / digest(*chosen, settings, yaml.safe_dump(rig.facts()))[:12]
 
     @cache
     def rest(request: CastRequest) -> np.ndarray | str:

@@ -3,7 +3,6 @@
 On disk a model is a folder: numbers as safetensors, the rest as YAML and CSV, no pickles.
 """
 
-import hashlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -20,7 +19,7 @@ import torch
 import yaml
 from safetensors.torch import load_file, save_file
 
-from robotcast.files import atomic_file, write_text, write_yaml
+from robotcast.files import atomic_file, digest, write_text, write_yaml
 from robotcast.policies.datasets import Examples
 
 WEIGHTS_FILE, HISTORY_FILE, DESCRIPTION_FILE = "weights.safetensors", "training.csv", "policy.yaml"
@@ -64,10 +63,6 @@ class ForwardModel(Protocol):
 
     def spread(self, actions: np.ndarray) -> np.ndarray:
         """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
-        ...
-
-    def slopes(self, actions: np.ndarray) -> np.ndarray:
-        """Return the endpoint's derivatives (n, 2, 6) by the numbers of the actions."""
         ...
 
 
@@ -208,6 +203,8 @@ class LearnedModel(ABC):
         return self._apply(self.deviation, actions)
 
     def slopes(self, actions: np.ndarray) -> np.ndarray:
+        """Return the endpoint's derivatives (n, 2, 6) by the numbers of the actions."""
+
         def of_rows(rows: torch.Tensor) -> torch.Tensor:
             with torch.inference_mode(False), torch.enable_grad():
                 inputs = rows.detach().requires_grad_()
@@ -255,7 +252,7 @@ class LearnedModel(ABC):
             "epochs": len(self.history),
             "best_epoch": best.epoch,
             "validation_median_m": round(best.validation_median_m, 6),
-            "weights_sha256": hashlib.sha256(weights.read_bytes()).hexdigest(),
+            "weights_sha256": digest(weights.read_bytes()),
         }
         write_yaml(folder / DESCRIPTION_FILE, description)
 
@@ -263,7 +260,7 @@ class LearnedModel(ABC):
     def load(cls, folder: Path) -> Self:
         """Read back what `save` wrote; refuse weights that are not of the description."""
         facts, path = read_description(folder), folder / WEIGHTS_FILE
-        if hashlib.sha256(path.read_bytes()).hexdigest() != facts["weights_sha256"]:
+        if digest(path.read_bytes()) != facts["weights_sha256"]:
             raise ValueError(f"{path} does not belong to {DESCRIPTION_FILE} beside it: train again")
         history = pl.read_csv(folder / HISTORY_FILE).iter_rows(named=True)
         return cls.restored(

@@ -1,6 +1,5 @@
 """The training loop of every forward model: early stopping, and going on after a kill."""
 
-import hashlib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -12,7 +11,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from robotcast.files import atomic_file, source_digest
+from robotcast.files import atomic_file, digest, source_digest
 from robotcast.policies.datasets import Dataset, Examples
 from robotcast.policies.forward_model import (
     Epoch,
@@ -140,11 +139,8 @@ def held_out_loss(
 
 
 def _fingerprint(dataset: Dataset, learner: Learner, seed: int) -> str:
-    digest = hashlib.sha256(f"{dataset.name} {learner} {seed} {source_digest('policies')}".encode())
-    for part in (dataset.training, dataset.validation):
-        for array in vars(part).values():
-            digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
+    arrays = [a for part in (dataset.training, dataset.validation) for a in vars(part).values()]
+    return digest(f"{dataset.name} {learner} {seed} {source_digest('policies')}", *arrays)
 
 
 def _keep(fit: Fit, path: Path, fingerprint: str, history: list[Epoch], best: Tensors) -> None:

@@ -55,13 +55,10 @@ _ROUND = [1, 2, 2.5, 5, 10]
 
 
 def comparison_page(comparison: Comparison) -> str:
-    """Return the page of a comparison.
+    """Return the page of `Comparison.as_dict()`.
 
-    Parameters
-    ----------
-    comparison : `Comparison.as_dict()` with `rig`, `measurements` (the folder of the set),
-        `model` (what predicted, in a few words) and `notes` (list of sentences on limits of the
-        data).
+    With `rig`, `measurements` (the folder of the set), `model` (what predicted, in a few words) and
+    `notes` (sentences on limits of the data).
     """
     robot, source = comparison.get("robot"), comparison["measurements"]
     chosen = [*comparison.get("overrides", ()), f"{'robot' if robot else 'measurements'}={source}"]

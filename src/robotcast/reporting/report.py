@@ -46,24 +46,15 @@ SHOWN = 3  # casts whose paths are drawn
 
 @dataclass(frozen=True)
 class Loop:
-    """What the loop's stages wrote.
-
-    Attributes
-    ----------
-    before, after : the tuned model, and the one revised as the diagnosis says.
-    comparison, diagnosis : what compare and diagnose wrote.
-    policies : a policy that learned from each of the two models, None where it was not tested.
-    hidden : mechanism → its parameters, what the virtual rig hid; None on another rig.
-    actions : trial → action, of the cable's casts.
-    """
+    """What the loop's stages wrote."""
 
     before: Tuning
-    after: Tuning
+    after: Tuning  # revised as the diagnosis says
     comparison: Mapping[str, Any]
     diagnosis: Mapping[str, Any]
-    policies: tuple[Evaluation, Evaluation] | None
-    hidden: Mapping[str, Mapping[str, float]] | None
-    actions: Mapping[int, int]
+    policies: tuple[Evaluation, Evaluation] | None  # that learned from each of the two, if tested
+    hidden: Mapping[str, Mapping[str, float]] | None  # mechanism → its parameters; of a virtual rig
+    actions: Mapping[int, int]  # trial → action, of the cable's casts
 
     @property
     def falls(self) -> tuple[float, float]:

@@ -30,20 +30,14 @@ _ROOMS = ("measurements", "tuned", "simulated", "policies", "evaluation")
 
 @dataclass(frozen=True)
 class Tuning:
-    """One tuned simulator.
-
-    Attributes
-    ----------
-    trace : simulated casts against the best error so far; `predictions` : test casts measured
-        and simulated. None where the file is missing.
-    """
+    """One tuned simulator."""
 
     cable: str
     simulator: str
     optimizer: str
     facts: dict
-    trace: pl.DataFrame | None
-    predictions: pl.DataFrame | None
+    trace: pl.DataFrame | None  # simulated casts against the best error so far
+    predictions: pl.DataFrame | None  # test casts measured and simulated; None without the file
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -82,26 +76,18 @@ class Tuning:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """One policy's casts at its targets.
-
-    Attributes
-    ----------
-    casts : one row a cast that was measured; `lost` : casts whose endpoint was not tracked.
-    targets, repeats : how many targets were cast at, and how often each.
-    unseen_m : targets (x, y) [m] at which no endpoint was tracked.
-    kind : "executed" on a rig, or "predicted" against recorded casts.
-    """
+    """One policy's casts at its targets."""
 
     rig: str
     cable: str
     policy: str
     dataset: str
-    kind: str
-    casts: pl.DataFrame
-    lost: int
-    targets: int
+    kind: str  # "executed" on a rig, or "predicted" against recorded casts
+    casts: pl.DataFrame  # one row a cast that was measured
+    lost: int  # casts whose endpoint was not tracked
+    targets: int  # how many were cast at, and how often each
     repeats: int
-    unseen_m: tuple[tuple[float, float], ...] = ()
+    unseen_m: tuple[tuple[float, float], ...] = ()  # targets where no endpoint was tracked
 
     @property
     def named(self) -> tuple[str, str, str]:
@@ -189,21 +175,15 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class CableData:
-    """What was measured and generated with one cable.
-
-    Attributes
-    ----------
-    tracking, generation : the summaries that track and generate wrote, empty where unknown.
-    revisions : the models tuned so far that compare with those tuned now.
-    """
+    """What was measured and generated with one cable."""
 
     name: str
     measured: MeasurementSet | None
     floor: RepeatScatter | None
-    tracking: dict
+    tracking: dict  # the summary that track wrote, and what generate wrote, empty where unknown
     simulated: Examples | None
     generation: dict
-    revisions: tuple[ModelRevision, ...] = ()
+    revisions: tuple[ModelRevision, ...] = ()  # models tuned so far that compare with today's
 
 
 @dataclass(frozen=True)

@@ -162,21 +162,14 @@ _LOOKS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Bar:
-    """One error; None while it is not known.
-
-    Attributes
-    ----------
-    kind : "before" anything was added; a "model"; "noise"; "open" for what no effect explains.
-    note : a few words on its right.
-    interval : between what the error lies, drawn as a whisker.
-    predicted : the error that was expected before the model was refitted.
-    """
+    """One error; None while it is not known."""
 
     error: float | None
+    # before anything was added; a model; noise; open: what no effect explains
     kind: Literal["before", "model", "noise", "open"] = "model"
-    note: str = ""
-    interval: tuple[float, float] | None = None
-    predicted: float | None = None
+    note: str = ""  # a few words on its right
+    interval: tuple[float, float] | None = None  # drawn as a whisker
+    predicted: float | None = None  # before the model was refitted
 
 
 @dataclass(frozen=True)
@@ -214,11 +207,8 @@ def bars(
 ) -> Figure:
     """Draw rows from top to bottom, each error written in a column of its own on the right.
 
-    Parameters
-    ----------
-    axis : label of the errors' axis; empty without one.
-    floor : the noise floor, in `unit` as the errors are.
-    width, names : of the figure and of the column of names [pixel].
+    The errors' axis has the label `axis`, none without one; the noise `floor` is in `unit` as the
+    errors are. `width` and `names`: of the figure and of the column of names [pixel].
     """
     heights = [
         max(12 + _APART * len(r.bars), 15 + _LINE * (len(_lines(r.name, names)) + bool(r.detail)))

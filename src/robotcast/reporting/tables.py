@@ -53,25 +53,15 @@ class Group:
 
 @dataclass(frozen=True)
 class Table:
-    """A table with a caption, ready to be written.
+    """A table with a caption, ready to be written."""
 
-    Attributes
-    ----------
-    name : stem of its files and its LaTeX label.
-    label_columns : headings of the labels that a row begins with.
-    rows : labels, then a number for every column of every group: in % of cable length, None when
-        it was not run.
-    reference : index of the first group that is not this run's own, for shading.
-    contests : row → with which others it contends for the best; None with none.
-    """
-
-    name: str
+    name: str  # stem of its files and its LaTeX label
     caption: str
-    label_columns: tuple[str, ...]
+    label_columns: tuple[str, ...]  # headings of the labels that a row begins with
     groups: tuple[Group, ...]
-    rows: tuple[tuple, ...]
-    reference: int
-    contests: tuple[str | None, ...] = ()
+    rows: tuple[tuple, ...]  # labels, then % of cable length for every column; None: not run
+    reference: int  # index of the first group that is not this run's own, for shading
+    contests: tuple[str | None, ...] = ()  # row → with which others it contends for the best
 
     @property
     def written(self) -> list[tuple[tuple[str, ...], list[Cell]]]:

@@ -50,10 +50,8 @@ def ways(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 class Followers:
     """Joints that nobody measures, and whose position follows from those that are `seen`.
 
-    Attributes
-    ----------
-    dofs : theirs, (n,).
-    lacking : joints that are neither seen nor follow, and their first coordinate that is not seen.
+    Theirs are `dofs` (n,); `lacking` has the joints that are neither seen nor follow, and of each
+    the first coordinate that is not seen.
     """
 
     def __init__(self, model: mujoco.MjModel, seen: Collection[int]) -> None:

@@ -123,10 +123,7 @@ def _name(one: str, other: str, sign: float) -> str:
 def find_meshes(spec: Any, path: Path) -> None:
     """Write where meshes of packages lie into a spec: in a folder above the file, or below one.
 
-    Raises
-    ------
-    ValueError
-        For one that is not there.
+    One that is not there is a ValueError.
     """
     for mesh in spec.meshes:
         if not mesh.file.startswith(PACKAGE):

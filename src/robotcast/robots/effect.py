@@ -19,57 +19,38 @@ from robotcast.robots.model_fields import ModelFields
 
 @dataclass(frozen=True)
 class Where:
-    """What one effect acts on: the joints, bodies and driven channels of a part of the robot.
+    """What one effect acts on: the joints, bodies and driven channels of a part of the robot."""
 
-    Attributes
-    ----------
-    name : as it is read, "elbow"; empty for the whole robot.
-    dofs, bodies, channels : their numbers; channels count in the order of robot.yaml's `drive`.
-    each : whether every joint has parameters of its own, one after the other; else all share them.
-    """
-
-    name: str
+    name: str  # as it is read, "elbow"; empty for the whole robot
     dofs: tuple[int, ...]
     bodies: tuple[int, ...]
-    channels: tuple[int, ...]
+    channels: tuple[int, ...]  # numbers in the order of robot.yaml's `drive`
     actuators: tuple[int, ...]
-    each: bool = False
+    each: bool = False  # joints have parameters of their own, one after the other; else all share
 
 
 @dataclass(frozen=True)
 class Motion:
-    """A batch of simulations at one instant.
+    """A batch of simulations at one instant."""
 
-    Attributes
-    ----------
-    log : its number from 1, in the order of robot.yaml's `logs`, (n_sim, 1).
-    log_time_s : since its start, (n_sim, 1).
-    qpos, qvel : of the effect's joints, (n_sim, n_dofs).
-    torque : what drove each of them in the step before, (n_sim, n_dofs) [N m or N].
-    """
-
-    log: np.ndarray
-    log_time_s: np.ndarray
+    log: np.ndarray  # its number from 1, in the order of robot.yaml's `logs`, (n_sim, 1)
+    log_time_s: np.ndarray  # since its start, (n_sim, 1)
+    # of the effect's joints, (n_sim, n_dofs) each
     qpos: np.ndarray
     qvel: np.ndarray
-    torque: np.ndarray
+    torque: np.ndarray  # what drove them in the step before [N m or N]
 
 
 class RobotEffect:
     """One effect on one part of the robot.
 
-    Attributes
-    ----------
-    name : its id, as reports and `diagnosis.json` have it.
-    text : what it is, in a few words.
-    parameters : in the order in which they stand in parameter vectors.
-    part : what it acts on, as in conf/robot_effects.yaml: joint, free motion, pair, body, drive,
-        robot.
-    depends_on : None, or of a flexible field that stands for any mechanism, what it depends on.
-    guess : what a look at the logs promises of its parameters, (n,), or None.
+    Its `name` is its id in reports and `diagnosis.json`, its `text` says in a few words what it is,
+    its `parameters` stand in the order of parameter vectors, `part` is what it acts on, as in
+    conf/robot_effects.yaml: joint, free motion, pair, body, drive, robot. A flexible field that
+    stands for any mechanism says what it `depends_on`, all others None.
     """
 
-    guess: np.ndarray | None = None
+    guess: np.ndarray | None = None  # what a look at the logs promises of its parameters, (n,)
 
     def __init__(
         self,

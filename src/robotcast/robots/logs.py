@@ -33,25 +33,15 @@ LEAST_SAMPLES = 50
 
 @dataclass(frozen=True)
 class Log:
-    """One recording.
-
-    Attributes
-    ----------
-    times_s : ndarray of shape (k,), rising.
-    drive : ndarray of shape (k, n_channels), what was commanded, each until the next sample.
-    measured : ndarray of shape (k, n_signals), NaN where a sample is missing.
-    payloads : what was fixed to the robot then.
-    motion : number of the first log of the same motion.
-    number : in the order of robot.yaml, from 1; of one that is still to come, after all others.
-    """
+    """One recording."""
 
     path: Path
-    times_s: np.ndarray
-    drive: np.ndarray
-    measured: np.ndarray
-    payloads: tuple[Payload, ...] = ()
-    motion: int = 0
-    number: float = math.inf
+    times_s: np.ndarray  # (k,), rising
+    drive: np.ndarray  # (k, n_channels), what was commanded, each until the next sample
+    measured: np.ndarray  # (k, n_signals), NaN where a sample is missing
+    payloads: tuple[Payload, ...] = ()  # what was fixed to the robot then
+    motion: int = 0  # number of the first log of the same motion
+    number: float = math.inf  # in the order of robot.yaml, from 1; of one to come, after all others
 
     @property
     def period_s(self) -> float:
@@ -79,12 +69,9 @@ class Log:
 
 
 def read_logs(robot: RobotFile) -> tuple[Log, ...]:
-    """Read every log that robot.yaml names.
+    """Read every log that robot.yaml names, or refuse it in one sentence (ValueError).
 
-    Raises
-    ------
-    ValueError
-        In one sentence: file, column and row, rule, and what to do.
+    That says file, column and row, rule, and what to do.
     """
     tables = ((path, name, one) for path in robot.logs for name, one in tables_of(path))
     logs = [_read(path.with_name(name), one, robot) for path, name, one in tables]

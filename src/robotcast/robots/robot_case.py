@@ -51,12 +51,7 @@ BETTER = 2.0  # times as long windows, or as low a floor, by which it pays to as
 
 @dataclass(frozen=True)
 class RobotCase:
-    """A robot's model beside its logs, ready to be diagnosed.
-
-    Attributes
-    ----------
-    notes : what to know of the data, a sentence each.
-    """
+    """A robot's model beside its logs, ready to be diagnosed."""
 
     robot: RobotFile
     logs: Sequence[Log]
@@ -65,7 +60,7 @@ class RobotCase:
     sizes: Sizes
     length_s: float
     floor: RobotFloor
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # what to know of the data, a sentence each
 
     @property
     def wording(self) -> Wording:

@@ -43,38 +43,26 @@ COLUMN_KEYS = ("column", "unit", "scale", "offset", "noise", "torque_constant")
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the logs: value × `factor` + `offset` is in SI units.
-
-    Attributes
-    ----------
-    unit : as the log has it; empty where robot.yaml gives none.
-    noise : standard deviation in SI units, None to have it estimated.
-    """
+    """One column of the logs: value × `factor` + `offset` is in SI units."""
 
     name: str
     factor: float
     offset: float = 0.0
-    noise: float | None = None
-    unit: str = ""
+    noise: float | None = None  # standard deviation in SI units, None to have it estimated
+    unit: str = ""  # as the log has it; empty where robot.yaml gives none
 
 
 @dataclass(frozen=True)
 class Tunable:
-    """Elements of the model that the nominal fit may change together.
-
-    Attributes
-    ----------
-    lower, upper : bounds of the value; with `factor`, of what every element is multiplied by.
-    start : where a fit starts; None for what the model has.
-    frozen : whether it stays there.
-    """
+    """Elements of the model that the nominal fit may change together."""
 
     at: Address
+    # bounds of the value; with `factor`, of what every element is multiplied by
     lower: float
     upper: float
     factor: bool
-    start: float | None = None
-    frozen: bool = False
+    start: float | None = None  # where a fit starts; None for what the model has
+    frozen: bool = False  # whether it stays there
 
 
 @dataclass(frozen=True)
@@ -200,12 +188,9 @@ def _one_line(error: Exception) -> str:
 
 
 def read_robot(folder: Path) -> RobotFile:
-    """Read FOLDER/robot.yaml.
+    """Read FOLDER/robot.yaml, or refuse it in one sentence (ValueError).
 
-    Raises
-    ------
-    ValueError
-        In one sentence: file, key, rule, and what to do.
+    That says file, key, rule, and what to do.
     """
     path = folder / FILE
     if not path.is_file():

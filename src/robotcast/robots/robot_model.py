@@ -343,20 +343,12 @@ class RobotModel:
 
 @dataclass(frozen=True)
 class RobotFloor:
-    """What a perfect model with this step would still miss.
+    """What a perfect model with this step would still miss."""
 
-    Attributes
-    ----------
-    percent : of the usual motion.
-    step_percent : the part of it that the model's own step makes it err by.
-    signals : of every signal, (n_signals,), in its units.
-    repeated : whether repeats told it; else noise and start states alone, the least it can be.
-    """
-
-    percent: float
-    step_percent: float
-    signals: np.ndarray
-    repeated: bool
+    percent: float  # of the usual motion
+    step_percent: float  # the part of it that the model's own step makes it err by
+    signals: np.ndarray  # of every signal, (n_signals,), in its units
+    repeated: bool  # repeats told it; else noise and start states alone, the least it can be
 
     @classmethod
     def of(cls, model: RobotModel) -> "RobotFloor":

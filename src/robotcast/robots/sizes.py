@@ -39,42 +39,28 @@ SIZES: dict[str, tuple[str, str, Callable[["Sizes"], np.ndarray]]] = {
 
 @dataclass(frozen=True)
 class Sizes:
-    """Root mean squares over the logs, (nv,) each.
+    """Root mean squares over the logs, (nv,) each."""
 
-    Attributes
-    ----------
-    torque : of what moves a joint and holds it, and of its own inertial torque.
-    driven : the same, or what a joint is driven by where that is more: it may stick.
-    position, speed : about the mean position, and of the speed.
-    inertia : of a joint with all that hangs on it.
-    lacks : dry friction, damping and rotor inertia, by their effects' names, that tell most of what
-        drives a joint beyond what it needs.
-    lowest, highest : the range of positions.
-    command : the largest that was commanded of every channel, (n_channels,).
-    reach_m : how far the bodies' centres lie from the joints, the median.
-    touches : whether anything touched anything.
-    wave : length of a joint's motion after which the torque that the model lacks repeats, or NaN,
-        and the cosine and the sine of a torque that would act so, (nv, 3).
-    logs : how many there are.
-    window_s : how long the windows are.
-    """
-
-    torque: np.ndarray
+    torque: np.ndarray  # of what moves a joint and holds it, and of its own inertial torque
     speed: np.ndarray
-    position: np.ndarray
-    inertia: np.ndarray
+    position: np.ndarray  # about the mean
+    inertia: np.ndarray  # of a joint with all that hangs on it
+    # dry friction, damping and rotor inertia, by their effects' names, that tell most of what
+    # drives a joint beyond what it needs
     lacks: Mapping[str, np.ndarray]
-    lowest: np.ndarray
+    lowest: np.ndarray  # and highest: the range of positions
     highest: np.ndarray
     hinge: np.ndarray
-    command: np.ndarray
+    command: np.ndarray  # the largest that was commanded of every channel, (n_channels,)
     log_s: float
-    reach_m: float
-    touches: bool
-    driven: np.ndarray
+    reach_m: float  # how far the bodies' centres lie from the joints, the median
+    touches: bool  # whether anything touched anything
+    driven: np.ndarray  # `torque`, or what a joint is driven by where that is more: it may stick
+    # length of a joint's motion after which the torque that the model lacks repeats, or NaN, and
+    # the cosine and the sine of a torque that would act so, (nv, 3)
     wave: np.ndarray
-    logs: int
-    window_s: float = np.inf
+    logs: int  # how many there are
+    window_s: float = np.inf  # how long the windows are
 
     def of(self, kind: str, dofs: Sequence[int], channels: Sequence[int]) -> tuple[float, str]:
         """Return the size of a kind over joints or channels, and its unit; of others 1."""
@@ -91,27 +77,17 @@ class Sizes:
 
 @dataclass(frozen=True)
 class Dynamics:
-    """What the model as it is says of states that are spread over the logs, (n, nv) each.
-
-    Attributes
-    ----------
-    position, speed, acceleration : as measured.
-    inertia : of a joint with all that hangs on it.
-    needed : what the motion takes beside what touches and stops the joint, `held`.
-    given : what drove it.
-    touches : whether anything touched anything.
-    tied : whether equalities tie a joint to others, (nv,).
-    """
+    """What the model as it is says of measured states, spread over the logs, (n, nv) each."""
 
     position: np.ndarray
     speed: np.ndarray
     acceleration: np.ndarray
-    inertia: np.ndarray
-    needed: np.ndarray
-    held: np.ndarray
-    given: np.ndarray
-    touches: bool
-    tied: np.ndarray
+    inertia: np.ndarray  # of a joint with all that hangs on it
+    needed: np.ndarray  # what the motion takes beside `held`
+    held: np.ndarray  # what touches and stops the joint
+    given: np.ndarray  # what drove it
+    touches: bool  # whether anything touched anything
+    tied: np.ndarray  # whether equalities tie a joint to others, (nv,)
 
     @property
     def missing(self) -> np.ndarray:
@@ -123,11 +99,7 @@ def dynamics(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Dyna
     """Take states from the logs, and work out their dynamics.
 
     Of a joint that equalities tie to others, torques and inertia are those of all that it moves.
-
-    Raises
-    ------
-    ValueError
-        Where too many samples are missing.
+    Logs in which too many samples are missing are refused (ValueError).
     """
     at, touches, rows = coordinates(robot.model), False, []
     tied = np.zeros(robot.model.nv, bool)

@@ -36,28 +36,18 @@ GROUPS = 12  # parts that can be held out, at least: where logs are fewer, each 
 
 @dataclass(frozen=True)
 class Window:
-    """A part of a log that starts from a measured state.
+    """A part of a log that starts from a measured state."""
 
-    Attributes
-    ----------
-    log : index of its log.
-    first, end : its samples are log[first:end].
-    part : windows of one part are held out together.
-    qpos, qvel : the state at its start, (nq,) and (nv,).
-    start_sd : standard deviations of the positions and of the velocities there, (2, nv).
-    bends : acceleration and its rate there, (2, nv), drawn in to 0 as far as noise makes them up.
-    track : as measured; a late encoder shows there where its joint was.
-    """
-
-    log: int
-    first: int
+    log: int  # index
+    first: int  # its samples are log[first:end]
     end: int
-    part: int
-    qpos: np.ndarray
-    qvel: np.ndarray
-    start_sd: np.ndarray
+    part: int  # windows of one part are held out together
+    qpos: np.ndarray  # (nq,), the state at its start
+    qvel: np.ndarray  # (nv,)
+    start_sd: np.ndarray  # standard deviations of positions and velocities there, (2, nv)
+    # acceleration and its rate there, (2, nv), drawn in to 0 as far as noise makes them up
     bends: np.ndarray
-    track: "Track"
+    track: "Track"  # as measured; a late encoder shows there where its joint was
 
 
 @dataclass(frozen=True)

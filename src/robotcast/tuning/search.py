@@ -11,8 +11,9 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from itertools import chain
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -179,21 +180,20 @@ class Journal:
     """
 
     def __init__(self, path: Path, subject: str, objective: Objective) -> None:
-        self._path, self._objective, self._next = path, objective, 0
-        self._subject = json.dumps({"subject": subject})
-        self._known = _read(path, self._subject)
+        self._path, self._objective = path, objective
+        head, lines = json.dumps({"subject": subject}), list[str]()
+        if path.exists():
+            lines = path.read_text(encoding="utf-8").split("\n")[:-1]  # without a torn end
+        pairs = zip(lines[1::2], lines[2::2], strict=False) if lines[:1] == [head] else ()
+        self._known = dict(pairs)
         discard_unfinished(path.parent, path.name)
-        self._write()
+        write_text(path, "\n".join([head, *chain(*self._known.items()), ""]))
 
     def __call__(self, query: Query) -> Response:
         """Answer a query, from the file where it has it."""
         asked = _line(query)
-        if self._next < len(self._known):
-            if self._known[self._next][0] == asked:
-                self._next += 1
-                return _response(self._known[self._next - 1][1])
-            self._known = self._known[: self._next]
-            self._write()
+        if told := self._known.get(asked):
+            return Response(**{k: v and np.array(v) for k, v in json.loads(told).items()})
         response = self._objective(query)
         with self._path.open("a", encoding="utf-8") as file:
             file.write(f"{asked}\n{_line(response)}\n")
@@ -205,21 +205,6 @@ class Journal:
         """Remove the file: the search has ended."""
         self._path.unlink(missing_ok=True)
 
-    def _write(self) -> None:
-        lines = [self._subject, *(line for pair in self._known for line in pair)]
-        write_text(self._path, "\n".join(lines) + "\n")
-
-
-def _read(path: Path, subject: str) -> list[tuple[str, str]]:
-    """Return the queries and responses of a journal of `subject`, without a torn end."""
-    lines = path.read_text(encoding="utf-8").split("\n")[:-1] if path.exists() else []
-    return list(zip(lines[1::2], lines[2::2], strict=False)) if lines[:1] == [subject] else []
-
 
 def _line(entry: Query | Response) -> str:
     return json.dumps(asdict(entry), default=np.ndarray.tolist)
-
-
-def _response(line: str) -> Response:
-    arrays: dict[str, Any] = {k: v and np.array(v) for k, v in json.loads(line).items()}
-    return Response(**arrays)

@@ -8,7 +8,6 @@ tuned first.
 """
 
 import fcntl
-import hashlib
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -20,7 +19,7 @@ import numpy as np
 import polars as pl
 import yaml
 
-from robotcast.files import atomic_file, write_text
+from robotcast.files import atomic_file, digest, write_text
 from robotcast.fitting.parameter import Parameter
 from robotcast.measurements.errors import PredictionErrors
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
@@ -212,12 +211,11 @@ def revision_of(
 
 def split_identity(tuning: MeasurementSet, heldout: MeasurementSet) -> str:
     """Return a fingerprint of the casts on both sides of a split: their numbers and data."""
-    digest = hashlib.sha256()
+    told: list[Any] = []
     for part in (tuning, heldout):
-        digest.update(f"{part.cable}{part.r0_m}{[t.trial for t in part.trials]}".encode())
-        for array in (array for trial in part.trials for array in trial_data(trial)):
-            digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()[:12]
+        told.append(f"{part.cable}{part.r0_m}{[t.trial for t in part.trials]}")
+        told += (array for trial in part.trials for array in trial_data(trial))
+    return digest(*told)[:12]
 
 
 def trial_data(trial: Trial) -> tuple[np.ndarray, ...]:

@@ -42,13 +42,7 @@ def compare_model(config: DictConfig) -> dict[str, Any]:
             parameters = parameters_of([model.effects[name] for name in active])
             vector = vector_of((*model.parameters, *parameters), values)
         predicted = model.predict(records, active, vector[None])[0]
-        found = compare(
-            records,
-            predicted,
-            scale=model.scale,
-            error_unit=model.error_unit,
-            wording=CAST_WORDING,
-        )
+        found = compare(model, records, predicted, CAST_WORDING)
     effects = f" with {', '.join(effect_name(name) for name in active)}" if active else ""
     of = "tuned to these casts" if tuned is None else f"tuned in {tuned}"
     return {

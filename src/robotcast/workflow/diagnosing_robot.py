@@ -139,13 +139,7 @@ def _compared(
         errors = held_out(inquiry, revision, question.effort)
         values = inquiry.values(effects, revision.fit.vector)
         predicted = model.predict(records, effects, values)[0]
-    found = compare(
-        records,
-        predicted,
-        scale=model.scale,
-        error_unit=model.error_unit,
-        wording=case.wording,
-    )
+    found = compare(model, records, predicted, case.wording)
     said = fitted(inquiry, revision, errors.vectors, question.rule)
     start = {"parameters": {p.name: {"value": p.nominal} for p in model.parameters}}
     how = "fitted to these windows" if inquiry.free(effects).any() else "as it is"

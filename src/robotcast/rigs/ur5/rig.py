@@ -5,7 +5,6 @@ ends the program on the controller and raises `RigStopped`, after which nobody c
 """
 
 import atexit
-import hashlib
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ import numpy as np
 from robotcast import sessions
 from robotcast.casts.plan import PlannedCast
 from robotcast.casts.reset import ResetSettings
-from robotcast.files import write_yaml
+from robotcast.files import digest, write_yaml
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs import CastNotUsed, RigStopped
 from robotcast.rigs.kinematics import Gripper, joints_pointing_down, link_points
@@ -86,8 +85,7 @@ class Ur5Rig:
 
     def facts(self) -> dict[str, Any]:
         parts = (self.gripper, self.reset, self.servo, self.run.speed)
-        made = hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
-        return {"vision": self.tracker.as_dict(), "made": made}
+        return {"vision": self.tracker.as_dict(), "made": digest(parts)[:16]}
 
     def cast(
         self, planned: PlannedCast, number: int, folder: Path, *, rest_only: bool = False

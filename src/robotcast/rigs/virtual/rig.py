@@ -1,6 +1,5 @@
 """The virtual rig: it stands in for the robot, the cable, the board and the camera."""
 
-import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 from robotcast import sessions
 from robotcast.casts.action import ToolMotion
 from robotcast.casts.plan import PlannedCast
+from robotcast.files import digest
 from robotcast.measurements.measurement_set import Cable, Trial
 from robotcast.rigs.kinematics import Gripper, joint_path, link_points
 from robotcast.rigs.virtual.cable import (
@@ -69,11 +69,9 @@ class VirtualRig:
 
     def facts(self) -> dict[str, Any]:
         """Return what the tracker may know, and a digest of all that shapes a cast."""
-        scatter = self.scatter.headings_rad.tobytes() + self.scatter.places.tobytes()
-        start = hashlib.sha256(scatter).hexdigest()
+        start = digest(self.scatter.headings_rad, self.scatter.places)
         parts = (self.truth, self.arm, self.noise, start, self.seed, *self.hidden)
-        made = hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
-        return {"vision": self.tracker.as_dict(), "made": made}
+        return {"vision": self.tracker.as_dict(), "made": digest(parts)[:16]}
 
     def cast(
         self, planned: PlannedCast, number: int, folder: Path, *, rest_only: bool = False
