@@ -9,7 +9,7 @@ from robotcast.measurements import reader
 from robotcast.processes import cores
 from robotcast.sessions import read_session, recorded_copy, summed_robot_notes
 from robotcast.stage import bar, named_session, output_folder, stage, tell, warn
-from robotcast.vision.facts import TrackingLimits
+from robotcast.vision.camera import TrackingLimits
 from robotcast.vision.tracker import track_session
 
 

@@ -14,7 +14,6 @@ from robotcast.diagnosis.decision import Unexplained, strengths
 from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Axis, Record, Wording
 from robotcast.diagnosis.next_trials import Further
-from robotcast.diagnosis.repeats import RepeatScatter, TimeGrid, repeat_scatter
 from robotcast.effects.effect import Effect
 from robotcast.effects.library import AlongMotionField, PlaceField
 from robotcast.fitting.parameter import Parameter
@@ -101,14 +100,6 @@ def cast_records(measured: MeasurementSet) -> tuple[Record, ...]:
         for trial in measured.trials
         if len(trial.waypoints_s)
     )
-
-
-def noise_floor(measured: MeasurementSet) -> RepeatScatter | None:
-    """Return by how much casts that repeat an action differ; None where no cast was tracked."""
-    records = cast_records(measured)
-    if not records:
-        return None
-    return repeat_scatter(records, TimeGrid.of(records), measured.cable.length_m)
 
 
 def _phases(trial: Trial) -> dict[str, float]:

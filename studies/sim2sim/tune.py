@@ -21,9 +21,9 @@ from robotcast.measurements.measurement_set import Trial
 from robotcast.rigs.envelope import feasible_actions
 from robotcast.simulators.simulator import SimulatedCast, Simulator
 from robotcast.stage import bar, output_folder, stage, tell
-from robotcast.tuning.certainty import Certainty, certainty
 from robotcast.tuning.objective import WaypointError, full_vectors
 from robotcast.tuning.search import Problem, Query, SearchResult
+from robotcast.tuning.tuned import Certainty, certainty
 from robotcast.workflow.tuning import open_journal, search_with_bar
 
 KEY = ("simulator", "parameters", "optimizer", "casts", "model", "start")  # of a tuning

@@ -11,8 +11,8 @@ from robotcast.casts.action import Action, ToolMotion
 from robotcast.diagnosis.compare import compare, trends
 from robotcast.diagnosis.misfit import misfit
 from robotcast.diagnosis.model import Record
-from robotcast.measurements.errors import prediction_errors
-from robotcast.measurements.measurement_set import Trial
+from robotcast.measurements.errors import noise_floor, prediction_errors
+from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial
 from tests.diagnosis.made_up_trials import MODEL, NOISE, SCALE, TIMES_S, MadeUp, compared, made_up
 
 
@@ -39,17 +39,18 @@ def test_a_trial_that_was_not_seen_to_end_has_no_final_error() -> None:
         assert known or found["noise_floor_final_percent"] is None
 
 
-def test_errors_are_those_of_measurement_sets() -> None:
+def test_errors_and_noise_floor_are_those_of_measurement_sets() -> None:
     made = made_up(groups=8, repeats=3)
     made.predicted[4] = np.nan
     gappy = with_gaps(made.records, 7)
     found = compared(MadeUp(gappy, made.predicted))
-    action = Action(0.5, 0.6, -0.5, 0.6, 0.0, 1.0)
-    still = ToolMotion(np.array([0.0, 1.0]), np.zeros((2, 3)))
-    trials = [Trial(r.trial, r.group, action, still, r.times_s, r.measured) for r in gappy]
-    errors = prediction_errors(made.predicted, trials, SCALE)
+    measured = as_measurement_set(gappy)
+    errors = prediction_errors(made.predicted, measured.trials, SCALE)
     assert found.waypoint_error_percent == pytest.approx(errors.waypoint_percent)
     assert found.final_error_percent == pytest.approx(errors.final_percent)
+    floor = noise_floor(measured)
+    assert found.repeats.sample_percent == pytest.approx(floor.waypoint_percent)
+    assert found.repeats.final_percent == pytest.approx(floor.final_percent)
 
 
 def with_gaps(records: list[Record], every: int) -> list[Record]:
@@ -59,6 +60,13 @@ def with_gaps(records: list[Record], every: int) -> list[Record]:
         replace(r, times_s=r.times_s[some], measured=r.measured[some])
         for r, some in zip(records, kept, strict=True)
     ]
+
+
+def as_measurement_set(records: list[Record]) -> MeasurementSet:
+    action = Action(0.5, 0.6, -0.5, 0.6, 0.0, 1.0)
+    still = ToolMotion(np.array([0.0, 1.0]), np.zeros((2, 3)))
+    trials = tuple(Trial(r.trial, r.group, action, still, r.times_s, r.measured) for r in records)
+    return MeasurementSet(Cable("c", SCALE, 0.01, 0.005, 0.02), 0.6, 0.1, None, trials)
 
 
 def test_repeats_are_matched_by_time() -> None:

@@ -1,8 +1,10 @@
 """Every number that decides stands in one documented place."""
 
 import ast
+import inspect
 import re
 from dataclasses import fields
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -51,8 +53,17 @@ def _numbers(node: ast.expr) -> list[float]:
 
 @pytest.mark.parametrize("kind", [Rule, Effort, Slicing])
 def test_every_number_is_documented(kind: type) -> None:
-    for one in fields(kind):
-        assert re.search(rf"\b{one.name}\b", kind.__doc__ or ""), one.name
+    """By a comment behind it, on the line above, or above its run of fields, which names it."""
+    lines = [line.strip() for line in inspect.getsource(kind).splitlines()]
+    numbers, above = {one.name for one in fields(kind)}, ""
+    for before, line in pairwise(lines):
+        name, own = line.partition(":")[0], "#" in line
+        if own:  # a run of fields ends where one has a comment of its own
+            above = f"{above} {line}" if before.startswith("#") else line
+        if name in numbers:
+            numbers.remove(name)
+            assert own or before.startswith("#") or re.search(rf"\b{name}\b", above), name
+    assert not numbers
 
 
 def test_the_configuration_sets_the_rule_and_the_page_states_it() -> None:

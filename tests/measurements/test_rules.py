@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from robotcast.cast_model import noise_floor
+from robotcast.measurements.errors import noise_floor
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set, write_measurement_set
 from tests.good_casts import ACTIONS, good_set
@@ -337,11 +337,6 @@ def test_angles_of_actions_have_their_turn(tmp_path: Path) -> None:
     assert "theta2 is beyond π and was turned by 2π" in measured.notices[0]
 
 
-def floor_percent(measured: MeasurementSet) -> float | None:
-    floor = noise_floor(measured)
-    return floor.sample_percent if floor else None
-
-
 @pytest.mark.parametrize("table", ["tool", "waypoints"])
 @pytest.mark.parametrize("later_s", [0.0, 1e-9])
 def test_rows_that_stand_there_twice_are_read_once(
@@ -354,7 +349,7 @@ def test_rows_that_stand_there_twice_are_read_once(
     ]
     assert [len(t.tool.t_s) for t in measured.trials] == [len(t.tool.t_s) for t in CASTS.trials]
     assert "line 3: repeats the row before it" in measured.notices[0]
-    assert floor_percent(measured) == floor_percent(CASTS)
+    assert noise_floor(measured).waypoint_percent == noise_floor(CASTS).waypoint_percent
 
 
 @pytest.mark.parametrize("jitter", [0.0, 2e-5])
@@ -363,7 +358,7 @@ def test_equal_actions_are_repeats_whatever_their_numbers(tmp_path: Path, jitter
     measured = read(tmp_path, change("actions", action=C("trial"), theta1=moved))
     assert [t.action_id for t in measured.trials] == [0, 1, 0, 1, 0]
     assert "action 2 is action 0 again; 3 casts" in measured.notices[0]
-    assert floor_percent(measured) is not None
+    assert noise_floor(measured).waypoint_percent is not None
 
 
 @pytest.mark.parametrize("digits", [17, 6, 3, 2])
@@ -372,7 +367,7 @@ def test_copies_are_no_repeats_however_they_were_rounded(tmp_path: Path, digits:
     copies = copied(of=0, to=2, digits=digits), copied(of=1, to=3, digits=digits)
     measured = read(tmp_path, only, *copies)
     assert [t.trial for t in measured.trials] == [0, 1, 4]
-    assert floor_percent(measured) == floor_percent(measured.select([0, 4]))
+    assert noise_floor(measured) == noise_floor(measured.select([0, 4]))
 
 
 def test_repeats_are_no_copies_however_their_tracker_rounds(tmp_path: Path) -> None:
@@ -394,7 +389,7 @@ def test_frames_that_come_late_are_no_scatter(tmp_path: Path) -> None:
         ["trial", "t", "x", "y"],
     ).cast({"trial": pl.Int64})
     measured = read(tmp_path, lambda tables: tables.update(waypoints=frame))
-    before, after = (floor_percent(s) for s in (CASTS, measured))
+    before, after = (noise_floor(s).waypoint_percent for s in (CASTS, measured))
     assert before is not None and after == pytest.approx(before, rel=0.15)
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from robotcast.fitting.parameter import Parameter
-from robotcast.tuning.certainty import MOST, Certainty, certainty
 from robotcast.tuning.search import Problem, Query, Response
+from robotcast.tuning.tuned import MOST, Certainty, certainty
 
 PARAMETERS = (
     Parameter("sharp", "1", 0.0, 2.0, 1.0),

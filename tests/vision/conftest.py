@@ -13,8 +13,7 @@ from robotcast.casts.plan import PlanLimits, plan_action
 from robotcast.measurements.measurement_set import Cable
 from robotcast.rigs.kinematics import joint_path, link_points
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, render_cast
-from robotcast.vision.camera import Camera
-from robotcast.vision.facts import BLOCK, TrackerFacts
+from robotcast.vision.camera import BLOCK, Camera, TrackerFacts
 from tests.rigs.small_rig import small_rig
 
 RADIUS_M = 0.015

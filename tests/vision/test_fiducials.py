@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 
 from robotcast.rigs.virtual.picture import backdrop
-from robotcast.vision.facts import FiducialBoard, TrackerFacts, find_markers
+from robotcast.vision.camera import FiducialBoard, TrackerFacts, find_markers
 
 
 def test_all_markers_are_found_where_the_camera_projects_them(lab):

@@ -12,7 +12,7 @@ import yaml
 
 from robotcast.measurements.reader import read_measurement_set, write_measurement_set
 from robotcast.sessions import SESSION_FILE, VIDEO_FILE, Session, read_session, write_frame_times
-from robotcast.vision.facts import BLOCK
+from robotcast.vision.camera import BLOCK
 from robotcast.vision.tracker import TrackedSession, track_session
 from tests.vision.conftest import CABLE, FPS
 

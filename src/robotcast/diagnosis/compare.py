@@ -83,28 +83,19 @@ def _trend(values: np.ndarray, errors: np.ndarray) -> dict[str, np.ndarray]:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One prediction beside the measured trials.
-
-    Attributes
-    ----------
-    predicted : ndarray of shape (n_trials, k_max, d).
-    found : predicted minus measured.
-    waypoint_error_percent : average error over a trial's samples, then over trials, in % of
-        scale; a diverged trial counts as one scale.
-    final_error_percent : median over the trials that ended of the error at the last sample.
-    repeats : the noise floor.
-    findings : the slices that hold most of the error.
-    """
+    """One prediction beside the measured trials."""
 
     records: tuple[Record, ...]
-    predicted: np.ndarray
-    found: Misfit
+    predicted: np.ndarray  # (n_trials, k_max, d)
+    found: Misfit  # predicted minus measured
     error_unit: str
     wording: Wording
+    # average error over a trial's samples, then over trials, in % of scale; a diverged trial
+    # counts as one scale
     waypoint_error_percent: float
-    final_error_percent: float
-    repeats: RepeatScatter
-    findings: tuple[Finding, ...]
+    final_error_percent: float  # median over the trials that ended of the error at the last sample
+    repeats: RepeatScatter  # the noise floor
+    findings: tuple[Finding, ...]  # the slices that hold most of the error
     course: Mapping[str, np.ndarray]
 
     def as_dict(self) -> dict[str, Any]:
@@ -157,13 +148,10 @@ def compare(
     wording: Wording = PLAIN,
     rule: Rule = RULE,
 ) -> Comparison:
-    """Compare a model's prediction with the measured trials.
+    """Compare a model's prediction (n_trials, k_max, d) with the measured trials.
 
-    Parameters
-    ----------
-    predicted : ndarray of shape (n_trials, k_max, d), as `Model.predict` gives it for one
-        parameter vector; NaN in any of a trial's samples marks a run that diverged.
-    rule : what counts as a repeat, and as noise.
+    It is as `Model.predict` gives it for one parameter vector; NaN in any of a trial's samples
+    marks a run that diverged. The `rule` says what counts as a repeat, and as noise.
     """
     found = misfit(records, predicted, model.scale)
     grid = TimeGrid.of(records)

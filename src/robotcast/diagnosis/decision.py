@@ -15,20 +15,13 @@ from robotcast.fitting.least_squares import Fit
 
 @dataclass(frozen=True)
 class Unexplained:
-    """What is left above the floor, and the field that explains most of it.
+    """What is left above the floor, and the field that explains most of it."""
 
-    Attributes
-    ----------
-    field : its name among the model's effects, None when there are no fields to try.
-    rung : the model with it.
-    enough : whether the field takes away so much that what is missing must be like it.
-    tried : how many fields were looked at.
-    """
-
+    # its name among the model's effects, None when there are no fields to try
     field: str | None = None
-    rung: Rung | None = None
-    enough: bool = False
-    tried: int = 1
+    rung: Rung | None = None  # the model with it
+    enough: bool = False  # whether it takes away so much that what is missing must be like it
+    tried: int = 1  # how many fields were looked at
 
 
 def look_for_the_unknown(
@@ -109,18 +102,12 @@ class Code(Enum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is missing.
-
-    Attributes
-    ----------
-    named : the effects that are, when the code says so.
-    near : models that promise to predict better, unconfirmed; the best first.
-    left : what stays above the floor and what it is like; None where nothing does.
-    """
+    """What is missing."""
 
     code: Code = Code.OPEN
-    named: tuple[str, ...] = ()
-    near: tuple[Rung, ...] = ()
+    named: tuple[str, ...] = ()  # the effects that are, when the code says so
+    near: tuple[Rung, ...] = ()  # models that promise to predict better, unconfirmed; best first
+    # what stays above the floor and what it is like; None where nothing does
     left: Unexplained | None = None
 
     @property
@@ -143,11 +130,9 @@ def decide(
 ) -> Verdict:
     """Decide what a search found.
 
-    Parameters
-    ----------
-    look : looks for the force of no name that the base model lacks.
-    refit : judges single effects too, where a field has shown that something is missing, from
-        the unit vector (n,) of the model's parameters beside it.
+    `look` looks for the force of no name that the base model lacks. `refit` judges single effects
+    too, where a field has shown that something is missing, from the unit vector (n,) of the model's
+    parameters beside it.
     """
     floor, rule = found.known_scales.floor, found.known_scales.rule
     named, near = found.named, found.near

@@ -29,33 +29,25 @@ Draw = Callable[[Inquiry, Unexplained], Mapping[str, Any] | None]
 
 @dataclass(frozen=True)
 class Case:
-    """What is diagnosed.
-
-    Attributes
-    ----------
-    records : in the order of the session; samples that are NaN were not measured.
-    candidates : names of the effects to try, fields left out: they come when nothing else pays.
-    fixed : effects that act from the start.
-    comparisons : effects that share the level, where the candidates were chosen from more.
-    floor : noise floor in % of the scale where it is known from elsewhere than from repeats.
-    floor_is_least : whether that is only the least: repeats may differ by more.
-    numerical_error : what the model errs by because its step is no shorter, % of the scale.
-    idle : predicts records, (n_trials, k, d), where nothing acts; None where nobody can tell.
-    further : makes the trials that could be run next; None when nobody can run any.
-    draw : draws the fitted field, as `unexplained.field` of diagnosis.json.
-    """
+    """What is diagnosed."""
 
     model: Model
-    records: Sequence[Record]
+    records: Sequence[Record]  # in the order of the session; samples that are NaN were not measured
+    # names of the effects to try, fields left out: they come when nothing else pays
     candidates: Sequence[str]
-    fixed: Sequence[str] = ()
-    comparisons: int = 0
+    fixed: Sequence[str] = ()  # effects that act from the start
+    comparisons: int = 0  # effects that share the level, where the candidates were chosen from more
     wording: Wording = PLAIN
+    # noise floor in % of the scale where it is known from elsewhere than from repeats
     floor: float | None = None
-    floor_is_least: bool = False
+    floor_is_least: bool = False  # whether that is only the least: repeats may differ by more
+    # what the model errs by because its step is no shorter, % of the scale
     numerical_error: float = 0.0
+    # predicts records, (n_trials, k, d), where nothing acts; None where nobody can tell
     idle: Callable[[Sequence[Record]], np.ndarray] | None = None
+    # makes the trials that could be run next; None when nobody can run any
     further: Callable[[], Further] | None = None
+    # draws the fitted field, as `unexplained.field` of diagnosis.json
     draw: Draw = lambda inquiry, left: None
     rule: Rule = field(default_factory=Rule)
     effort: Effort = field(default_factory=Effort)
@@ -90,11 +82,9 @@ def measured(records: Sequence[Record]) -> tuple[Record, ...]:
 def diagnose(case: Case, tell: Tell, progress: Progress = silent) -> dict[str, Any]:
     """Find the effects that the model lacks.
 
-    Parameters
-    ----------
-    tell : called after each step with what is known, and at the end; the dict holds the keys of
-        `diagnosis.json` that do not depend on where the trials come from.
-    progress : told the runs so far, how many there will be about, and what is being done.
+    `tell` is called after each step with what is known, and at the end; the dict holds the keys of
+    `diagnosis.json` that do not depend on where the trials come from. `progress` is told the runs
+    so far, how many there will be about, and what is being done.
     """
     run = _Run(case, tell, progress)
     run.search() if not limits.too_few(run.inquiry, case.rule) else run.look_only()

@@ -22,22 +22,16 @@ def typical(missed: np.ndarray, unit: float) -> float:
 
 @dataclass(frozen=True)
 class Floor:
-    """By how much repeats of one trial differ: no model can do better.
+    """By how much repeats of one trial differ: no model can do better."""
 
-    Attributes
-    ----------
-    percent : of the repeats in the middle, % of the scale; None when nothing is known.
-    unit : errors are judged in units of it: the floor, or the least noise that is believed.
-    typical : the repeats' typical error (see `typical`), % of the scale; 0 when not known.
-    is_least : whether repeats may differ by more, and only the sensors' noise is known.
-    numerical : what the model errs by because its step is no shorter, % of the scale; an effect
-        that takes away less, in squares, makes up for the step.
-    """
-
+    # of the repeats in the middle, % of the scale; None when nothing is known
     percent: float | None
-    unit: float
-    typical: float
+    unit: float  # errors are judged in units of it: the floor, or the least noise that is believed
+    typical: float  # the repeats' typical error (see `typical`), % of the scale; 0 when not known
+    # whether repeats may differ by more, and only the sensors' noise is known
     is_least: bool = False
+    # what the model errs by because its step is no shorter, % of the scale; an effect that takes
+    # away less, in squares, makes up for the step
     numerical: float = 0.0
 
     @classmethod
@@ -85,22 +79,13 @@ class Floor:
 
 @dataclass(frozen=True)
 class Gain:
-    """What one model saves over another on held-out trials.
+    """What one model saves over another on held-out trials."""
 
-    Attributes
-    ----------
-    share : by how much the typical error falls, of `Scales.base`.
-    rest : of what the worse model misses beyond the floor; 0 where it stands at the floor.
-    far : whether the worse model is farther above the floor than honest models differ by.
-    small : whether it stands at the floor already, which only the sensors' noise tells.
-    p_value : one-sided, over groups of trials.
-    """
-
-    share: float
-    rest: float
-    p_value: float
-    far: bool = False
-    small: bool = False
+    share: float  # by how much the typical error falls, of `Scales.base`
+    rest: float  # of what the worse model misses beyond the floor; 0 where it stands at the floor
+    p_value: float  # one-sided, over groups of trials
+    far: bool = False  # the worse model is farther above the floor than honest models differ by
+    small: bool = False  # it stands at the floor already, which only the sensors' noise tells
 
     def matters(self, rule: Rule, part: float = 1.0) -> bool:
         """Tell whether it is large enough, or a part of large enough, to be looked at."""
@@ -125,19 +110,13 @@ class Gain:
 
 @dataclass(frozen=True)
 class Scales:
-    """What errors are compared by.
-
-    Attributes
-    ----------
-    base : typical error of the base model, or of none where that predicts better, % of the scale.
-    groups : of every trial, numbered from 0; the sampling units.
-    usual : bool (n_trials,), trials that were not measured wrongly.
-    """
+    """What errors are compared by."""
 
     floor: Floor
+    # typical error of the base model, or of none where that predicts better, % of the scale
     base: float
-    groups: np.ndarray
-    usual: np.ndarray
+    groups: np.ndarray  # of every trial, numbered from 0; the sampling units
+    usual: np.ndarray  # bool (n_trials,), trials that were not measured wrongly
     rule: Rule
 
     def gain(self, before: np.ndarray, after: np.ndarray) -> Gain:
@@ -173,12 +152,9 @@ def usual(low: Sequence[np.ndarray], floor: Floor, rule: Rule) -> np.ndarray:
 def worse(extra: np.ndarray, groups: np.ndarray, far: float) -> float:
     """Return the one-sided p-value that what is extra (n_trials,) is not above zero.
 
-    Groups are the sampling unit. What lies far from the bulk of them is drawn in to its edge
-    before a t-test (Tukey and McLaughlin 1963): one diverged run would else drown all others.
-
-    Parameters
-    ----------
-    far : standard deviations from the middle to the edge.
+    Groups are the sampling unit. What lies far from the bulk of them is drawn in to its edge,
+    `far` standard deviations from the middle, before a t-test (Tukey and McLaughlin 1963): one
+    diverged run would else drown all others.
     """
     n = int(groups.max(initial=-1)) + 1
     if n < 3:

@@ -18,16 +18,11 @@ Effects = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Rung:
-    """A model judged on trials held out: a rung of the error ladder.
-
-    Attributes
-    ----------
-    gain : over the base model.
-    """
+    """A model judged on trials held out: a rung of the error ladder."""
 
     revision: Revision
     errors: HeldOut
-    gain: Gain | None = None
+    gain: Gain | None = None  # over the base model
 
     @property
     def effects(self) -> Effects:
@@ -37,27 +32,17 @@ class Rung:
 
 @dataclass(frozen=True)
 class Found:
-    """What a search found so far.
+    """What a search found so far."""
 
-    Attributes
-    ----------
-    judged : effects → the model with them, judged on trials held out; the base model first.
-    chosen : the effects of the model that the search ended with.
-    early : effects → the fit to beginnings of the model with them.
-    library : the fit with all effects, None before it is done.
-    scales : how errors are compared, None before the base model is known.
-    inseparable : whether the chosen effects only help together.
-    idle : what is missed where nothing acts, (n_trials,), % of the scale; None if nobody can tell.
-    rivals : effect of the chosen set → effects that do as well in its place.
-    """
-
-    judged: dict[Effects, Rung] = field(default_factory=dict)
-    chosen: Effects = ()
-    early: dict[Effects, Fit] = field(default_factory=dict)
-    library: Library | None = None
-    scales: Scales | None = None
-    inseparable: bool = False
+    judged: dict[Effects, Rung] = field(default_factory=dict)  # the base model first
+    chosen: Effects = ()  # of the model that the search ended with
+    early: dict[Effects, Fit] = field(default_factory=dict)  # fits to beginnings
+    library: Library | None = None  # the fit with all effects, None before it is done
+    scales: Scales | None = None  # how errors are compared, None before the base model is known
+    inseparable: bool = False  # whether the chosen effects only help together
+    # effect of the chosen set → effects that do as well in its place
     rivals: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    # what is missed where nothing acts, (n_trials,), % of the scale; None if nobody can tell
     idle: np.ndarray | None = None
 
     def typical(self, rung: Rung) -> float:

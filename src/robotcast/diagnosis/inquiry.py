@@ -35,10 +35,8 @@ STEPPING = Stepping(most=2)  # a second step for each Jacobian costs little besi
 class Inquiry:
     """Everything that the steps of a diagnosis ask of the model.
 
-    Parameters
-    ----------
-    noise : by how much repeats differ, in the model's unit: residuals are weighed against it.
-    progress : told how many trials were simulated so far.
+    Residuals are weighed against `noise`, by how much repeats differ, in the model's unit;
+    `progress` is told how many trials were simulated so far.
     """
 
     def __init__(
@@ -190,9 +188,7 @@ class Inquiry:
     def step_shift(self, active: Sequence[str], fit: Fit, inverse: np.ndarray) -> np.ndarray:
         """Return by how much the model's own step moves a fit, (n,); 0 where it is not known.
 
-        Parameters
-        ----------
-        inverse : ndarray (n, n), of the fit's curvature.
+        `inverse` is that of the fit's curvature, (n, n).
         """
         finer, key = getattr(self.model, "finer", None), (tuple(active), fit.vector.tobytes())
         if finer is None:
@@ -339,33 +335,20 @@ EARLY_ITERATIONS = 4
 
 @dataclass(frozen=True)
 class Revision:
-    """A fitted model.
+    """A fitted model."""
 
-    Attributes
-    ----------
-    effects : names of the active effects.
-    fit : on all trials.
-    """
-
-    effects: tuple[str, ...]
-    fit: Fit
+    effects: tuple[str, ...]  # names of the active effects
+    fit: Fit  # on all trials
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Errors of every trial under parameters fitted without its group, % of the scale.
+    """Errors of every trial under parameters fitted without its group, % of the scale."""
 
-    Attributes
-    ----------
-    waypoint, final : average error and the error at the last sample, ndarrays of shape (n_trials,).
-    low : what a quarter of a trial's samples stay below, (n_trials,).
-    vectors : ndarray of shape (n_folds, n), the unit vectors of the folds' fits.
-    """
-
-    waypoint: np.ndarray
-    final: np.ndarray
-    low: np.ndarray
-    vectors: np.ndarray
+    waypoint: np.ndarray  # average error, (n_trials,)
+    final: np.ndarray  # the error at the last sample, (n_trials,)
+    low: np.ndarray  # what a quarter of a trial's samples stay below, (n_trials,)
+    vectors: np.ndarray  # (n_folds, n), the unit vectors of the folds' fits
 
 
 def fit_base(
@@ -375,11 +358,7 @@ def fit_base(
 
     What a chaotic model does late in a trial has a valley for every way in which it tips over;
     the beginnings lead smoothly to a good one. A start from the nominal parameters stands beside
-    the ensemble's.
-
-    Parameters
-    ----------
-    about : a unit vector (n,) in the place of the nominal one.
+    the ensemble's; `about` is a unit vector (n,) in the place of the nominal one.
     """
     effects = tuple(effects)
     early = inquiry.beginnings(effort.early, effort.some)

@@ -105,22 +105,15 @@ def without(slopes: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Library:
-    """The fitted whole, and what its slopes say of the model with only a few of its effects.
-
-    Attributes
-    ----------
-    effects : all of them.
-    fit : to the beginnings.
-    starts : the same where its fits started, every effect at its null: what one effect alone
-        would do shows there, before all of them have moved.
-    guess : the vector with effects as they are guessed, where that misses less than what fits come
-        to from null.
-    """
+    """The fitted whole, and what its slopes say of the model with only a few of its effects."""
 
     early: Inquiry
-    effects: tuple[str, ...]
-    fit: Fit
+    effects: tuple[str, ...]  # all of them
+    fit: Fit  # to the beginnings
+    # the same where its fits started, every effect at its null: what one effect alone would do
+    # shows there, before all of them have moved
     starts: tuple["Library", ...] = ()
+    # the vector with effects as guessed, where that misses less than what fits come to from null
     guess: np.ndarray | None = None
 
     def best(self, size: int, most: int, beside: Sequence[str] = ()) -> list[tuple[str, ...]]:

@@ -58,25 +58,17 @@ def sentence(
 
 @dataclass(frozen=True)
 class Finding:
-    """One slice that holds more of the error than its size explains.
+    """One slice that holds more of the error than its size explains."""
 
-    Attributes
-    ----------
-    slice : the samples, to look at other predictions of them.
-    sentence : one plain sentence.
-    share_of_error : part of the squared error, 0 to 1.
-    share_of_samples : 0 to 1; of errors along or across the path, their part of the directions.
-    error_percent, elsewhere_percent : average error inside and outside in % of scale.
-    p_value : that any slice stands out as much when the error depends on nothing; None for
-        single trials, which are named for their size.
-    """
-
-    slice: Slice
-    sentence: str
-    share_of_error: float
+    slice: Slice  # the samples, to look at other predictions of them
+    sentence: str  # one plain sentence
+    share_of_error: float  # part of the squared error, 0 to 1
+    # 0 to 1; of errors along or across the path, their part of the directions
     share_of_samples: float
-    error_percent: float
-    elsewhere_percent: float
+    error_percent: float  # average error inside in % of scale
+    elsewhere_percent: float  # average error outside in % of scale
+    # that any slice stands out as much when the error depends on nothing; None for single trials,
+    # which are named for their size
     p_value: float | None
 
 
@@ -90,10 +82,8 @@ def find(
 ) -> Finding:
     """Describe what a slice holds.
 
-    Parameters
-    ----------
-    shares : of the squared error and of the samples.
-    used : bool ndarray of shape (n_trials, k_max), the samples that take part.
+    `shares` are of the squared error and of the samples; `used` are the samples that take part,
+    bool (n_trials, k_max).
     """
     inside = some.mask & used
     if some.directions is None:
@@ -158,11 +148,8 @@ class Contrast:
     first may as well have the other sign in any trial, and the second may as well belong to any
     other trial. So whole trials are permuted, however the errors inside a trial hang together.
     For a slice with directions, the weight is the squared error along them less an equal part
-    of the whole, and only its signs are permuted.
-
-    Parameters
-    ----------
-    used : bool ndarray of shape (n_trials, k_max), the samples that take part.
+    of the whole, and only its signs are permuted. The samples that take part are `used`, bool
+    (n_trials, k_max).
     """
 
     def __init__(
@@ -181,12 +168,8 @@ class Contrast:
     def test(self, square: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return every slice's weight and p-value, each (n_slices,).
 
-        The p-value is the chance that any slice would stand out as much, every weight taken in
-        its own standard deviations.
-
-        Parameters
-        ----------
-        square : ndarray of shape (n_trials, k_max), squared errors.
+        They are of `square`, squared errors (n_trials, k_max). The p-value is the chance that any
+        slice would stand out as much, every weight taken in its own standard deviations.
         """
         mean = np.where(self._used, square[self._rows], 0).sum(axis=1) / self._size
         within, lean = self._within(square, mean), self._lean()
@@ -262,13 +245,9 @@ def localise(
     Slices are taken one after another. Each must hold well more of the error than of the
     samples, also of that part of it which exceeds noise, and stand out when whole trials are
     permuted (see `Contrast`). What a chosen slice explains is taken out before the next is
-    looked for, so that no two say the same.
-
-    Parameters
-    ----------
-    noise : ndarray of shape (n_trials, k_max), the squared error that noise alone makes at every
-        sample; 0 where it is not known.
-    exceptions : findings on single trials, which come first; their trials are left out here.
+    looked for, so that no two say the same. `noise` (n_trials, k_max) is the squared error that
+    noise alone makes at every sample, 0 where it is not known. The `exceptions` are findings on
+    single trials, which come first; their trials are left out here.
     """
     findings = list(exceptions)
     used = found.present & ~any_of(found, findings)

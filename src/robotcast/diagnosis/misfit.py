@@ -10,25 +10,17 @@ from robotcast.diagnosis.model import Record
 
 @dataclass(frozen=True)
 class Misfit:
-    """Predicted minus measured, padded to the longest trial.
+    """Predicted minus measured, padded to the longest trial."""
 
-    Attributes
-    ----------
-    error : ndarray of shape (n_trials, k_max, d); NaN past a trial's samples and for every
-        sample of a trial whose run diverged.
-    distance : ndarray of shape (n_trials, k_max), the length of `error`; one `scale` for every
-        sample of a diverged trial, NaN past a trial's samples.
-    present : bool ndarray of shape (n_trials, k_max), the samples that trials have.
-    diverged, ended : bool ndarrays of shape (n_trials,).
-    scale : errors in % refer to it.
-    """
-
+    # (n_trials, k_max, d); NaN past a trial's samples and in all of a trial whose run diverged
     error: np.ndarray
+    # (n_trials, k_max), the length of `error`; one `scale` for every sample of a diverged trial,
+    # NaN past a trial's samples
     distance: np.ndarray
-    present: np.ndarray
-    diverged: np.ndarray
-    ended: np.ndarray
-    scale: float
+    present: np.ndarray  # bool (n_trials, k_max), the samples that trials have
+    diverged: np.ndarray  # bool (n_trials,)
+    ended: np.ndarray  # bool (n_trials,)
+    scale: float  # errors in % refer to it
 
     @property
     def sample_percent(self) -> np.ndarray:

@@ -11,29 +11,19 @@ from robotcast.fitting.parameter import Parameter
 
 @dataclass(frozen=True)
 class Record:
-    """One trial: what was commanded and what was measured.
+    """One trial: what was commanded and what was measured."""
 
-    Attributes
-    ----------
-    trial : its number in the data.
-    group : trials of one action share it; they are repeats, and no split cuts them apart.
-    held_out_with : what else no split may cut apart, as windows of one log, shares this number;
-        by default the group.
-    ended : its last sample is where it ended; no final error counts another.
-    times_s : ndarray of shape (k,).
-    measured : ndarray of shape (k, d), in the model's unit.
-    factors : name → commanded number, to look for patterns in the error.
-    phases : name → start [s] of each phase of the motion, in order.
-    """
-
-    trial: int
-    group: int
-    times_s: np.ndarray
-    measured: np.ndarray
+    trial: int  # its number in the data
+    group: int  # trials of one action share it; they are repeats, and no split cuts them apart
+    times_s: np.ndarray  # (k,)
+    measured: np.ndarray  # (k, d), in the model's unit
+    # name → commanded number, to look for patterns in the error
     factors: Mapping[str, float] = field(default_factory=dict)
+    # name → start [s] of each phase of the motion, in order
     phases: Mapping[str, float] = field(default_factory=dict)
+    # what else no split may cut apart, as windows of one log, shares it; by default the group
     held_out_with: int | None = None
-    ended: bool = True
+    ended: bool = True  # its last sample is where it ended; no final error counts another
 
     @property
     def together(self) -> int:
@@ -89,66 +79,44 @@ class Model(Protocol):
     ) -> np.ndarray:
         """Predict the signals of every trial, at its `times_s`, under every parameter vector.
 
+        `active` names the effects that act; `vectors` (n_vectors, n) hold the base parameters in
+        order, then those of every active effect in the order of `active`. The signals are
+        (n_vectors, n_trials, k_max, d), NaN past a trial's own k samples and where a run diverged.
+
         It is called for one batch at a time, never from several threads, and also for the
         beginnings of trials.
-
-        Parameters
-        ----------
-        active : names of the effects that act.
-        vectors : ndarray of shape (n_vectors, n), the base parameters in order, then those of
-            every active effect in the order of `active`.
-
-        Returns
-        -------
-        ndarray of shape (n_vectors, n_trials, k_max, d); NaN past a trial's own k samples and
-        where a run diverged.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One component of the measured signal.
-
-    Attributes
-    ----------
-    above, below : where large and small values lie, "on the left"; empty when they have no name.
-    scale : what 1 of the signal is in the unit, where it counts in units of its own.
-    """
+    """One component of the measured signal."""
 
     name: str
     unit: str
-    above: str = ""
-    below: str = ""
-    scale: float = 1.0
+    above: str = ""  # where large values lie, "on the left"; empty when that has no name
+    below: str = ""  # where small values lie
+    scale: float = 1.0  # what 1 of the signal is in the unit, where it counts in units of its own
 
 
 @dataclass(frozen=True)
 class Wording:
-    """The words of one domain.
+    """The words of one domain."""
 
-    Attributes
-    ----------
-    trial, trials, sample, samples : what one trial and one of its samples are called.
-    group, groups : what trials repeat, "action".
-    mover : what is tracked, "the free end".
-    floor : what no model can come below, "repeats differ by".
-    idle : what a model predicts in which nothing acts, "joints that go on as they moved".
-    axes : of the signal, in order; empty when they have no names.
-    factor_units : factor → unit.
-    """
-
+    # what one trial and one of its samples are called
     trial: str = "trial"
     trials: str = "trials"
     sample: str = "sample"
     samples: str = "samples"
-    group: str = "action"
+    group: str = "action"  # what trials repeat
     groups: str = "actions"
-    mover: str = "the signal"
-    floor: str = "repeats differ by"
+    mover: str = "the signal"  # what is tracked, "the free end"
+    floor: str = "repeats differ by"  # what no model can come below
+    # what a model predicts in which nothing acts, "joints that go on as they moved"
     idle: str = "a model in which nothing acts"
-    axes: Sequence[Axis] = ()
-    factor_units: Mapping[str, str] = field(default_factory=dict)
+    axes: Sequence[Axis] = ()  # of the signal, in order; empty when they have no names
+    factor_units: Mapping[str, str] = field(default_factory=dict)  # factor → unit
 
     def axis(self, index: int) -> Axis:
         """Return component `index`, under a made-up name when the domain gave none."""

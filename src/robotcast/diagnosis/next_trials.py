@@ -19,50 +19,31 @@ LOOKED_INTO = 60  # candidates whose predictions differ most; of these the slope
 
 @dataclass(frozen=True)
 class Further:
-    """Trials that could be run.
+    """Trials that could be run."""
 
-    Attributes
-    ----------
-    model : predicts them, with the parameters and effects of the diagnosed model.
-    records : of their `measured` only the shape counts.
-    """
-
-    model: Model
-    records: tuple[Record, ...]
+    model: Model  # predicts them, with the parameters and effects of the diagnosed model
+    records: tuple[Record, ...]  # of their `measured` only the shape counts
 
 
 @dataclass(frozen=True)
 class Contest:
-    """Two models that new trials shall tell apart.
+    """Two models that new trials shall tell apart."""
 
-    Attributes
-    ----------
-    names : what they stand for, as reported; one name where the question is whether it is there.
-    first : a fitted model.
-    second : the other one, its effects with a unit vector (n,).
-    rival : the second model's fit, None when it is only supposed: then only the first is
-        refitted to new trials.
-    """
-
+    # what they stand for, as reported; one name where the question is whether it is there
     names: tuple[str, ...]
-    first: Revision
-    second: tuple[tuple[str, ...], np.ndarray]
+    first: Revision  # a fitted model
+    second: tuple[tuple[str, ...], np.ndarray]  # the other one, its effects with a unit vector (n,)
+    # the second's fit, None when it is only supposed: then only the first is refitted to new trials
     rival: Revision | None = None
 
 
 @dataclass(frozen=True)
 class NextTrial:
-    """A trial worth running.
-
-    Attributes
-    ----------
-    contest : what it helps to decide most.
-    difference_percent : average distance of the two predictions, % of the scale.
-    """
+    """A trial worth running."""
 
     record: Record
-    contest: Contest
-    difference_percent: float
+    contest: Contest  # what it helps to decide most
+    difference_percent: float  # average distance of the two predictions, % of the scale
 
 
 def next_trials(
@@ -74,11 +55,8 @@ def next_trials(
     """Choose the trials that separate the models of all contests, the most telling first.
 
     One after another is taken, each time the one that helps the contest which is decided least;
-    contests that no such choice could decide are left aside.
-
-    Parameters
-    ----------
-    decides : squared noise by which two models must differ on the chosen trials together.
+    contests that no such choice could decide are left aside: two models must differ by `decides`,
+    squared noise, on the chosen trials together.
     """
     if not contests or not further.records:
         return []
@@ -233,12 +211,8 @@ def open_contests(
 
     Where nothing is named, these are the effects that came near to it. Where error is left that
     nothing pays for, those that lowered it most, and everywhere those that the trials would
-    hardly show.
-
-    Parameters
-    ----------
-    base : the model as it is, all there is where the trials are too few.
-    screens : what the first look said of every effect.
+    hardly show. `base` is the model as it is, all there is where the trials are too few; `screens`
+    are what the first look said of every effect.
     """
     rivals = [(name, rival) for name in verdict.named for rival in found.rivals.get(name, ())]
     if rivals:

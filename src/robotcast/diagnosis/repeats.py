@@ -16,16 +16,10 @@ MOST_TIMES = 10  # of a grid, for each sample of the longest trial
 
 @dataclass(frozen=True)
 class TimeGrid:
-    """Times one sampling period apart; every sample belongs to the nearest.
+    """Times one sampling period apart; every sample belongs to the nearest."""
 
-    Attributes
-    ----------
-    times_s : ndarray of shape (n_times,).
-    steps : for every trial, the index into `times_s` of each of its samples (k,).
-    """
-
-    times_s: np.ndarray
-    steps: tuple[np.ndarray, ...]
+    times_s: np.ndarray  # (n_times,)
+    steps: tuple[np.ndarray, ...]  # for every trial, the index into `times_s` of each sample, (k,)
     period_s: float
 
     @classmethod
@@ -70,33 +64,24 @@ class TimeGrid:
 
 @dataclass(frozen=True)
 class RepeatScatter:
-    """The errors that a perfect model would still show.
+    """The errors that a perfect model would still show."""
 
-    Attributes
-    ----------
-    sample_percent, final_percent : average deviation and median final deviation in % of scale;
-        None without repeats.
-    over_time_percent : average deviation at every time of the grid, (n_times,), NaN where no two
-        repeats share it.
-    square_over_time : the average square of deviations there, (n_times,); its mean in gaps, 0
-        without repeats.
-    deviations_percent : of every group, the average deviation of its trials, (n,) each.
-    groups, trials : how many groups hold repeats, and the trials they make together.
-    strays : numbers of trials that lie too far from their repeats to be such; left out.
-    drift : None where all repeats tell the scatter. Else those far apart in the session differ
-        by this much more than those that follow each other, of which alone the scatter is taken.
-    far_apart : whether any trial was repeated both soon and much later, so that drift would show.
-    """
-
-    sample_percent: float | None
-    final_percent: float | None
+    sample_percent: float | None  # average deviation in % of scale; None without repeats
+    final_percent: float | None  # median final deviation in % of scale; None without repeats
+    # average deviation at every time of the grid, (n_times,), NaN where no two repeats share it
     over_time_percent: np.ndarray
+    # the average square of deviations there, (n_times,); its mean in gaps, 0 without repeats
     square_over_time: np.ndarray
+    # of every group, the average deviation of its trials, (n,) each
     deviations_percent: tuple[np.ndarray, ...]
-    groups: int
-    trials: int
+    groups: int  # how many groups hold repeats
+    trials: int  # the trials they make together
+    # numbers of trials that lie too far from their repeats to be such; left out
     strays: tuple[int, ...] = ()
+    # None where all repeats tell the scatter. Else those far apart in the session differ by this
+    # much more than those that follow each other, of which alone the scatter is taken
     drift: float | None = None
+    # whether any trial was repeated both soon and much later, so that drift would show
     far_apart: bool = False
 
 
@@ -125,13 +110,13 @@ def repeat_scatter(
         groups = [run.tolist() for run in runs if len(run) > 1]
     averages, finals, away, trials = [], [], [], []
     for rows in groups:
-        deviation = deviations(measured[rows])
+        deviation = _deviations(measured[rows])
         deviation = deviation[np.isfinite(deviation).any(axis=1)]
         if len(deviation):
             averages.append(np.nanmean(deviation, axis=1))
             ended = [records[row].measured[-1:] for row in rows if records[row].ended]
             if len(ended) > 1:
-                finals.append(deviations(np.stack(ended)))
+                finals.append(_deviations(np.stack(ended)))
             away.append(deviation)
             trials.append(len(rows))
     numbers = tuple(records[row].trial for row in strays)
@@ -176,11 +161,8 @@ def _soon_and_late(
 def _strays(records: Sequence[Record], measured: np.ndarray, rule: Rule) -> list[int]:
     """Return the rows of trials that lie far from the middle of their repeats.
 
-    Of two repeats that far apart nobody knows which is wrong, so both go.
-
-    Parameters
-    ----------
-    measured : ndarray of shape (n_trials, n_times, d), NaN where a trial has no sample.
+    Of two repeats that far apart nobody knows which is wrong, so both go. `measured` is
+    (n_trials, n_times, d), NaN where a trial has no sample.
     """
     rows, far = [], []
     for group in repeated(records, range(len(records))):
@@ -198,20 +180,12 @@ def _strays(records: Sequence[Record], measured: np.ndarray, rule: Rule) -> list
     return sorted(row for row, d in zip(rows, deviation.tolist(), strict=True) if d > limit)
 
 
-def deviations(repeats: np.ndarray) -> np.ndarray:
-    """Return distances from the mean over axis 0, as if the true mean were known.
+def _deviations(repeats: np.ndarray) -> np.ndarray:
+    """Return distances (n, n_times) from the mean over axis 0, as if the true mean were known.
 
-    The mean of n repeats lies too near to each of them, on average √((n − 1)/n) as far as the
-    true mean does, so each distance is multiplied by √(n/(n − 1)). A sample that no other
-    repeat shares tells nothing and is NaN.
-
-    Parameters
-    ----------
-    repeats : ndarray of shape (n, n_times, d), NaN where a repeat has no sample.
-
-    Returns
-    -------
-    ndarray of shape (n, n_times).
+    `repeats` are (n, n_times, d), NaN where one has no sample. Their mean lies too near to each of
+    them, on average √((n − 1)/n) as far as the true mean does, so each distance is multiplied by
+    √(n/(n − 1)). A sample that no other repeat shares tells nothing and is NaN.
     """
     n = np.isfinite(repeats[..., 0]).sum(axis=0)
     distance = np.linalg.norm(repeats - _of_present(np.ma.mean, repeats), axis=-1)

@@ -22,11 +22,8 @@ UNTOUCHED = ("ignored by the model", "touches nothing")  # nothing that is compu
 def sentence(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording, where: str) -> str:
     """Say the verdict in a sentence, and in others how far the error stays above noise, and why.
 
-    Errors are those of the trial in the middle, wrongly measured ones left out.
-
-    Parameters
-    ----------
-    where : the slice of the last model's error that holds most of it; empty when none stands out.
+    Errors are those of the trial in the middle, wrongly measured ones left out. `where` is the
+    slice of the last model's error that holds most of it; empty when none stands out.
     """
     usual, floor = found.known_scales.usual, found.known_scales.floor
     before, after = (float(np.median(r.errors.waypoint[usual])) for r in (found.base, found.top))
@@ -245,11 +242,8 @@ def ranking(
 ) -> list[dict[str, Any]]:
     """Return every effect that was tried, the most promising first.
 
-    Effects that cannot be judged stand last, each with the reason.
-
-    Parameters
-    ----------
-    slices : judged effect → the slices of the error before and after it.
+    Effects that cannot be judged stand last, each with the reason. `slices` has for every judged
+    effect the slices of the error before and after it.
     """
     rows = []
     for name, one in screens.items():
@@ -325,11 +319,8 @@ def base_parameters(
 ) -> dict[str, Any]:
     """Return the sizes of the base model's parameters.
 
-    One that changes nothing may be any; one that is held has no interval.
-
-    Parameters
-    ----------
-    vectors : of the folds' fits, (k, n); None when there were none.
+    One that changes nothing may be any; one that is held has no interval. The `vectors` (k, n) are
+    those of the folds' fits, None when there were none.
     """
     own = sizes(inquiry, base, vectors, rule.discrepancy)[: len(inquiry.model.parameters)]
     rows = {}

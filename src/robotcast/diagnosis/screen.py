@@ -20,23 +20,14 @@ NOTHING = 1e-9  # of the noise: what rounding leaves
 
 @dataclass(frozen=True)
 class Screened:
-    """What the first look says of one effect.
-
-    Attributes
-    ----------
-    p_value : of the score test.
-    predicted : average error that the slopes promise with the effect, % of the scale.
-    power : chance that the test finds the effect at its smallest probe.
-    moved : the largest root mean square by which its probes move a trial, in noise units.
-    status : why it cannot be judged, None when it can.
-    """
+    """What the first look says of one effect."""
 
     effect: str
-    p_value: float
-    predicted: float
-    power: float
-    moved: float
-    status: str | None
+    p_value: float  # of the score test
+    predicted: float  # average error that the slopes promise with the effect, % of the scale
+    power: float  # chance that the test finds the effect at its smallest probe
+    moved: float  # the largest root mean square by which its probes move a trial, in noise units
+    status: str | None  # why it cannot be judged, None when it can
 
 
 def screen(library: Library, acting: Sequence[str], effect: str, rule: Rule) -> Screened:

@@ -82,9 +82,7 @@ class Selection:
     def shortlist(self) -> int:
         """Refit single effects to beginnings, and larger sets until the library has little to add.
 
-        Returns
-        -------
-        How many effects the smallest set has beside which it has.
+        Return how many effects the smallest set has beside which it has.
         """
         size = 1
         self._refit_size(size)
@@ -226,11 +224,7 @@ class Selection:
         """Judge single effects, and choose none: a field has shown that something is missing.
 
         Those that were tried may have ended in a valley, as the library's fit may have. So they
-        start from the parameters beside which the field explains it.
-
-        Parameters
-        ----------
-        own : unit vector of the model's parameters beside the field.
+        start from the model's parameters beside which the field explains it, the unit vector `own`.
         """
         if self.found.library is None:  # there are no candidates
             return self.found

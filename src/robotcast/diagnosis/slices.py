@@ -90,26 +90,17 @@ def _number(value: float, decimals: int) -> str:
 
 @dataclass(frozen=True)
 class Slice:
-    """Some samples of the trials, and a way to look at their errors.
+    """Some samples of the trials, and a way to look at their errors."""
 
-    Attributes
-    ----------
-    name : what it is in a few words, "in the coast".
-    kind : "phase", "place", "speed", "heading", "signal", "trial" or the name of a factor; slices
-        of one kind say the same thing in different ways.
-    subject : how a sentence on it begins, "Casts with alpha above 1.6 rad".
-    mask : bool ndarray of shape (n_trials, k_max).
-    directions : unit vectors (n_trials, k_max, d) along which errors are taken; None for their
-        whole length.
-    whole_trials : it takes a trial with all its samples or not at all.
-    """
-
-    name: str
+    name: str  # what it is in a few words, "in the coast"
+    # "phase", "place", "speed", "heading", "signal", "trial" or the name of a factor; slices of one
+    # kind say the same thing in different ways
     kind: str
-    subject: str
-    mask: np.ndarray
+    subject: str  # how a sentence on it begins, "Casts with alpha above 1.6 rad"
+    mask: np.ndarray  # bool (n_trials, k_max)
+    # unit vectors (n_trials, k_max, d) along which errors are taken; None for their whole length
     directions: np.ndarray | None = None
-    whole_trials: bool = False
+    whole_trials: bool = False  # it takes a trial with all its samples or not at all
 
     def signed(self, found: Misfit) -> np.ndarray:
         """Return every sample's error along the directions, else its length, (n_trials, k_max)."""

@@ -264,7 +264,7 @@ def _figures(results: Results) -> dict[str, list[PageFigure]]:
             figure = overlay_figure(tuning, paths, cable.measured.cable.length_m)
             add("tuning", name, title, figure, caption("overlay", told))
     if traced := [t for t in results.tunings if t.trace is not None]:
-        floors = {c.name: c.floor.sample_percent for c in results.cables if c.floor}
+        floors = {c.name: c.floor.waypoint_percent for c in results.cables if c.floor}
         figure = trace_figure(traced, floors)
         add("tuning", "tuning_trace", "How tuning went", figure, caption("tuning_trace"))
     for cable in results.cables:  # one ladder a cable to which effects were added
@@ -301,7 +301,7 @@ def glance(results: Results, cable: CableData) -> dict[str, str]:
     errors = (
         [best.error("test", of) for of in ("waypoint_percent", "final_percent")] if best else ()
     )
-    floors = [floor.sample_percent, floor.final_percent] if floor else ()
+    floors = [floor.waypoint_percent, floor.final_percent] if floor else ()
     return {
         "Cable": names.cable_name(cable.name),
         "Length": f"{measured.cable.length_m:.2f} m" if measured else MISSING,

@@ -14,8 +14,7 @@ import numpy as np
 import polars as pl
 import yaml
 
-from robotcast.cast_model import noise_floor
-from robotcast.diagnosis.repeats import RepeatScatter, deviations
+from robotcast.measurements.errors import NoiseFloor, deviations, noise_floor
 from robotcast.measurements.measurement_set import MeasurementSet
 from robotcast.measurements.reader import read_measurement_set
 from robotcast.policies.datasets import Examples, read_simulated
@@ -179,7 +178,7 @@ class CableData:
 
     name: str
     measured: MeasurementSet | None
-    floor: RepeatScatter | None
+    floor: NoiseFloor | None
     tracking: dict  # the summary that track wrote, and what generate wrote, empty where unknown
     simulated: Examples | None
     generation: dict

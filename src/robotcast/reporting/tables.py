@@ -179,7 +179,7 @@ def tuning_table(results: Results) -> Table:
     methods = _methods(results, found)
     paper: _Found = {((s, "de", ()), c): pair for s, of in TUNING.items() for c, pair in of.items()}
     floors = [c.floor if c else None for c in map(results.cable, cables)]
-    known = [getattr(f, of, None) for f in floors for of in ("sample_percent", "final_percent")]
+    known = [getattr(f, of, None) for f in floors for of in ("waypoint_percent", "final_percent")]
     rows = [
         (
             method_name(*method),

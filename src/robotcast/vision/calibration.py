@@ -11,8 +11,13 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from robotcast.vision.camera import Camera
-from robotcast.vision.facts import FiducialBoard, TrackerFacts, TrackingLimits, find_markers
+from robotcast.vision.camera import (
+    Camera,
+    FiducialBoard,
+    TrackerFacts,
+    TrackingLimits,
+    find_markers,
+)
 
 FEWEST_MARKERS = 4
 LIMITS = TrackingLimits()

@@ -5,8 +5,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from robotcast.vision.camera import Camera
-from robotcast.vision.facts import TrackerFacts
+from robotcast.vision.camera import Camera, TrackerFacts
 
 _GREY = np.ones(3)
 _LEAST_SHARE = 0.15

@@ -22,8 +22,8 @@ from robotcast.processes import process_pool
 from robotcast.running import Progress, silent
 from robotcast.sessions import CastRequest, Session
 from robotcast.vision.calibration import LIMITS, Calibration, calibrate
+from robotcast.vision.camera import Stillness, TrackerFacts, TrackingLimits
 from robotcast.vision.detector import Detection, EndpointDetector
-from robotcast.vision.facts import Stillness, TrackerFacts, TrackingLimits
 
 _CALIBRATION_FRAMES = 5
 _WHOLE = (0.92, 1.12)

@@ -20,7 +20,7 @@ from robotcast.rigs.ur5.motion import WholeMotion
 from robotcast.rigs.ur5.rig import Ur5Rig
 from robotcast.stage import bar, tell, warn
 from robotcast.vision.calibration import DOTS_PER_M, board_corners, printed_board
-from robotcast.vision.facts import BORDER_MODULES, FiducialBoard, dictionary
+from robotcast.vision.camera import BORDER_MODULES, FiducialBoard, dictionary
 
 VIEWS, EVERY_S, AT_MOST_S = 15, 1.0, 180.0
 

@@ -10,16 +10,14 @@ from hydra.utils import instantiate
 from omegaconf import DictConfig
 
 from robotcast.build import build_effects, build_simulator, fingerprint
-from robotcast.cast_model import noise_floor
 from robotcast.files import source_digest
 from robotcast.fitting.parameter import Parameter
-from robotcast.measurements.errors import prediction_errors
+from robotcast.measurements.errors import noise_floor, prediction_errors
 from robotcast.measurements.measurement_set import Cable, MeasurementSet, Trial, split_by_action
 from robotcast.reporting.revisions_page import TuningProgress, revisions_page
 from robotcast.running import write_page
 from robotcast.simulators.simulator import Simulator
 from robotcast.stage import bar, measured_set, output_folder, unfinished_file
-from robotcast.tuning.certainty import certainty, certainty_casts
 from robotcast.tuning.objective import LEAST_NOISE_PERCENT, WaypointError, full_vectors
 from robotcast.tuning.search import (
     Batch,
@@ -33,6 +31,8 @@ from robotcast.tuning.search import (
 from robotcast.tuning.tuned import (
     LEDGER,
     Tuned,
+    certainty,
+    certainty_casts,
     keep_revision,
     read_revisions,
     revision_of,
@@ -88,8 +88,7 @@ def search_with_bar(
 def tune_simulator(config: DictConfig) -> tuple[Path, Tuned]:
     """Tune the configured simulator, write the tuned folder and return it."""
     measured = measured_set(config.paths.measurements)
-    cable, floor = measured.cable, noise_floor(measured)
-    floor_percent = floor.sample_percent if floor else None
+    cable, floor_percent = measured.cable, noise_floor(measured).waypoint_percent
     tuning, test = _split(config, measured)
     simulator = build_simulator(config, cable, build_effects(config.effects))
     folder = output_folder(config.paths.tuned, config.paths.measurements)

@@ -25,9 +25,8 @@ from robotcast.rigs.ur5.arm import Arm, RobotLog, ServoSettings, WatchSettings
 from robotcast.rigs.ur5.camera import Webcam, WebcamSettings, arm_pixels, camera_offset
 from robotcast.rigs.ur5.motion import JointMotion, SafetyLimits, WholeMotion
 from robotcast.vision.calibration import calibrate
-from robotcast.vision.camera import Camera
+from robotcast.vision.camera import Camera, TrackerFacts
 from robotcast.vision.detector import EndpointDetector
-from robotcast.vision.facts import TrackerFacts
 
 ROBOT_FILE = "robot.csv"
 RESETS = 3

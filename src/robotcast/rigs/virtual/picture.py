@@ -10,8 +10,7 @@ import numpy as np
 
 from robotcast.files import atomic_file
 from robotcast.sessions import video_writer
-from robotcast.vision.camera import Camera
-from robotcast.vision.facts import BORDER_MODULES, MODULES, FiducialBoard, dictionary
+from robotcast.vision.camera import BORDER_MODULES, MODULES, Camera, FiducialBoard, dictionary
 
 Colour = tuple[float, float, float]
 

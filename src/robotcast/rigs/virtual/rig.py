@@ -26,8 +26,7 @@ from robotcast.rigs.virtual.cable import (
 )
 from robotcast.rigs.virtual.mechanisms import Disturbance, HiddenEffect, acting, changed
 from robotcast.rigs.virtual.picture import PictureSettings, SceneMotion, frame_starts, render_cast
-from robotcast.vision.camera import Camera
-from robotcast.vision.facts import TrackerFacts
+from robotcast.vision.camera import Camera, TrackerFacts
 
 LOG_S = 0.008
 BEFORE_S = 0.1  # filmed before the start
