@@ -31,10 +31,18 @@ from robotcast.robots.logs import Log, periods, read_logs
 from robotcast.robots.names import name_of_dof, names_of, to_si
 from robotcast.robots.next_motions import Motions, motions
 from robotcast.robots.robot_file import RobotFile, read_robot
-from robotcast.robots.robot_model import Known, RobotFloor, RobotModel, of_quaternions
+from robotcast.robots.robot_model import Known, RobotFloor, RobotModel
 from robotcast.robots.rollout import Rollout
 from robotcast.robots.sizes import Sizes, sizes_of
-from robotcast.robots.windows import GROUPS, LEAST_SAMPLES, StartStates, Window, cut, noise_of
+from robotcast.robots.windows import (
+    GROUPS,
+    LEAST_SAMPLES,
+    StartStates,
+    Window,
+    cut,
+    noise_of,
+    of_quaternions,
+)
 
 LOSES = 0.5  # of how far a joint moves in a log: predictions that err by more have lost the trial
 MOVES = 20.0  # times the noise: what moves less stands still

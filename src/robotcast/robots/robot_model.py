@@ -7,11 +7,12 @@ the samples about the start allow. It never moves by more than three of their de
 model can hide what it misses in it.
 """
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, product
 
 import mujoco
 import numpy as np
@@ -20,14 +21,15 @@ from robotcast.diagnosis.model import Record
 from robotcast.fitting.least_squares import DIFFERENCE
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.effect import RobotEffect
+from robotcast.robots.effects import ElasticJoint
 from robotcast.robots.logs import Log
-from robotcast.robots.names import Signal, moved, turning
+from robotcast.robots.names import moved, turning
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.rollout import Rollout
-from robotcast.robots.windows import Window
+from robotcast.robots.windows import PART, Units, Window
 
-PART = 0.02  # of how far a signal moves: what is missed by so much counts as one
 MOST_SD = 3.0  # standard deviations that a start state may move by
+FEW_ELASTIC = 4  # joints whose twist at the start is fitted, two runs more for each
 FINER = 5  # into how many parts a step is cut to see what it errs by
 DRAWS = 20  # of noise, for what it leaves of a perfect model
 TRIED = 4  # of starts, for what their slopes leave
@@ -44,53 +46,6 @@ class Known:
     def nominal(cls, robot: RobotFile) -> "Known":
         """Return the model as it is."""
         return cls((), np.array([p.nominal for p in tuned_parameters(robot)], float))
-
-
-@dataclass(frozen=True)
-class Units:
-    """What the signals are divided by, their noise in these units, and what they weigh.
-
-    All of shape (n_signals,); one of another weight is one in units as much larger.
-    """
-
-    si: np.ndarray
-    noise: np.ndarray
-    weight: np.ndarray
-
-    @classmethod
-    def of(
-        cls,
-        signals: Sequence[Signal],
-        logs: Sequence[Log],
-        windows: Sequence[Window],
-        noise: np.ndarray,
-    ) -> "Units":
-        """Take them from how far the signals move within the windows."""
-        squares = []
-        for w in windows:
-            some = logs[w.log].measured[w.first : w.end]
-            squares.append(np.nanmean((some - np.nanmean(some, axis=0)) ** 2, axis=0))
-        travel = np.sqrt(np.nanmean(squares, axis=0))
-        travel = of_quaternions(signals, np.where(travel > 0, travel, travel.max()))
-        si = np.hypot(noise, PART * travel)
-        return cls(si, noise / si, np.ones(len(si)))
-
-    def weighing(self, some: np.ndarray, floor: np.ndarray) -> "Units":
-        """Return units in which some signals, (n_signals,) bool, weigh as much as all others.
-
-        Each by how far it is from its own floor, (n_signals,) in these units.
-        """
-        weight = np.where(some, 1.0, np.sqrt(some.sum() / (~some).sum())) / floor
-        return Units(self.si / weight, self.noise * weight, weight)
-
-
-def of_quaternions(signals: Sequence[Signal], travel: np.ndarray) -> np.ndarray:
-    """Return how far signals move, (n_signals,), the elements of a quaternion as one."""
-    found = travel.copy()
-    for dof in {at.dof for at in signals if at.kind == "turn"}:
-        own = [at.kind == "turn" and at.dof == dof for at in signals]
-        found[own] = np.sqrt(np.mean(travel[own] ** 2))
-    return found
 
 
 class RobotModel:
@@ -147,15 +102,53 @@ class RobotModel:
         self, records: Sequence[Record], effects: Sequence[RobotEffect], vectors: np.ndarray
     ) -> np.ndarray:
         numbers, (start, _) = [r.trial for r in records], self._starts
-        of = numbers, [r.times_s for r in records]
-        found = self.rollout.simulate(*of, effects, vectors, self._away(numbers, start[numbers]))
-        found /= self.units.si
-        for row, record in enumerate(records):
-            k = len(record.times_s)
-            if np.isfinite(record.measured).any():
-                missed = record.measured - found[:, row, :k]
-                found[:, row, :k] += self._start_shift(record, missed, start[record.trial])
+        of, away = (numbers, [r.times_s for r in records]), self._away(numbers, start[numbers])
+        found = self.rollout.simulate(*of, effects, vectors, away) / self.units.si
+        for alike, twists in self._twisted(records, effects, vectors, away, found):
+            for row, record in enumerate(records):
+                k = len(record.times_s)
+                if np.isfinite(record.measured).any():
+                    missed = record.measured - found[alike, row, :k]
+                    shift = self._start_shift(record, missed, start[record.trial], twists[row, :k])
+                    found[alike, row, :k] += shift
         return found
+
+    def _twisted(
+        self,
+        records: Sequence[Record],
+        effects: Sequence[RobotEffect],
+        vectors: np.ndarray,
+        away: np.ndarray,
+        found: np.ndarray,
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Yield vectors of equally elastic joints, and slopes of windows by what twists them.
+
+        How far a link is behind its encoder at the start follows from the acceleration there and
+        its rate, which samples tell badly. The slopes, (n_windows, k, d, m), are by deviations of
+        both, of every elastic joint, at the first of these vectors; m is 0 where no joint is
+        elastic, or too many are.
+        """
+        columns, dofs, at, null = [], set[int](), len(self.parameters), []
+        for effect in effects:
+            if isinstance(effect, ElasticJoint):
+                columns += range(at, at + len(effect.parameters))
+                null += [math.nan if p.null is None else p.null for p in effect.parameters]
+                dofs |= {*effect.where.dofs}
+            at += len(effect.parameters)
+        every, which = np.unique(vectors[:, columns], axis=0, return_inverse=True)
+        for one, values in enumerate(every):
+            alike, soft = np.flatnonzero(which.ravel() == one), (values != null) & ~np.isnan(null)
+            few = sorted(dofs) if soft.any() and len(dofs) <= FEW_ELASTIC else []
+            slopes = [np.zeros((len(records), *found.shape[2:], 0))]
+            for order, dof in product(range(2), few):
+                other = away.copy()
+                other[:, 2 + order, dof] = [
+                    self.rollout.windows[r.trial].bends_sd[order, dof] for r in records
+                ]
+                of = [r.trial for r in records], [r.times_s for r in records]
+                path = self.rollout.simulate(*of, effects, vectors[alike[:1]], other)[0]
+                slopes.append((path / self.units.si - found[alike[0]])[..., None])
+            yield alike, np.nan_to_num(np.concatenate(slopes, axis=-1))
 
     def idle(self, records: Sequence[Record]) -> np.ndarray:
         """Predict windows (n, k, d) as if nothing acted: joints go on as they moved."""
@@ -261,10 +254,21 @@ class RobotModel:
         return np.sqrt(np.nanmedian(squares, axis=0))
 
     def _start_shift(
-        self, record: Record, missed: np.ndarray, start: np.ndarray | float = 0.0
+        self,
+        record: Record,
+        missed: np.ndarray,
+        start: np.ndarray | float = 0.0,
+        twists: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Return by how much a better start moves signals that miss by (n, k, d) from `start`."""
+        """Return by how much a better start moves signals that miss by (n, k, d) from `start`.
+
+        By the slopes of a start's state, and those of its `twists` (k, d, m), if any.
+        """
         slopes, gain = self._gain(record)
+        if twists is not None and twists.shape[-1]:
+            slopes = np.hstack([slopes, twists.reshape(len(slopes), -1)])
+            start = np.append(start, np.zeros(twists.shape[-1]))
+            gain = self._believed(record, slopes, missed[0])
         flat = np.nan_to_num(missed).reshape(len(missed), -1) + (slopes * start).sum(axis=1)
         # not by BLAS, whose sums depend on how many rows there are
         better = np.clip(np.einsum("nk,sk->ns", flat, gain), -MOST_SD, MOST_SD)
@@ -292,6 +296,13 @@ class RobotModel:
         hold = slopes.T @ (slopes * precision[:, None]) + np.eye(slopes.shape[1])
         return np.linalg.solve(hold, slopes.T * precision)
 
+    def _believed(self, record: Record, slopes: np.ndarray, missed: np.ndarray) -> np.ndarray:
+        """Return the same from misses (k, d), of which noise is what no start explains."""
+        flat = np.nan_to_num(missed).ravel()
+        left = flat - slopes @ (self._estimate(record, slopes) @ flat)
+        scatter = np.mean((left.reshape(missed.shape) / self.units.noise) ** 2)
+        return self._estimate(record, slopes, max(1.0, float(scatter)))
+
     @cached_property
     def _starts(self) -> tuple[np.ndarray, np.ndarray]:
         """Where slopes are taken, and the known model's slopes there.
@@ -308,12 +319,9 @@ class RobotModel:
             return start, slopes
         for own, record, path, by in zip(start, self.records, paths, slopes, strict=True):
             k = len(record.times_s)
-            flat = by[:k].reshape(-1, by.shape[2])
-            missed = np.nan_to_num(record.measured - path[:k])
-            left = missed.ravel() - flat @ (self._estimate(record, flat) @ missed.ravel())
-            scatter = np.mean((left.reshape(missed.shape) / self.units.noise) ** 2)
-            gain = self._estimate(record, flat, max(1.0, float(scatter)))
-            own[:] = np.clip(gain @ missed.ravel(), -MOST_SD, MOST_SD)
+            missed = record.measured - path[:k]
+            gain = self._believed(record, by[:k].reshape(-1, by.shape[2]), missed)
+            own[:] = np.clip(gain @ np.nan_to_num(missed).ravel(), -MOST_SD, MOST_SD)
         return start, self._sloped(start)[1]
 
     def _sloped(self, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -336,9 +344,13 @@ class RobotModel:
         )
 
     def _away(self, numbers: Sequence[int], start: np.ndarray) -> np.ndarray:
-        """Return deviations (n, 2 nv) of windows' starts in SI units, (n, 2, nv)."""
+        """Return deviations (n, 2 nv) of windows' starts in SI units, (n, 4, nv).
+
+        Of accelerations and their rates there are none.
+        """
         sd = np.array([self.rollout.windows[k].start_sd for k in numbers])
-        return start.reshape(sd.shape) * sd
+        state = start.reshape(sd.shape) * sd
+        return np.concatenate([state, np.zeros_like(state)], axis=1)
 
 
 @dataclass(frozen=True)

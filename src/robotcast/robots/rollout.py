@@ -91,11 +91,11 @@ class Rollout:
         numbers : of the windows, one for every start.
         times_s : of every start, when its signals are wanted, from the start of its window.
         vectors : ndarray (n_vectors, n), the tuned parameters, then those of the effects.
-        away : how far from the measured states it starts, in positions and velocities,
-            (n_starts, 2, nv); None for nothing.
+        away : how far from the measured states it starts, in positions, velocities,
+            accelerations and their rates, (n_starts, 4, nv); None for nothing.
         """
         windows = [self.windows[k] for k in numbers]
-        away = np.zeros((len(windows), 2, self._model.nv)) if away is None else away
+        away = np.zeros((len(windows), 4, self._model.nv)) if away is None else away
         k_max = max(map(len, times_s))
         found = np.full((len(vectors), len(windows), k_max, len(self._signals)), np.nan)
         by_steps = stepwise(self.robot.tune, effects, vectors)
@@ -143,7 +143,8 @@ class Rollout:
             self._recall(batch, windows, before)
         self._place(batch, windows, away, acting)
         if by_steps:
-            path = self._stepped(batch, windows, acting, drive)
+            bends = np.array([w.bends for w in windows]) + away[:, 2:]
+            path = self._stepped(batch, windows, acting, drive, bends)
         else:
             path = self._rolled(batch, drive)
         return self._observed(path, windows, times_s, acting)
@@ -264,7 +265,12 @@ class Rollout:
 
     @np.errstate(over="ignore", invalid="ignore")  # of a run that diverges, until that is seen
     def _stepped(
-        self, batch: Batch, windows: Sequence[Window], acting: Acting, drive: np.ndarray
+        self,
+        batch: Batch,
+        windows: Sequence[Window],
+        acting: Acting,
+        drive: np.ndarray,
+        bends: np.ndarray,
     ) -> np.ndarray:
         """Step to the end; return qpos, qvel and sensors of every step (n_steps, n_sim, m)."""
         model, n_steps = self._model, drive.shape[1]
@@ -285,7 +291,7 @@ class Rollout:
             for channel, dof in self._torques:
                 applied[:, dof] = drive[:, k, channel]
             if between and k == 0:
-                between.place(np.array([w.bends for w in windows]))
+                between.place(bends)
                 self._settle(batch, windows)
             shown_qpos, shown_qvel = path[k, :, : model.nq], path[k, :, model.nq : nq_nv]
             shown_qpos[:], shown_qvel[:] = qpos, qvel

@@ -14,6 +14,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from robotcast.robots.logs import Log, periods
 from robotcast.robots.names import (
+    Signal,
     coordinates,
     driven_dof,
     moved,
@@ -30,6 +31,7 @@ ABOUT_S, ABOUT_SAMPLES = 0.02, 4  # on either side of a start: what tells its st
 LEAST_SAMPLES = 12  # of a window
 LATEST_S = 0.1  # by which an encoder may show late
 CUBIC = 4
+PART = 0.02  # of how far a signal moves: what is missed by so much counts as one
 Signals = list[tuple[bool, np.ndarray, float]]  # of a joint: a rate or not, values, noise
 GROUPS = 12  # parts that can be held out, at least: where logs are fewer, each is cut
 
@@ -47,6 +49,7 @@ class Window:
     start_sd: np.ndarray  # standard deviations of positions and velocities there, (2, nv)
     # acceleration and its rate there, (2, nv), drawn in to 0 as far as noise makes them up
     bends: np.ndarray
+    bends_sd: np.ndarray  # and their deviations
     track: "Track"  # as measured; a late encoder shows there where its joint was
 
 
@@ -63,6 +66,53 @@ class Track:
             by, own = self.path(since_s)[..., dof : dof + 3], slice(dof, dof + 3)
             found[..., own] = spin(by, found[..., own])
         return found
+
+
+@dataclass(frozen=True)
+class Units:
+    """What the signals are divided by, their noise in these units, and what they weigh.
+
+    All of shape (n_signals,); one of another weight is one in units as much larger.
+    """
+
+    si: np.ndarray
+    noise: np.ndarray
+    weight: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        signals: Sequence[Signal],
+        logs: Sequence[Log],
+        windows: Sequence[Window],
+        noise: np.ndarray,
+    ) -> "Units":
+        """Take them from how far the signals move within the windows."""
+        squares = []
+        for w in windows:
+            some = logs[w.log].measured[w.first : w.end]
+            squares.append(np.nanmean((some - np.nanmean(some, axis=0)) ** 2, axis=0))
+        travel = np.sqrt(np.nanmean(squares, axis=0))
+        travel = of_quaternions(signals, np.where(travel > 0, travel, travel.max()))
+        si = np.hypot(noise, PART * travel)
+        return cls(si, noise / si, np.ones(len(si)))
+
+    def weighing(self, some: np.ndarray, floor: np.ndarray) -> "Units":
+        """Return units in which some signals, (n_signals,) bool, weigh as much as all others.
+
+        Each by how far it is from its own floor, (n_signals,) in these units.
+        """
+        weight = np.where(some, 1.0, np.sqrt(some.sum() / (~some).sum())) / floor
+        return Units(self.si / weight, self.noise * weight, weight)
+
+
+def of_quaternions(signals: Sequence[Signal], travel: np.ndarray) -> np.ndarray:
+    """Return how far signals move, (n_signals,), the elements of a quaternion as one."""
+    found = travel.copy()
+    for dof in {at.dof for at in signals if at.kind == "turn"}:
+        own = [at.kind == "turn" and at.dof == dof for at in signals]
+        found[own] = np.sqrt(np.mean(travel[own] ** 2))
+    return found
 
 
 def noise_of(robot: RobotFile, logs: Sequence[Log]) -> np.ndarray:
@@ -293,12 +343,11 @@ def windows_at(
     bends, noise = (np.array(some) for some in zip(*found, strict=True))
     true = 1 - (noise**2).mean(axis=0) / np.maximum((bends**2).mean(axis=0), 1e-30)
     shrunk = bends * np.maximum(true, 0.0)
-    return tuple(
-        Window(
-            index, first, first + n, part, qpos, qvel, start_sd, bend, starts.track(index, first)
-        )
-        for (index, first, part, (qpos, qvel, start_sd)), bend in zip(known, shrunk, strict=True)
-    )
+    found = []
+    for (log, first, part, (qpos, qvel, sd)), *bend in zip(known, shrunk, noise, strict=True):
+        track = starts.track(log, first)
+        found.append(Window(log, first, first + n, part, qpos, qvel, sd, *bend, track))
+    return tuple(found)
 
 
 def _unbroken(times_s: np.ndarray) -> bool:
