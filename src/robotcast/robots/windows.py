@@ -344,9 +344,10 @@ def windows_at(
     true = 1 - (noise**2).mean(axis=0) / np.maximum((bends**2).mean(axis=0), 1e-30)
     shrunk = bends * np.maximum(true, 0.0)
     found = []
-    for (log, first, part, (qpos, qvel, sd)), *bend in zip(known, shrunk, noise, strict=True):
+    rows = zip(known, shrunk, noise, strict=True)
+    for (log, first, part, (qpos, qvel, sd)), bend, its_sd in rows:
         track = starts.track(log, first)
-        found.append(Window(log, first, first + n, part, qpos, qvel, sd, *bend, track))
+        found.append(Window(log, first, first + n, part, qpos, qvel, sd, bend, its_sd, track))
     return tuple(found)
 
 
