@@ -135,20 +135,30 @@ class RobotModel:
                 null += [math.nan if p.null is None else p.null for p in effect.parameters]
                 dofs |= {*effect.where.dofs}
             at += len(effect.parameters)
-        every, which = np.unique(vectors[:, columns], axis=0, return_inverse=True)
-        for one, values in enumerate(every):
-            alike, soft = np.flatnonzero(which.ravel() == one), (values != null) & ~np.isnan(null)
-            few = sorted(dofs) if soft.any() and len(dofs) <= FEW_ELASTIC else []
-            slopes = [np.zeros((len(records), *found.shape[2:], 0))]
-            for order, dof in product(range(2), few):
-                other = away.copy()
-                other[:, 2 + order, dof] = [
-                    self.rollout.windows[r.trial].bends_sd[order, dof] for r in records
-                ]
-                of = [r.trial for r in records], [r.times_s for r in records]
-                path = self.rollout.simulate(*of, effects, vectors[alike[:1]], other)[0]
-                slopes.append((path / self.units.si - found[alike[0]])[..., None])
-            yield alike, np.nan_to_num(np.concatenate(slopes, axis=-1))
+        every, first, which = np.unique(
+            vectors[:, columns], axis=0, return_index=True, return_inverse=True
+        )
+        soft = ((every != null) & ~np.isnan(null)).any(axis=1)
+        few = sorted(dofs) if len(dofs) <= FEW_ELASTIC else []
+        numbers, times_s = [r.trial for r in records], [r.times_s for r in records]
+        places, several = [*product(range(2), few)], []
+        for order, dof in places:
+            other = away.copy()
+            other[:, 2 + order, dof] = [
+                self.rollout.windows[k].bends_sd[order, dof] for k in numbers
+            ]
+            several.append(other)
+        none = np.zeros((len(records), *found.shape[2:], 0))
+        slopes = iter(())
+        if places and soft.any():
+            of = numbers * len(places), times_s * len(places)
+            twisted = self.rollout.simulate(
+                *of, effects, vectors[first[soft]], np.concatenate(several)
+            )
+            twisted = (twisted / self.units.si).reshape(-1, len(places), *found.shape[1:])
+            slopes = iter(np.nan_to_num(np.moveaxis(twisted - found[first[soft], None], 1, -1)))
+        for one, acts in enumerate(soft):
+            yield np.flatnonzero(which.ravel() == one), next(slopes, none) if acts else none
 
     def idle(self, records: Sequence[Record]) -> np.ndarray:
         """Predict windows (n, k, d) as if nothing acted: joints go on as they moved."""
