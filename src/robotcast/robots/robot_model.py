@@ -7,7 +7,6 @@ the samples about the start allow. It never moves by more than three of their de
 model can hide what it misses in it.
 """
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
@@ -30,6 +29,7 @@ from robotcast.robots.windows import PART, Units, Window
 
 MOST_SD = 3.0  # standard deviations that a start state may move by
 FEW_ELASTIC = 4  # joints whose twist at the start is fitted, two runs more for each
+ALIKE = 0.25  # of a joint's compliance: what differs by less has the same slopes
 FINER = 5  # into how many parts a step is cut to see what it errs by
 DRAWS = 20  # of noise, for what it leaves of a perfect model
 TRIED = 4  # of starts, for what their slopes leave
@@ -121,44 +121,46 @@ class RobotModel:
         away: np.ndarray,
         found: np.ndarray,
     ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield vectors of equally elastic joints, and slopes of windows by what twists them.
+        """Yield vectors of about equally elastic joints, and slopes of windows by their twists.
 
         How far a link is behind its encoder at the start follows from the acceleration there and
         its rate, which samples tell badly. The slopes, (n_windows, k, d, m), are by deviations of
         both, of every elastic joint, at the first of these vectors; m is 0 where no joint is
-        elastic, or too many are.
+        elastic, or too many are. (That slopes hardly change with what is fitted is the
+        approximation of Kaufman 1975.)
         """
-        columns, dofs, at, null = [], set[int](), len(self.parameters), []
+        at, yields, dofs = len(self.parameters), [], set[int]()
         for effect in effects:
             if isinstance(effect, ElasticJoint):
-                columns += range(at, at + len(effect.parameters))
-                null += [math.nan if p.null is None else p.null for p in effect.parameters]
+                yields += [(at + k, p.upper) for k, p in enumerate(effect.parameters) if not k]
                 dofs |= {*effect.where.dofs}
             at += len(effect.parameters)
-        every, first, which = np.unique(
-            vectors[:, columns], axis=0, return_index=True, return_inverse=True
-        )
-        soft = ((every != null) & ~np.isnan(null)).any(axis=1)
-        few = sorted(dofs) if len(dofs) <= FEW_ELASTIC else []
+        columns, most = np.array(yields, float).reshape(-1, 2).T
+        yields = vectors[:, columns.astype(int)] / most  # of their ranges, (n_vectors, n_elastic)
+        soft = yields.any(axis=1) & (len(dofs) <= FEW_ELASTIC)
+        left = np.flatnonzero(soft)
+        if not soft.all():
+            yield np.flatnonzero(~soft), np.zeros((len(records), *found.shape[2:], 0))
         numbers, times_s = [r.trial for r in records], [r.times_s for r in records]
-        places, several = [*product(range(2), few)], []
+        places, several = [*product(range(2), sorted(dofs))], []
         for order, dof in places:
             other = away.copy()
             other[:, 2 + order, dof] = [
                 self.rollout.windows[k].bends_sd[order, dof] for k in numbers
             ]
             several.append(other)
-        none = np.zeros((len(records), *found.shape[2:], 0))
-        slopes = iter(())
-        if places and soft.any():
-            of = numbers * len(places), times_s * len(places)
+        of = numbers * len(places), times_s * len(places)
+        while len(left):
+            first = left[0]
+            apart = np.abs(yields[left] - yields[first]).max(axis=1)
+            near = apart <= ALIKE * yields[first].max()
             twisted = self.rollout.simulate(
-                *of, effects, vectors[first[soft]], np.concatenate(several)
-            )
-            twisted = (twisted / self.units.si).reshape(-1, len(places), *found.shape[1:])
-            slopes = iter(np.nan_to_num(np.moveaxis(twisted - found[first[soft], None], 1, -1)))
-        for one, acts in enumerate(soft):
-            yield np.flatnonzero(which.ravel() == one), next(slopes, none) if acts else none
+                *of, effects, vectors[[first]], np.concatenate(several)
+            )[0]
+            twisted = (twisted / self.units.si).reshape(len(places), *found.shape[1:])
+            slopes = np.nan_to_num(np.moveaxis(twisted - found[first], 0, -1))
+            yield left[near], slopes
+            left = left[~near]
 
     def idle(self, records: Sequence[Record]) -> np.ndarray:
         """Predict windows (n, k, d) as if nothing acted: joints go on as they moved."""
