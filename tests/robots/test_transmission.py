@@ -10,9 +10,11 @@ import pytest
 from mujoco.batch import Batch
 
 from robotcast.fitting.parameter import Parameter
+from robotcast.robots import robot_model
 from robotcast.robots.effect import Where
 from robotcast.robots.effects import Backlash, ElasticJoint
 from robotcast.robots.logs import read_logs
+from robotcast.robots.robot_case import read_case
 from robotcast.robots.robot_file import read_robot
 from robotcast.robots.transmission import Transmission
 from robotcast.robots.windows import StartStates
@@ -182,3 +184,19 @@ def test_a_start_knows_that_the_drive_pushes_a_rotor_anew_with_every_command(
     spring = -5 / rotor * np.array([np.sin(8 * times_s[at]), 8 * np.cos(8 * times_s[at])]).T
     wanted = spring + np.column_stack([pushed[at], np.zeros(len(at))])
     assert (np.abs(found - wanted) < 0.02 * np.abs(spring).max(axis=0)).all()
+
+
+def test_how_far_a_link_hangs_behind_is_fitted_where_samples_leave_it_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spring, heavy = 60.0, SLIDER.replace('range="-3 3"', 'range="-3 3" armature="1"')
+    case = read_case(write_folder(tmp_path, heavy, spring=spring))
+    true = np.array([[1 / spring, 0.005]])
+
+    def missed() -> float:
+        paths = case.model.predict(case.model.records, ["elastic_joint_axis"], true)[0]
+        return case.model.usual_miss(case.model.misses(paths))
+
+    fitted = missed()
+    monkeypatch.setattr(robot_model, "FEW_ELASTIC", 0)
+    assert fitted < 1.5 * case.floor.percent < missed()

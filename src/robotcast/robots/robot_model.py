@@ -129,15 +129,15 @@ class RobotModel:
         elastic, or too many are. (That slopes hardly change with what is fitted is the
         approximation of Kaufman 1975.)
         """
-        at, yields, dofs = len(self.parameters), [], set[int]()
+        at, springs, dofs = len(self.parameters), [], set[int]()
         for effect in effects:
             if isinstance(effect, ElasticJoint):
-                yields += [(at + k, p.upper) for k, p in enumerate(effect.parameters) if not k]
+                springs.append((at, effect.parameters[0].upper))
                 dofs |= {*effect.where.dofs}
             at += len(effect.parameters)
-        columns, most = np.array(yields, float).reshape(-1, 2).T
-        yields = vectors[:, columns.astype(int)] / most  # of their ranges, (n_vectors, n_elastic)
-        soft = yields.any(axis=1) & (len(dofs) <= FEW_ELASTIC)
+        columns, most = np.array(springs, float).reshape(-1, 2).T
+        gives = vectors[:, columns.astype(int)] / most  # of their ranges, (n_vectors, n_springs)
+        soft = gives.any(axis=1) & (len(dofs) <= FEW_ELASTIC)
         left = np.flatnonzero(soft)
         if not soft.all():
             yield np.flatnonzero(~soft), np.zeros((len(records), *found.shape[2:], 0))
@@ -152,8 +152,8 @@ class RobotModel:
         of = numbers * len(places), times_s * len(places)
         while len(left):
             first = left[0]
-            apart = np.abs(yields[left] - yields[first]).max(axis=1)
-            near = apart <= ALIKE * yields[first].max()
+            apart = np.abs(gives[left] - gives[first]).max(axis=1)
+            near = apart <= ALIKE * gives[first].max()
             twisted = self.rollout.simulate(
                 *of, effects, vectors[[first]], np.concatenate(several)
             )[0]
