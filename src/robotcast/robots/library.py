@@ -242,18 +242,18 @@ def _made(
     if "usual" in more:
         more["usual"] = sizes.of(more["usual"], dofs, where.channels)[0]
     guess = sizes.lacks.get(name)
-    parameters = [
-        _parameter(n, given, sizes, replace(where, dofs=dofs), heaviest, guess)
-        for n, given in entry["parameters"].items()
-    ]
+    parts = [("", dofs)]
     if where.each:
-        ((n, given),) = entry["parameters"].items()
-        parameters = [
-            _parameter(f"{n}_{joint}", given, sizes, replace(where, dofs=(dof,)), heaviest, guess)
-            for joint, dof in zip(_words(model, where.dofs), where.dofs, strict=True)
-        ]
-        if "writes" in more:
-            more["writes"] = dict.fromkeys((p.name for p in parameters), more["writes"][n])
+        words = zip(_words(model, where.dofs), where.dofs, strict=True)
+        parts = [(f"_{joint}", (dof,)) for joint, dof in words]
+    parameters = [
+        _parameter(n + joint, given, sizes, replace(where, dofs=own), heaviest, guess)
+        for n, given in entry["parameters"].items()
+        for joint, own in parts
+    ]
+    if where.each and "writes" in more:
+        (written,) = more["writes"].values()
+        more["writes"] = dict.fromkeys((p.name for p in parameters), written)
     effect = build(
         more,
         name=f"{name}_{where.name}" if where.name else name,
