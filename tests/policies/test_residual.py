@@ -71,6 +71,15 @@ def test_wild_casts_hardly_sway_the_correction(model: Residual, real: Dataset) -
     assert median_miss_m(swayed.predict(out.actions), out) < 0.5 * base
 
 
+def test_slopes_are_those_of_the_prediction(model: Residual, real: Dataset) -> None:
+    actions = real.validation.actions[:3]
+    found, step = model.slopes(actions), 1e-4
+    for k in (0, 2, 3, 4):
+        nudge = step * np.eye(6)[k]
+        slope = (model.predict(actions + nudge) - model.predict(actions - nudge)) / (2 * step)
+        np.testing.assert_allclose(found[:, :, k], slope, atol=5e-4)
+
+
 def test_a_saved_model_reads_back(model: Residual, real: Dataset, tmp_path: Path) -> None:
     model.save(tmp_path)
     again = LEARNER.load(tmp_path)

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from robotcast.casts.action import ACTION_COLUMNS, MIRROR, Action
 from robotcast.casts.curves import PlanLimits, plan_curves
@@ -19,7 +18,9 @@ Feasible = Callable[[np.ndarray], np.ndarray]
 _ASKED_FIRST = 64  # candidates nearest to a target whose spread is asked for at once
 _OUT_OF_REACH_M = 0.03  # predicted miss from which on a target is said to be out of reach
 _ROUNDS = 8  # of refining
-_PARTS = (1.0, 0.5, 0.25, 0.1)  # of the way that least squares lead
+_SHORTENINGS = (1.0, 0.5, 0.25, 0.1)
+_DAMPING_M = 0.005  # what moves the endpoint by less than this a grid spacing is hardly used
+_NUDGE = 1e-4  # of a spacing, to see how r₁ follows
 _R1 = ACTION_COLUMNS.index("r1")
 _GRID = [ACTION_COLUMNS.index(name) for name in ("theta1", "theta2", "r2", "alpha", "vmax")]
 _MOVED = _GRID[:4]  # v_max stays: the grids know two values of it, and no model what lies between
@@ -132,58 +133,85 @@ class Neighbourhood:
             self.lower[column], self.upper[column] = min(first, last), max(first, last)
             self.spacing[column] = abs(last - first) / max(count - 1, 1)
 
-    def moved(self, action: np.ndarray, to: np.ndarray) -> np.ndarray:
-        """Return an action (6,) moved to (k, 4) values of `_MOVED`, (k, 6); r₁ follows."""
-        actions = np.tile(action, (len(to), 1))
-        actions[:, _MOVED], actions[:, _R1] = to, np.nan
+    def with_r1(self, actions: np.ndarray) -> np.ndarray:
+        """Fill in r₁ of actions (n, 6), which follows from the other coordinates."""
+        actions = actions.copy()
+        actions[:, _R1] = np.nan
         return plan_curves(actions, self._r0_m, self._limits).actions
 
 
 def refine_choices(
     model: ForwardModel, choices: Sequence[Choice], about: Neighbourhood, feasible: Feasible
 ) -> list[Choice]:
-    """Move every choice towards its target by least squares of what is missed.
+    """Move every choice towards its target by damped Gauss–Newton steps of least change.
 
-    As far along the way as the predicted miss falls and the action stays `feasible`.
+    A step is taken only where it lowers the predicted miss and the new action is `feasible`.
     """
     actions, mirror, flips = _on_candidates_half(choices)
+    targets = np.stack([c.target_m for c in choices]) * flips
+    ends = np.stack([c.predicted_m for c in choices]) * flips
+    lower = np.maximum(about.lower, actions - about.spacing)
+    upper = np.minimum(about.upper, actions + about.spacing)
+    for _ in range(_ROUNDS):
+        steps, before = _steps(model, actions, targets - ends, about, lower, upper), ends.copy()
+        for part in _SHORTENINGS:
+            tried = about.with_r1(np.clip(actions + part * steps, lower, upper))
+            reached = model.predict(tried)
+            miss, now = (np.linalg.norm(e - targets, axis=1) for e in (reached, ends))
+            rows = np.flatnonzero(miss < now - 1e-6)
+            rows = rows[feasible(tried[rows])] if len(rows) else rows
+            actions[rows], ends[rows] = tried[rows], reached[rows]
+            steps[rows] = 0.0  # taken; the others are tried shorter
+        if np.array_equal(ends, before):
+            break
     return [
-        _refined(model, choice, action, sides, about, feasible)
-        for choice, action, *sides in zip(choices, actions, mirror, flips, strict=True)
+        replace(c, action=Action.from_array(a), predicted_m=e)
+        for c, a, e in zip(choices, actions * mirror, ends * flips, strict=True)
     ]
 
 
-def _refined(
+def _steps(
     model: ForwardModel,
-    choice: Choice,
-    action: np.ndarray,
-    sides: Sequence[np.ndarray],
+    actions: np.ndarray,
+    wanted_m: np.ndarray,
     about: Neighbourhood,
-    feasible: Feasible,
-) -> Choice:
-    mirror, flip = sides  # of the action (6,) and of places (2,), to the candidates' half
-    target, start, reach = choice.target_m * flip, action[_MOVED], about.spacing[_MOVED]
-    bounds = (
-        np.maximum(about.lower[_MOVED], start - reach),
-        np.minimum(about.upper[_MOVED], start + reach),
-    )
+    lower: np.ndarray,
+    upper: np.ndarray,
+) -> np.ndarray:
+    """Return steps (k, 6) that would bring endpoints nearer by `wanted_m` (k, 2).
 
-    def missed(to: np.ndarray) -> np.ndarray:
-        return model.predict(about.moved(action, to[None]))[0] - target
+    A coordinate that stands on a bound and would leave it is held, and the others do its part.
+    """
+    slopes = model.slopes(actions)
+    along = slopes[:, :, _MOVED] + slopes[:, :, [_R1]] * _r1_slopes(actions, about)[:, None]
+    along = along * about.spacing[_MOVED]
+    here, lowest, highest = actions[:, _MOVED], lower[:, _MOVED], upper[:, _MOVED]
+    part = _least_change(along, wanted_m)
+    for _ in _MOVED:
+        held = ((here >= highest) & (part > 0)) | ((here <= lowest) & (part < 0))
+        along = np.where(held[:, None], 0.0, along)
+        part = _least_change(along, wanted_m)
+    steps = np.zeros_like(actions)
+    steps[:, _MOVED] = part * about.spacing[_MOVED]
+    return steps
 
-    edge = 1e-6 * reach  # a start on a bound cannot be moved
-    inside = np.clip(start, bounds[0] + edge, bounds[1] - edge)
-    found = least_squares(missed, inside, bounds=bounds, x_scale=reach, max_nfev=_ROUNDS)
-    tried = about.moved(action, start + np.outer(_PARTS, found.x - start))
-    ends = model.predict(tried)
-    misses = np.linalg.norm(ends - target, axis=1)
-    kept = np.flatnonzero(feasible(tried) & (misses < choice.miss_m))
-    if not len(kept):
-        return choice
-    best = kept[misses[kept].argmin()]
-    return replace(
-        choice, action=Action.from_array(tried[best] * mirror), predicted_m=ends[best] * flip
-    )
+
+def _least_change(along: np.ndarray, wanted_m: np.ndarray) -> np.ndarray:
+    """Return the damped steps (k, 4) of least length with `along` (k, 2, 4) @ step ≈ wanted."""
+    turned = along.transpose(0, 2, 1)
+    square = along @ turned + _DAMPING_M**2 * np.eye(2)
+    return (turned @ np.linalg.solve(square, wanted_m[:, :, None]))[..., 0]
+
+
+def _r1_slopes(actions: np.ndarray, about: Neighbourhood) -> np.ndarray:
+    """Return how r₁ follows the coordinates that move, (k, 4)."""
+    sizes = _NUDGE * about.spacing[_MOVED]
+    inward = np.where(actions[:, _MOVED] + sizes > about.upper[_MOVED], -sizes, sizes)
+    nudged = np.repeat(actions[:, None], len(_MOVED), axis=1)
+    nudged[:, range(len(_MOVED)), _MOVED] += inward
+    change = nudged[:, range(len(_MOVED)), _MOVED] - actions[:, _MOVED]
+    r1 = about.with_r1(nudged.reshape(-1, 6))[:, _R1].reshape(len(actions), -1)
+    return (r1 - actions[:, [_R1]]) / change
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,10 @@ class ForwardModel(Protocol):
         """Return standard deviations (n, 2) [m] of a cast's endpoint about the prediction."""
         ...
 
+    def slopes(self, actions: np.ndarray) -> np.ndarray:
+        """Return the endpoint's derivatives (n, 2, 6) by the numbers of the actions."""
+        ...
+
 
 @dataclass(frozen=True)
 class Normalisation:
@@ -203,8 +207,6 @@ class LearnedModel(ABC):
         return self._apply(self.deviation, actions)
 
     def slopes(self, actions: np.ndarray) -> np.ndarray:
-        """Return the endpoint's derivatives (n, 2, 6) by the numbers of the actions."""
-
         def of_rows(rows: torch.Tensor) -> torch.Tensor:
             with torch.inference_mode(False), torch.enable_grad():
                 inputs = rows.detach().requires_grad_()

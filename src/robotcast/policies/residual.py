@@ -29,6 +29,7 @@ from robotcast.policies.training import Learner
 from robotcast.running import Progress, silent
 
 _BASE, _CORRECTION = "base", "correction"
+_STEP = 0.02  # of the spread of an action's numbers, to see how the endpoint moves
 _FREEDOM = 4.0  # degrees of freedom of Student's distribution, by which wild casts lose weight
 _ROUNDS = 3  # of fitting and weighing
 _EVALUATIONS = 100  # of the likelihood in a round
@@ -68,6 +69,13 @@ class Residual:
         noise_m = np.sqrt(sum(np.square(part) for part in parts))
         doubt_m = self.process.doubt(features) * self.process.endpoints.scale[0]
         return np.hypot(doubt_m, noise_m)[:, None] * self.scale
+
+    def slopes(self, actions: np.ndarray) -> np.ndarray:
+        # By differences: the process hears of the base's slopes, and networks' move in steps.
+        steps = _STEP * self.process.actions.scale[:6]
+        there, back = (actions[:, None] + sign * np.diag(steps) for sign in (1, -1))
+        change = self.predict(there.reshape(-1, 6)) - self.predict(back.reshape(-1, 6))
+        return change.reshape(len(actions), 6, 2).transpose(0, 2, 1) / (2 * steps)
 
     def save(self, folder: Path) -> None:
         """Write every model into a folder of its own and, last, policy.yaml."""

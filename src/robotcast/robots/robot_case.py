@@ -223,8 +223,8 @@ def _case(
         model, floor, length_s, _ = _cut(starts, threads, known)
     _refuse_divergence(robot, model)
     lacks = () if known.effects or hints or _predicts(model) else lacking(robot, sizes)
-    if lacks:
-        guesses = [one.guess for one in lacks if one.guess is not None]
+    guesses = [one.guess for one in lacks if one.guess is not None]
+    if any(guess.any() for guess in guesses):
         guessed = Known(tuple(lacks), np.concatenate([Known.nominal(robot).values, *guesses]))
         other = _cut(starts, threads, guessed)
         if _predicts(other[0]):

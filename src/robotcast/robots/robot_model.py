@@ -28,8 +28,7 @@ from robotcast.robots.rollout import Rollout
 from robotcast.robots.windows import PART, Units, Window
 
 MOST_SD = 3.0  # standard deviations that a start state may move by
-FEW_ELASTIC = 4  # joints whose twist at the start is fitted, two runs more for each
-ALIKE = 0.25  # of a joint's compliance: what differs by less has the same slopes
+FEW_ELASTIC = 2  # joints whose twist at the start is fitted, by two runs more for each
 FINER = 5  # into how many parts a step is cut to see what it errs by
 DRAWS = 20  # of noise, for what it leaves of a perfect model
 TRIED = 4  # of starts, for what their slopes leave
@@ -104,13 +103,19 @@ class RobotModel:
         numbers, (start, _) = [r.trial for r in records], self._starts
         of, away = (numbers, [r.times_s for r in records]), self._away(numbers, start[numbers])
         found = self.rollout.simulate(*of, effects, vectors, away) / self.units.si
-        for alike, twists in self._twisted(records, effects, vectors, away, found):
-            for row, record in enumerate(records):
-                k = len(record.times_s)
-                if np.isfinite(record.measured).any():
-                    missed = record.measured - found[alike, row, :k]
-                    shift = self._start_shift(record, missed, start[record.trial], twists[row, :k])
-                    found[alike, row, :k] += shift
+        twisted = list(self._twisted(records, effects, vectors, away, found))
+        seen = [row for row, r in enumerate(records) if np.isfinite(r.measured).any()]
+        for row in seen:
+            record, k = records[row], len(records[row].times_s)
+            missed = record.measured - found[:, row, :k]
+            found[:, row, :k] += self._start_shift(record, missed, start[record.trial])
+        for (one, twists), row in product(twisted, seen):
+            record, k = records[row], len(records[row].times_s)
+            missed = record.measured - found[one, row, :k]
+            slopes = twists[row, :k].reshape(missed.size, -1)
+            by = self._believed(record, slopes, missed) @ np.nan_to_num(missed).ravel()
+            shift = slopes @ np.clip(by, -MOST_SD, MOST_SD)
+            found[one, row, :k] += shift.reshape(missed.shape)
         return found
 
     def _twisted(
@@ -120,47 +125,51 @@ class RobotModel:
         vectors: np.ndarray,
         away: np.ndarray,
         found: np.ndarray,
-    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield vectors of about equally elastic joints, and slopes of windows by their twists.
+    ) -> Iterator[tuple[int, np.ndarray]]:
+        """Yield vectors with few elastic joints, and the slopes (n_windows, k, d, m) of what is
+        `found` by deviations of how these are twisted at the start.
 
-        How far a link is behind its encoder at the start follows from the acceleration there and
-        its rate, which samples tell badly. The slopes, (n_windows, k, d, m), are by deviations of
-        both, of every elastic joint, at the first of these vectors; m is 0 where no joint is
-        elastic, or too many are. (That slopes hardly change with what is fitted is the
-        approximation of Kaufman 1975.)
+        How far a link is behind its encoder follows from the acceleration there and its rate, which
+        samples tell badly: within their deviations, but no more than the known model accelerates.
         """
-        at, springs, dofs = len(self.parameters), [], set[int]()
+        at, springs = len(self.parameters), []
         for effect in effects:
             if isinstance(effect, ElasticJoint):
-                springs.append((at, effect.parameters[0].upper))
-                dofs |= {*effect.where.dofs}
+                springs.append((at, effect.where.dofs))
             at += len(effect.parameters)
-        columns, most = np.array(springs, float).reshape(-1, 2).T
-        gives = vectors[:, columns.astype(int)] / most  # of their ranges, (n_vectors, n_springs)
-        soft = gives.any(axis=1) & (len(dofs) <= FEW_ELASTIC)
-        left = np.flatnonzero(soft)
-        if not soft.all():
-            yield np.flatnonzero(~soft), np.zeros((len(records), *found.shape[2:], 0))
         numbers, times_s = [r.trial for r in records], [r.times_s for r in records]
-        places, several = [*product(range(2), sorted(dofs))], []
-        for order, dof in places:
-            other = away.copy()
-            other[:, 2 + order, dof] = [
-                self.rollout.windows[k].bends_sd[order, dof] for k in numbers
-            ]
-            several.append(other)
-        of = numbers * len(places), times_s * len(places)
-        while len(left):
-            first = left[0]
-            apart = np.abs(gives[left] - gives[first]).max(axis=1)
-            near = apart <= ALIKE * gives[first].max()
-            twisted = self.rollout.simulate(
-                *of, effects, vectors[[first]], np.concatenate(several)
-            )[0]
-            twisted = (twisted / self.units.si).reshape(len(places), *found.shape[1:])
-            slopes = np.nan_to_num(np.moveaxis(twisted - found[first], 0, -1))
-            yield left[near], slopes
-            left = left[~near]
+        for one, vector in enumerate(vectors):
+            dofs = sorted({dof for at, own in springs for dof in own if vector[at]})
+            if not 0 < len(dofs) <= FEW_ELASTIC or not np.isfinite(records[0].measured).any():
+                continue
+            places, other = [*product(range(2), dofs)], []
+            for order, dof in places:
+                other.append(away.copy())
+                known = [self.rollout.windows[k].bends_sd[order, dof] for k in numbers]
+                other[-1][:, 2 + order, dof] = np.minimum(known, self._bends[order, dof])
+            of = numbers * len(places), times_s * len(places)
+            path = self.rollout.simulate(*of, effects, vector[None], np.concatenate(other))[0]
+            path = (path / self.units.si).reshape(len(places), *found.shape[1:])
+            yield one, np.nan_to_num(np.moveaxis(path - found[one], 0, -1))
+
+    @cached_property
+    def _bends(self) -> np.ndarray:
+        """How much joints accelerate along the known model's paths, and its rate, (2, nv).
+
+        Root mean squares; infinite where no encoder shows a joint.
+        """
+        every, squares = range(len(self.records)), []
+        for path, record in zip(self._paths(every, self._starts[0]), self.records, strict=True):
+            rates = path[: len(record.times_s)] * self.units.si
+            for _ in range(3):
+                rates = np.gradient(rates, record.times_s, axis=0)
+                squares.append((rates**2).mean(axis=0))
+        found = np.full((2, self.rollout.robot.model.nv), np.inf)
+        second, third = (np.sqrt(np.nanmean(squares[k::3], axis=0)) for k in (1, 2))
+        for k, at in enumerate(self.rollout.robot.measured):
+            if at.kind == "position":
+                found[:, at.dof] = second[k], third[k]
+        return found
 
     def idle(self, records: Sequence[Record]) -> np.ndarray:
         """Predict windows (n, k, d) as if nothing acted: joints go on as they moved."""
@@ -266,21 +275,10 @@ class RobotModel:
         return np.sqrt(np.nanmedian(squares, axis=0))
 
     def _start_shift(
-        self,
-        record: Record,
-        missed: np.ndarray,
-        start: np.ndarray | float = 0.0,
-        twists: np.ndarray | None = None,
+        self, record: Record, missed: np.ndarray, start: np.ndarray | float = 0.0
     ) -> np.ndarray:
-        """Return by how much a better start moves signals that miss by (n, k, d) from `start`.
-
-        By the slopes of a start's state, and those of its `twists` (k, d, m), if any.
-        """
+        """Return by how much a better start moves signals that miss by (n, k, d) from `start`."""
         slopes, gain = self._gain(record)
-        if twists is not None and twists.shape[-1]:
-            slopes = np.hstack([slopes, twists.reshape(len(slopes), -1)])
-            start = np.append(start, np.zeros(twists.shape[-1]))
-            gain = self._believed(record, slopes, missed[0])
         flat = np.nan_to_num(missed).reshape(len(missed), -1) + (slopes * start).sum(axis=1)
         # not by BLAS, whose sums depend on how many rows there are
         better = np.clip(np.einsum("nk,sk->ns", flat, gain), -MOST_SD, MOST_SD)
@@ -312,7 +310,8 @@ class RobotModel:
         """Return the same from misses (k, d), of which noise is what no start explains."""
         flat = np.nan_to_num(missed).ravel()
         left = flat - slopes @ (self._estimate(record, slopes) @ flat)
-        scatter = np.mean((left.reshape(missed.shape) / self.units.noise) ** 2)
+        left = (left.reshape(missed.shape) / self.units.noise)[np.isfinite(record.measured)]
+        scatter = np.mean(left**2)
         return self._estimate(record, slopes, max(1.0, float(scatter)))
 
     @cached_property

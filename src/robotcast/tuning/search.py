@@ -195,8 +195,9 @@ class Journal:
         if told := self._known.get(asked):
             return Response(**{k: v and np.array(v) for k, v in json.loads(told).items()})
         response = self._objective(query)
+        line = self._known[asked] = _line(response)
         with self._path.open("a", encoding="utf-8") as file:
-            file.write(f"{asked}\n{_line(response)}\n")
+            file.write(f"{asked}\n{line}\n")
             file.flush()
             os.fsync(file.fileno())
         return response
