@@ -104,6 +104,7 @@ class RobotModel:
         of, away = (numbers, [r.times_s for r in records]), self._away(numbers, start[numbers])
         found = self.rollout.simulate(*of, effects, vectors, away) / self.units.si
         twisted = list(self._twisted(records, effects, vectors, away, found))
+        raw = {one: found[one].copy() for one, _ in twisted}
         seen = [row for row, r in enumerate(records) if np.isfinite(r.measured).any()]
         for row in seen:
             record, k = records[row], len(records[row].times_s)
@@ -111,11 +112,9 @@ class RobotModel:
             found[:, row, :k] += self._start_shift(record, missed, start[record.trial])
         for (one, twists), row in product(twisted, seen):
             record, k = records[row], len(records[row].times_s)
-            missed = record.measured - found[one, row, :k]
-            slopes = twists[row, :k].reshape(missed.size, -1)
-            by = self._believed(record, slopes, missed) @ np.nan_to_num(missed).ravel()
-            shift = slopes @ np.clip(by, -MOST_SD, MOST_SD)
-            found[one, row, :k] += shift.reshape(missed.shape)
+            path, slopes = raw[one][row, :k], twists[row, :k].reshape(-1, twists.shape[-1])
+            missed, own = record.measured - path, start[record.trial]
+            found[one, row, :k] = path + self._twist_shift(record, missed, own, slopes)
         return found
 
     def _twisted(
@@ -126,11 +125,10 @@ class RobotModel:
         away: np.ndarray,
         found: np.ndarray,
     ) -> Iterator[tuple[int, np.ndarray]]:
-        """Yield vectors with few elastic joints, and the slopes (n_windows, k, d, m) of what is
-        `found` by deviations of how these are twisted at the start.
+        """Yield vectors with few elastic joints, and slopes (n_windows, k, d, m) by their twists.
 
-        How far a link is behind its encoder follows from the acceleration there and its rate, which
-        samples tell badly: within their deviations, but no more than the known model accelerates.
+        How far a link is behind its encoder at the start follows from the acceleration there and
+        its rate, which samples tell badly: by their deviations, or by what they are along the path.
         """
         at, springs = len(self.parameters), []
         for effect in effects:
@@ -143,23 +141,23 @@ class RobotModel:
             if not 0 < len(dofs) <= FEW_ELASTIC or not np.isfinite(records[0].measured).any():
                 continue
             places, other = [*product(range(2), dofs)], []
+            bends = self._bends(records, found[one])
             for order, dof in places:
                 other.append(away.copy())
                 known = [self.rollout.windows[k].bends_sd[order, dof] for k in numbers]
-                other[-1][:, 2 + order, dof] = np.minimum(known, self._bends[order, dof])
+                other[-1][:, 2 + order, dof] = np.minimum(known, bends[order, dof])
             of = numbers * len(places), times_s * len(places)
             path = self.rollout.simulate(*of, effects, vector[None], np.concatenate(other))[0]
             path = (path / self.units.si).reshape(len(places), *found.shape[1:])
             yield one, np.nan_to_num(np.moveaxis(path - found[one], 0, -1))
 
-    @cached_property
-    def _bends(self) -> np.ndarray:
-        """How much joints accelerate along the known model's paths, and its rate, (2, nv).
+    def _bends(self, records: Sequence[Record], paths: np.ndarray) -> np.ndarray:
+        """Return how much joints accelerate along paths (n, k, d), and its rate, (2, nv).
 
         Root mean squares; infinite where no encoder shows a joint.
         """
-        every, squares = range(len(self.records)), []
-        for path, record in zip(self._paths(every, self._starts[0]), self.records, strict=True):
+        squares = []
+        for path, record in zip(paths, records, strict=True):
             rates = path[: len(record.times_s)] * self.units.si
             for _ in range(3):
                 rates = np.gradient(rates, record.times_s, axis=0)
@@ -284,6 +282,23 @@ class RobotModel:
         better = np.clip(np.einsum("nk,sk->ns", flat, gain), -MOST_SD, MOST_SD)
         return np.einsum("ns,ks->nk", better - start, slopes).reshape(missed.shape)
 
+    def _twist_shift(
+        self, record: Record, missed: np.ndarray, start: np.ndarray, slopes: np.ndarray
+    ) -> np.ndarray:
+        """Return the same of one vector, with a better twist (m,) of `slopes` (k d, m), too.
+
+        Of what it is fitted to, given the state, noise is what no start explains.
+        """
+        state, _ = self._gain(record)
+        flat = np.nan_to_num(missed).ravel() + state @ start
+        scatter = self._scatter(record, np.hstack([state, slopes]), flat)
+        both = np.hstack([state, slopes / np.sqrt(scatter)])
+        better = self._estimate(record, both)[: len(start)] @ flat
+        better = np.clip(better, -MOST_SD, MOST_SD)
+        twist = self._estimate(record, slopes, scatter) @ (flat - state @ better)
+        shift = state @ (better - start) + slopes @ np.clip(twist, -MOST_SD, MOST_SD)
+        return shift.reshape(missed.shape)
+
     def _gain(self, record: Record) -> tuple[np.ndarray, np.ndarray]:
         """Return slopes (k d, 2 nv) by the start's deviations, and what estimates those."""
         key = (record.trial, record.times_s.tobytes())
@@ -306,13 +321,16 @@ class RobotModel:
         hold = slopes.T @ (slopes * precision[:, None]) + np.eye(slopes.shape[1])
         return np.linalg.solve(hold, slopes.T * precision)
 
-    def _believed(self, record: Record, slopes: np.ndarray, missed: np.ndarray) -> np.ndarray:
-        """Return the same from misses (k, d), of which noise is what no start explains."""
-        flat = np.nan_to_num(missed).ravel()
-        left = flat - slopes @ (self._estimate(record, slopes) @ flat)
-        left = (left.reshape(missed.shape) / self.units.noise)[np.isfinite(record.measured)]
-        scatter = np.mean(left**2)
-        return self._estimate(record, slopes, max(1.0, float(scatter)))
+    def _scatter(self, record: Record, slopes: np.ndarray, missed: np.ndarray) -> float:
+        """Return by how much the noise must be larger, in squares, for what no start explains.
+
+        That is left of what is `missed` (k d,); at least 1.
+        """
+        left = missed - slopes @ (self._estimate(record, slopes) @ missed)
+        left = (left.reshape(record.measured.shape) / self.units.noise)[
+            np.isfinite(record.measured)
+        ]
+        return max(1.0, float(np.mean(left**2)))
 
     @cached_property
     def _starts(self) -> tuple[np.ndarray, np.ndarray]:
@@ -330,9 +348,10 @@ class RobotModel:
             return start, slopes
         for own, record, path, by in zip(start, self.records, paths, slopes, strict=True):
             k = len(record.times_s)
-            missed = record.measured - path[:k]
-            gain = self._believed(record, by[:k].reshape(-1, by.shape[2]), missed)
-            own[:] = np.clip(gain @ np.nan_to_num(missed).ravel(), -MOST_SD, MOST_SD)
+            flat, missed = by[:k].reshape(-1, by.shape[2]), record.measured - path[:k]
+            missed = np.nan_to_num(missed).ravel()
+            gain = self._estimate(record, flat, self._scatter(record, flat, missed))
+            own[:] = np.clip(gain @ missed, -MOST_SD, MOST_SD)
         return start, self._sloped(start)[1]
 
     def _sloped(self, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
