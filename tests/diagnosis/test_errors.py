@@ -14,7 +14,9 @@ WHIP = ([1.0, 1.2, 0.9], [0.8, 1.1, 1.0], [10.0, 12.0, 2.0])
 
 def scatter(*groups: list[float]) -> RepeatScatter:
     deviations = tuple(np.array(group) for group in groups)
-    return RepeatScatter(1.0, 1.0, np.empty(0), deviations, len(groups), 3 * len(groups))
+    return RepeatScatter(
+        1.0, 1.0, np.empty(0), np.empty(0), deviations, len(groups), 3 * len(groups)
+    )
 
 
 def errors(level: float, seed: int) -> np.ndarray:
@@ -99,5 +101,5 @@ def test_a_model_that_misses_like_repeats_is_at_the_floor() -> None:
     measured, told = Floor.of(scatter(*WHIP), 0.3), Floor.known(2.0, 0.3)
     assert not measured.above(deviations, 1.2) and measured.above(1.5 * deviations, 1.2)
     assert not told.above(np.full(5, 2.9), 1.5) and told.above(np.full(5, 3.1), 1.5)
-    unknown = Floor.of(RepeatScatter(None, None, np.empty(0), (), 0, 0), 0.3)
+    unknown = Floor.of(RepeatScatter(None, None, np.empty(0), np.empty(0), (), 0, 0), 0.3)
     assert unknown.percent is None and not unknown.above(np.full(3, 100.0), 1.5)
