@@ -143,10 +143,11 @@ def test_every_effect_does_nothing_at_its_null_and_something_at_its_probes(
         assert np.isfinite(found[1]).all() and (found[1] != bare).any(), name
 
 
-def test_predictions_do_not_depend_on_what_they_are_batched_with(arm: RobotCase) -> None:
+@pytest.mark.parametrize("name", ["load_friction_elbow", "elastic_joint_elbow"])
+def test_predictions_do_not_depend_on_what_they_are_batched_with(arm: RobotCase, name: str) -> None:
     model, records = arm.model, arm.model.records
-    name = "load_friction_elbow"
-    vectors = np.linspace(0.0, 0.3, 5)[:, None]
+    ends = np.array([(p.lower, (p.lower + p.upper) / 3) for p in model.effects[name].parameters])
+    vectors = np.linspace(*ends.T, 5)
     whole = model.predict(records, [name], vectors)
     one = model.predict(records[2:3], [name], vectors[3:4])
     assert whole[3, 2, : one.shape[2]].tobytes() == one[0, 0].tobytes()
