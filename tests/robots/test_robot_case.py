@@ -147,7 +147,7 @@ def test_every_effect_does_nothing_at_its_null_and_something_at_its_probes(
 def test_predictions_do_not_depend_on_what_they_are_batched_with(arm: RobotCase, name: str) -> None:
     model, records = arm.model, arm.model.records
     ends = np.array([(p.lower, (p.lower + p.upper) / 3) for p in model.effects[name].parameters])
-    vectors = np.linspace(*ends.T, 5)
+    vectors = np.linspace(ends[:, 0], ends[:, 1], 5)
     whole = model.predict(records, [name], vectors)
     one = model.predict(records[2:3], [name], vectors[3:4])
     assert whole[3, 2, : one.shape[2]].tobytes() == one[0, 0].tobytes()
