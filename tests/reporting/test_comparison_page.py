@@ -129,6 +129,12 @@ def test_without_repeats_the_page_asks_for_some() -> None:
     assert "The noise is not known well enough" in text and "No action was repeated" in text
 
 
+def test_however_far_the_model_errs_it_is_said_in_noises() -> None:
+    made = made_up(groups=12, repeats=3)
+    text = comparison_page(compared(MadeUp(made.records, made.predicted + 1e3)))
+    assert re.search(r"That is \d+\.\d times what repeats differ by", text)
+
+
 def test_a_right_model_is_not_sent_to_diagnosis() -> None:
     text = comparison_page(compared(made_up(groups=12, repeats=3)))
     assert "errs by about as much as noise" in text

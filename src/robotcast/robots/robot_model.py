@@ -103,9 +103,9 @@ class RobotModel:
         numbers, (start, _) = [r.trial for r in records], self._starts
         of, away = (numbers, [r.times_s for r in records]), self._away(numbers, start[numbers])
         found = self.rollout.simulate(*of, effects, vectors, away) / self.units.si
-        twisted = list(self._twisted(records, effects, vectors, away, found))
-        raw = {one: found[one].copy() for one, _ in twisted}
         seen = [row for row, r in enumerate(records) if np.isfinite(r.measured).any()]
+        twisted = list(self._twisted(records, effects, vectors, away, found)) if seen else []
+        raw = {one: found[one].copy() for one, _ in twisted}
         for row in seen:
             record, k = records[row], len(records[row].times_s)
             missed = record.measured - found[:, row, :k]
@@ -138,36 +138,35 @@ class RobotModel:
         numbers, times_s = [r.trial for r in records], [r.times_s for r in records]
         for one, vector in enumerate(vectors):
             dofs = sorted({dof for at, own in springs for dof in own if vector[at]})
-            if not 0 < len(dofs) <= FEW_ELASTIC or not np.isfinite(records[0].measured).any():
+            if not 0 < len(dofs) <= FEW_ELASTIC:
                 continue
             places, other = [*product(range(2), dofs)], []
-            bends = self._bends(records, found[one])
+            bends = np.array(
+                [self._bends(r, own) for r, own in zip(records, found[one], strict=True)]
+            )
             for order, dof in places:
                 other.append(away.copy())
                 known = [self.rollout.windows[k].bends_sd[order, dof] for k in numbers]
-                other[-1][:, 2 + order, dof] = np.minimum(known, bends[order, dof])
+                other[-1][:, 2 + order, dof] = np.minimum(known, bends[:, order, dof])
             of = numbers * len(places), times_s * len(places)
             path = self.rollout.simulate(*of, effects, vector[None], np.concatenate(other))[0]
             path = (path / self.units.si).reshape(len(places), *found.shape[1:])
             yield one, np.nan_to_num(np.moveaxis(path - found[one], 0, -1))
 
-    def _bends(self, records: Sequence[Record], paths: np.ndarray) -> np.ndarray:
-        """Return how much joints accelerate along paths (n, k, d), and its rate, (2, nv).
+    def _bends(self, record: Record, path: np.ndarray) -> np.ndarray:
+        """Return how much joints accelerate along a window's path (k, d), and its rate, (2, nv).
 
         Root mean squares; infinite where no encoder shows a joint.
         """
-        squares = []
-        for path, record in zip(paths, records, strict=True):
-            rates = path[: len(record.times_s)] * self.units.si
-            for _ in range(3):
-                rates = np.gradient(rates, record.times_s, axis=0)
-                squares.append((rates**2).mean(axis=0))
-        found = np.full((2, self.rollout.robot.model.nv), np.inf)
-        second, third = (np.sqrt(np.nanmean(squares[k::3], axis=0)) for k in (1, 2))
+        found, rates = [], path[: len(record.times_s)] * self.units.si
+        for _ in range(3):
+            rates = np.gradient(rates, record.times_s, axis=0)
+            found.append(np.sqrt((rates**2).mean(axis=0)))
+        bends = np.full((2, self.rollout.robot.model.nv), np.inf)
         for k, at in enumerate(self.rollout.robot.measured):
             if at.kind == "position":
-                found[:, at.dof] = second[k], third[k]
-        return found
+                bends[:, at.dof] = found[1][k], found[2][k]
+        return bends
 
     def idle(self, records: Sequence[Record]) -> np.ndarray:
         """Predict windows (n, k, d) as if nothing acted: joints go on as they moved."""
