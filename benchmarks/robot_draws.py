@@ -139,7 +139,9 @@ class _Draw:
         self._mechanism, self._entries = mechanism, library()
         parts = (parts_of(robot), alone(robot))
         whole, single = (candidates(robot, usual, some) for some in parts)
-        self._effects = {e.name: e for e in (*whole, *single) if e.depends_on is None}
+        self._effects = {
+            e.name: e for e in (*whole, *single) if e.depends_on is None and not e.where.each
+        }
         self._whole = [e.name for e in whole if e.depends_on is None]
 
     def kind(self, name: str) -> str:
