@@ -43,6 +43,7 @@ def write_folder(
     change: Callable[[mujoco.MjModel], None] = lambda model: None,
     noise: float = QUANTUM,
     spring: float = 0.0,
+    finer: int = 10,
     **more: object,
 ) -> Path:
     """Write model, logs and robot.yaml of a robot in which `change` is hidden, or a spring."""
@@ -68,7 +69,7 @@ def write_folder(
         twist.axis, twist.stiffness[0], twist.damping[0] = joint.axis, spring, 0.005 * spring
         model = spec.compile()
     change(model)
-    model.opt.timestep /= 10
+    model.opt.timestep /= finer
     per_sample = round(PERIOD_S / model.opt.timestep)
     for number in range(logs):
         rng = np.random.default_rng(number)

@@ -22,7 +22,7 @@ from robotcast.robots.effects import (
 )
 from robotcast.robots.library import alone, candidates, parts_of
 from robotcast.robots.model_fields import OneModel, Payload, load
-from robotcast.robots.patch import write_patched
+from robotcast.robots.outcome import write_patched
 from robotcast.robots.robot_case import RobotCase, read_case
 from tests.robots.made_up_robot import ARM, PERIOD_S, diagnosed, rewrite, write_folder
 

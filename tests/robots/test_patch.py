@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from robotcast.robots.patch import patched, write_patched
+from robotcast.robots.outcome import patched, write_patched
 from robotcast.robots.robot_case import RobotCase, read_case
 from robotcast.robots.rollout import Rollout
 from tests.robots.made_up_robot import ARM, write_folder

@@ -22,10 +22,9 @@ from robotcast.files import plain
 from robotcast.reporting.diagnosis_page import diagnosis_page
 from robotcast.robots import by_joint, rollout
 from robotcast.robots.by_joint import diagnose_by_joint, diagnose_robot
-from robotcast.robots.patch import write_patched
+from robotcast.robots.outcome import shown, write_patched
 from robotcast.robots.robot_case import RobotCase, read_case
 from robotcast.robots.robot_file import load_spec, write_parameters
-from robotcast.robots.shown import shown
 from tests.robots.made_up_robot import (
     ARM,
     FEW,
@@ -180,6 +179,29 @@ def test_noise_is_read_from_the_logs_and_a_perfect_model_stands_at_the_floor_tha
     assert noise[0] == pytest.approx(2e-3, rel=0.3)
     missed = case.model.usual_miss(case.model.nominal_misses)
     assert missed == pytest.approx(case.floor.percent, rel=0.3)
+
+
+@pytest.mark.parametrize(("finer", "shorter"), [(10, True), (1, False)])
+def test_windows_tell_whether_they_follow_the_models_own_step(
+    tmp_path: Path, finer: int, shorter: bool
+) -> None:
+    case = read_case(write_folder(tmp_path, ARM, noise=1e-5, finer=finer))
+    assert case.model.step.left == 0.2 and (case.model.step.shift is not None) == shorter
+    assert case.floor.whole_step_percent > 4 * case.floor.percent
+    assert case.model.usual_miss(case.model.nominal_misses) < case.floor.percent
+
+
+def test_where_they_follow_a_shorter_step_the_predictions_of_other_models_do(
+    tmp_path: Path,
+) -> None:
+    def heavier(model: mujoco.MjModel) -> None:
+        model.body_mass[-1] *= 1.1
+        model.body_inertia[-1] *= 1.1
+
+    case = read_case(write_folder(tmp_path, ARM, noise=1e-5, change=heavier))
+    paths = case.model.predict(case.model.records, ["mass_fore"], np.array([[0.0], [0.1]]))
+    base, truth = (case.model.usual_miss(case.model.misses(path)) for path in paths)
+    assert truth < case.floor.percent < case.floor.whole_step_percent / 4 < base
 
 
 def test_a_start_state_hides_no_more_than_its_deviation_allows(slider: RobotCase) -> None:

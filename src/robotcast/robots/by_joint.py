@@ -17,6 +17,7 @@ from robotcast.robots.robot_case import RobotCase, draw_field
 from robotcast.running import Progress, silent
 
 LOOKED_INTO = 20  # effects of single joints and links that are tried at once
+BETTER = 2.0  # times as long windows, or as low a floor, by which it pays to ask again
 
 
 def diagnose_robot(
@@ -33,9 +34,10 @@ def diagnose_robot(
         tell(joined)
         return joined
 
-    first = case
-    found = diagnose_by_joint(case, ask(case), told, progress)
-    if about := case.about(found):
+    first, question = case, ask(case)
+    found = diagnose_by_joint(case, question, told, progress)
+    about = case.about(found) if found["code"] == "named" else None
+    if about and _tells_more(about, ask(about), case, question, found):
         case = about
         again = diagnose_by_joint(case, ask(case), told, progress)
         if {*found["verdict"]} <= {*again["verdict"]}:
@@ -93,6 +95,22 @@ def diagnose_by_joint(
         found = {**found, "unexplained": left, "sentence": sentence}
         tell(found)
     return found
+
+
+def _tells_more(
+    about: RobotCase, asked: Case, case: RobotCase, question: Case, found: Mapping[str, Any]
+) -> bool:
+    """Tell whether a model that was found gives so much longer windows or so low a floor.
+
+    A lower floor tells nothing more where it stands at that, too, and is confused with no other.
+    """
+    (floor, _), (before, _) = floor_and_noise(asked), floor_and_noise(question)
+    longer, lower = about.length_s / case.length_s, before.reach / floor.reach
+    left, rule = about.model.usual_miss(about.model.nominal_misses), question.rule
+    above = left > rule.at_floor * floor.reach
+    to_tell = above and not _unfinished(question, {**found})
+    to_tell |= lower >= BETTER and (above or bool(found["confusion_set"]))
+    return longer >= 1 and (longer >= BETTER or to_tell)
 
 
 def _those_that_have_it(
@@ -162,7 +180,8 @@ def _standing_out(
 
     Of many signals at their floor, one that is not would hardly be seen.
     """
-    rule, code, times = question.rule, found["code"], case.times_floor(found)
+    rule, code = question.rule, found["code"]
+    times = case.times_floor(found, rule.least_noise)
     least = rule.beyond if code == "named" and question.floor_is_least else rule.at_floor
     some = (times > least) & (code in ("none", "named"))
     pairs = zip(case.wording.axes, times, some, strict=True)

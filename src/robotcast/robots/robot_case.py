@@ -19,6 +19,7 @@ from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.starts import spread
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import Field
+from robotcast.robots.floor import RobotFloor, read_step
 from robotcast.robots.library import (
     alone,
     candidates,
@@ -31,7 +32,7 @@ from robotcast.robots.logs import Log, periods, read_logs
 from robotcast.robots.names import name_of_dof, names_of, to_si
 from robotcast.robots.next_motions import Motions, motions
 from robotcast.robots.robot_file import RobotFile, read_robot
-from robotcast.robots.robot_model import Known, RobotFloor, RobotModel
+from robotcast.robots.robot_model import Known, RobotModel
 from robotcast.robots.rollout import Rollout
 from robotcast.robots.sizes import Sizes, sizes_of
 from robotcast.robots.windows import (
@@ -54,7 +55,6 @@ LEAST_NOISE = 1e-9  # of a joint that never moves
 LIKE = 2  # times as many sets are tried as of a cable: mass, inertia and armature are alike
 LOOKED_AT = 24  # starts from which the length of windows is judged
 TUNING = 4  # steps of a fit to as many windows, before that
-BETTER = 2.0  # times as long windows, or as low a floor, by which it pays to ask again
 
 
 @dataclass(frozen=True)
@@ -151,14 +151,20 @@ class RobotCase:
             idle=self.model.idle,
         )
 
-    def times_floor(self, found: Mapping[str, Any]) -> np.ndarray:
-        """Return how many times its floor the found model misses each signal, (n_signals,)."""
+    def times_floor(self, found: Mapping[str, Any], least_noise: float) -> np.ndarray:
+        """Return how many times its floor the found model misses each signal, (n_signals,).
+
+        Less than the least noise, of how far the signal moves in the window in the middle, is not
+        believed.
+        """
         model, last = self.model, found["model"]
         if not last:
             return np.zeros(len(self.floor.signals))
         values = np.array([[p["value"] for p in last["parameters"].values()]], float)
         paths = model.predict(model.records, last["effects"], values)[0]
-        missed = np.array([model.usual_misses(model.misses(paths)), self.floor.signals])
+        moved = model.usual_misses([r.measured - np.nanmean(r.measured, 0) for r in model.records])
+        least = np.maximum(self.floor.signals, least_noise * moved)
+        missed = np.array([model.usual_misses(model.misses(paths)), least])
         return np.divide(*(of_quaternions(list(self.robot.measured), one) for one in missed))
 
     def weighing(self, some: np.ndarray) -> "RobotCase":
@@ -168,23 +174,19 @@ class RobotCase:
         noise = old.units.noise * old.units.si
         windows, threads = rollout.windows, rollout.threads
         model = RobotModel(self.robot, self.logs, windows, noise, old.known, threads, units)
-        model.effects = old.effects
+        model.effects, model.step = old.effects, old.step
         return replace(self, model=model, floor=RobotFloor.of(model))
 
-    def about(self, found: Mapping[str, Any]) -> "RobotCase | None":
-        """Return the case with windows and floor by the model found, None where they stay as good.
+    def about(self, found: Mapping[str, Any]) -> "RobotCase":
+        """Return the case with windows and floor by the model that was named.
 
         With what was missing predictions hold longer, and the step errs by less.
         """
         last, old = found["model"], self.model
-        if found["code"] != "named":
-            return None
         values = np.array([p["value"] for p in last["parameters"].values()], float)
         known = Known(tuple(old.effects[name] for name in last["effects"]), values)
         noise = old.units.noise * old.units.si
         case = _case(self.robot, self.logs, noise, old.rollout.threads, known)
-        if not _better((case.floor, case.length_s), (self.floor, self.length_s)):
-            return None
         why = (
             f"First {' and '.join(old.effects[name].text for name in found['verdict'])} was named, "
             f"in windows of {self.length_s:.2g} s. By that model these are longer or noise leaves "
@@ -237,12 +239,7 @@ def _case(
     sizes = replace(sizes, window_s=length_s)
     model.effects = {one.name: one for one in candidates(robot, sizes, parts_of(robot))}
     notes = [*hints, *_notes(robot, logs, model.rollout.windows, length_s)]
-    if floor.step_percent > np.sqrt(0.5) * floor.percent:
-        notes.append(
-            f"The model's own step of {1e3 * robot.model.opt.timestep:.3g} ms makes it err by "
-            f"{float(f'{floor.step_percent:.2g}'):g} % of the usual motion, more than noise: a "
-            "shorter timestep shows more."
-        )
+    notes += _note_on_step(model, floor)
     return RobotCase(robot, logs, model, starts, sizes, length_s, floor, tuple(notes))
 
 
@@ -260,14 +257,23 @@ def _cut(
         if robot.length_s or length_s < least_s or model.starts_are_put_right():
             break
         length_s /= 2
+    read_step(model)
     floor = RobotFloor.of(model)
-    return model, floor, length_s, holds and floor.step_percent < np.sqrt(0.5) * floor.percent
+    return model, floor, length_s, holds and floor.step_percent < floor.noise_percent
 
 
-def _better(one: tuple[RobotFloor, float], other: tuple[RobotFloor, float]) -> bool:
-    """Tell whether one floor and length of windows [s] are better than others, by enough."""
-    longer, lower = one[1] / other[1], other[0].percent / one[0].percent
-    return longer >= 1 and max(longer, lower) >= BETTER
+def _note_on_step(model: RobotModel, floor: RobotFloor) -> list[str]:
+    """Say what the model's step errs by, where that is more than noise."""
+    step_s, percent = model.rollout.robot.model.opt.timestep, floor.whole_step_percent
+    if percent < floor.noise_percent:
+        return []
+    errs = f"The model's own step of {1e3 * step_s:.3g} ms makes it err by {percent:.2g} % of the "
+    errs += "usual motion, more than noise"
+    if model.step.left == 1:
+        return [f"{errs}: a shorter timestep shows more."]
+    if model.step.shift is None:
+        return [f"{errs}. But the logs follow that step, as those of a simulation do."]
+    return [f"{errs}. The logs tell, so predictions are those of a shorter step."]
 
 
 def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:

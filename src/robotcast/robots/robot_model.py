@@ -11,13 +11,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations, product
+from itertools import product
 
-import mujoco
 import numpy as np
 
 from robotcast.diagnosis.model import Record
-from robotcast.fitting.least_squares import DIFFERENCE
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import ElasticJoint
@@ -32,6 +30,15 @@ FEW_ELASTIC = 2  # joints whose twist at the start is fitted, by two runs more f
 FINER = 5  # into how many parts a step is cut to see what it errs by
 DRAWS = 20  # of noise, for what it leaves of a perfect model
 TRIED = 4  # of starts, for what their slopes leave
+
+
+@dataclass(frozen=True)
+class Step:
+    """What the logs tell of the model's step (see `robotcast.robots.floor`)."""
+
+    # by how much one as short as can be moves predictions, (n_windows, k, d); None for its own
+    shift: np.ndarray | None = None
+    left: float = 1.0  # the part of what the own step errs by that predictions then err by
 
 
 @dataclass(frozen=True)
@@ -69,6 +76,7 @@ class RobotModel:
         # how many units a signal without noise moves by, all signals together
         self.scale = float(np.linalg.norm(self.units.weight) / PART)
         self.rollout = Rollout(robot, logs, windows, threads)
+        self.step = Step()
         self._gains: dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray]] = {}
 
     @cached_property
@@ -105,11 +113,15 @@ class RobotModel:
         found = self.rollout.simulate(*of, effects, vectors, away) / self.units.si
         seen = [row for row, r in enumerate(records) if np.isfinite(r.measured).any()]
         twisted = list(self._twisted(records, effects, vectors, away, found)) if seen else []
+        if self.step.shift is not None:
+            for row, record in enumerate(records):
+                at = self._samples(record)
+                found[:, row, : len(at)] += self.step.shift[record.trial, at]
         raw = {one: found[one].copy() for one, _ in twisted}
         for row in seen:
             record, k = records[row], len(records[row].times_s)
             missed = record.measured - found[:, row, :k]
-            found[:, row, :k] += self._start_shift(record, missed, start[record.trial])
+            found[:, row, :k] += self.start_shift(record, missed, start[record.trial])
         for (one, twists), row in product(twisted, seen):
             record, k = records[row], len(records[row].times_s)
             path, slopes = raw[one][row, :k], twists[row, :k].reshape(-1, twists.shape[-1])
@@ -188,8 +200,11 @@ class RobotModel:
     @cached_property
     def nominal_misses(self) -> list[np.ndarray]:
         """What the known model misses of every window (see `misses`)."""
-        known = self.known
-        return self.misses(self._predict(self.records, known.effects, known.values[None])[0])
+        return self.misses(self.known_paths())
+
+    def known_paths(self) -> np.ndarray:
+        """Predict all windows by the known model, (n_windows, k, d)."""
+        return self._predict(self.records, self.known.effects, self.known.values[None])[0]
 
     def misses(self, paths: np.ndarray) -> list[np.ndarray]:
         """Return predicted − measured of all windows, (k, d) each, NaN where a run diverged."""
@@ -210,7 +225,7 @@ class RobotModel:
             shape = (DRAWS, *record.measured.shape)
             left = rng.normal(size=shape) * self.units.noise
             left += (rng.normal(size=(DRAWS, slopes.shape[1])) @ slopes.T).reshape(shape)
-            missed.append(left - self._start_shift(record, left))
+            missed.append(left - self.start_shift(record, left))
         return missed
 
     def starts_are_put_right(self) -> bool:
@@ -227,39 +242,22 @@ class RobotModel:
         moved, missed = np.array(paths) - self._paths(every, start), []
         for own, record in enumerate(self.records):
             left = moved[:, own, : len(record.times_s)]
-            missed.append(left - self._start_shift(record, left))
+            missed.append(left - self.start_shift(record, left))
         return self.usual_miss(missed) < self.usual_miss(self.perfect_misses)
 
     @property
-    def finer(self) -> "RobotModel":
-        """The same model with a shorter step: diagnosis asks it by what that shifts sizes."""
-        _ = self._starts  # which both have in common
-        other, known = copy(self), self.rollout
-        other.__dict__.pop("nominal_misses", None)
-        other.rollout = Rollout(known.robot, known.logs, known.windows, known.threads, FINER)
-        return other
+    def finer(self) -> "RobotModel | None":
+        """The same model with a shorter step: diagnosis asks it by what that shifts sizes.
 
-    def step_misses(self) -> list[np.ndarray]:
-        """Return by how much the model errs because its step is no shorter, of all windows (k, d).
-
-        It is seen by a finer one, of which a part is left: Runge–Kutta's errs by the fourth power.
-        What the tuned parameters take up of it, by their slopes, is not missed.
+        None where the logs follow the model's own.
         """
-        numbers, times_s = range(len(self.records)), [record.times_s for record in self.records]
-        effects, vectors = self.known.effects, _about(self.parameters, self.known.values)
-        coarse = self.rollout.simulate(numbers, times_s, effects, vectors)
-        exact = self.finer.rollout.simulate(numbers, times_s, effects, vectors[:1])
-        fourth = self.rollout.robot.model.opt.integrator == int(mujoco.mjtIntegrator.mjINT_RK4)
-        less = FINER ** (4 if fourth else 1)
-        whole = (coarse[:1] - exact) * less / (less - 1)
-        moved = np.concatenate([whole, coarse[1:] - coarse[:1]]) / self.units.si
-        parts = []
-        for row, record in enumerate(self.records):
-            part = moved[:, row, : len(record.times_s)]
-            parts.append(part - self._start_shift(record, part))
-        flat = np.nan_to_num(np.concatenate([p.reshape(len(moved), -1) for p in parts], axis=1))
-        taken = np.linalg.lstsq(flat[1:].T, -flat[0], rcond=None)[0]
-        return [part[0] + np.tensordot(taken, part[1:], 1) for part in parts]
+        if self.step.shift is None and self.step.left < 1:
+            return None
+        _ = self._starts  # which both have in common
+        other = copy(self)
+        other.__dict__.pop("nominal_misses", None)
+        other.rollout, other.step = self.rollout.finer(FINER), Step()
+        return other
 
     def usual_miss(self, missed: Iterable[np.ndarray]) -> float:
         """Return what is missed in the window in the middle, of (…, k, d) each, % of the scale."""
@@ -271,7 +269,7 @@ class RobotModel:
         squares = [np.nanmean(one**2, axis=tuple(range(one.ndim - 1))) for one in missed]
         return np.sqrt(np.nanmedian(squares, axis=0))
 
-    def _start_shift(
+    def start_shift(
         self, record: Record, missed: np.ndarray, start: np.ndarray | float = 0.0
     ) -> np.ndarray:
         """Return by how much a better start moves signals that miss by (n, k, d) from `start`."""
@@ -303,11 +301,13 @@ class RobotModel:
         key = (record.trial, record.times_s.tobytes())
         if key not in self._gains:
             slopes = self._starts[1][record.trial]
-            times_s = self.records[record.trial].times_s
-            at = np.searchsorted(times_s, record.times_s - 1e-12)
-            slopes = slopes[at].reshape(-1, slopes.shape[2])
+            slopes = slopes[self._samples(record)].reshape(-1, slopes.shape[2])
             self._gains[key] = slopes, self._estimate(record, slopes)
         return self._gains[key]
+
+    def _samples(self, record: Record) -> np.ndarray:
+        """Return which of its window's samples a record has, (k,)."""
+        return np.searchsorted(self.records[record.trial].times_s, record.times_s - 1e-12)
 
     def _estimate(self, record: Record, slopes: np.ndarray, scatter: float = 1.0) -> np.ndarray:
         """Return what a start's deviations are estimated with from misses, (2 nv, k d).
@@ -380,57 +380,6 @@ class RobotModel:
         sd = np.array([self.rollout.windows[k].start_sd for k in numbers])
         state = start.reshape(sd.shape) * sd
         return np.concatenate([state, np.zeros_like(state)], axis=1)
-
-
-@dataclass(frozen=True)
-class RobotFloor:
-    """What a perfect model with this step would still miss."""
-
-    percent: float  # of the usual motion
-    step_percent: float  # the part of it that the model's own step makes it err by
-    signals: np.ndarray  # of every signal, (n_signals,), in its units
-    repeated: bool  # repeats told it; else noise and start states alone, the least it can be
-
-    @classmethod
-    def of(cls, model: RobotModel) -> "RobotFloor":
-        """Take what repeats differ by, or else what noise leaves, and what the step adds to it."""
-        repeated = _repeats_apart(model)
-        both = repeated or model.perfect_misses, model.step_misses()
-        known, step = map(model.usual_miss, both)
-        signals = np.hypot(*map(model.usual_misses, both))
-        return cls(float(np.hypot(known, step)), step, signals, bool(repeated))
-
-
-def _repeats_apart(model: RobotModel) -> list[np.ndarray]:
-    """Return how far repeats differ in windows that they share, (k, d) each; empty without any.
-
-    Windows of repeated logs at the same time start from other states; what the same model misses
-    of them differs only by what a run has that another has not.
-    """
-    logs, windows = (
-        model.rollout.logs,
-        zip(model.rollout.windows, model.nominal_misses, strict=True),
-    )
-    missed, apart = {(w.log, w.first): one for w, one in windows}, []
-    for one, other in combinations(range(len(logs)), 2):
-        if logs[one].motion != logs[other].motion:
-            continue
-        for log, first in [at for at in missed if at[0] == one and (other, at[1]) in missed]:
-            k = min(len(missed[log, first]), len(missed[other, first]))
-            apart.append((missed[log, first][:k] - missed[other, first][:k]) / np.sqrt(2))
-    return apart
-
-
-def _about(parameters: Sequence[Parameter], values: np.ndarray) -> np.ndarray:
-    """Return values (1 + n_free, n), and others with one of the first, parameters, a step away."""
-    rows = [values]
-    for k, p in enumerate(parameters):
-        unit = float(p.to_unit(np.asarray(values[k])))
-        if not p.frozen:
-            there = unit + (DIFFERENCE if unit < 0.5 else -DIFFERENCE)
-            rows.append(values.copy())
-            rows[-1][k] = p.from_unit(np.asarray(there))
-    return np.array(rows)
 
 
 def tuned_parameters(robot: RobotFile) -> tuple[Parameter, ...]:

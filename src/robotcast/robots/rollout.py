@@ -63,6 +63,10 @@ class Rollout:
         self._delay_s, self._latency_s = self._own_delays()
         self.qpos_of_dof = coordinates(self._model)
 
+    def finer(self, parts: int) -> "Rollout":
+        """Return the same with a step cut into parts."""
+        return Rollout(self.robot, self.logs, self.windows, self.threads, parts)
+
     def _own_delays(self) -> tuple[np.ndarray, np.ndarray]:
         """Take the model's own delays of commands and of sensors [s] out of it, by column.
 

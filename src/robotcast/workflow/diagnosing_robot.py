@@ -21,10 +21,9 @@ from robotcast.reporting.names import effect_name
 from robotcast.reporting.style import svg
 from robotcast.robots.by_joint import diagnose_robot as diagnose
 from robotcast.robots.describe import describe
-from robotcast.robots.patch import write_patched
+from robotcast.robots.outcome import preview, shown, write_patched
 from robotcast.robots.robot_case import RobotCase, read_case
 from robotcast.robots.robot_file import write_parameters
-from robotcast.robots.shown import preview, shown
 from robotcast.running import write_page
 from robotcast.stage import bar, output_folder
 
