@@ -1,5 +1,6 @@
 """The patched MJCF moves as the model with its effects does."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -69,3 +70,19 @@ def test_what_mjcf_cannot_hold_is_named(arm: RobotCase, tmp_path: Path) -> None:
     assert left_out == ["load_friction_elbow", "encoder_scale_shoulder"]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "patched.xml"))
     assert model.actuator_delay[1] == pytest.approx(values["dead_time_elbow.tau"])
+
+
+def test_a_link_whose_weight_is_not_compensated_falls_as_in_the_file(tmp_path: Path) -> None:
+    xml = ARM.replace('name="fore"', 'name="fore" gravcomp="1"')
+    case = read_case(write_folder(tmp_path, xml, logs=2, windows={"length_s": 0.4, "most": 4}))
+    effect = case.model.effects["gravity_compensation_fore"]
+    assert "gravity_compensation_every_link" in case.model.effects
+    spec, left_out = patched(case.robot, [], [(effect, {"g": -0.7})])
+    fallen = spec.compile()
+    assert not left_out and fallen.body_gravcomp.tolist() == [0.0, 0.0, pytest.approx(0.3)]
+    rollout, times_s = case.model.rollout, [record.times_s for record in case.model.records]
+    own = range(len(times_s)), times_s
+    still, falls = rollout.simulate(*own, [effect], np.array([[0.0], [-0.7]]))
+    other = Rollout(replace(case.robot, model=fallen), rollout.logs, rollout.windows)
+    np.testing.assert_allclose(falls, other.simulate(*own, [], np.zeros((1, 0)))[0], atol=1e-9)
+    assert np.abs(falls - still).max() > 0.01

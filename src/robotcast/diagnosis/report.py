@@ -148,7 +148,8 @@ def _nearest(inquiry: Inquiry, found: Found, verdict: Verdict, wording: Wording)
     error = float(np.median(verdict.near[0].errors.waypoint[found.known_scales.usual]))
     percent = f"{error:.2f} {inquiry.model.error_unit}"
     if verdict.code is Code.UNKNOWN:
-        return f" Of the effects with a name this comes nearest: {texts}, with {percent}."
+        nearest = f" Of the effects with a name this comes nearest: {texts}, with {percent}"
+        return f"{nearest}, not enough to name it."
     if verdict.named:
         return f" It may be this too: {texts}; with it the error would be {percent}."
     return f" It may be this: {texts}. With it the error is {percent}, not enough to name it."

@@ -303,7 +303,7 @@ class Spring(RobotEffect):
 
     def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, k: float, torque: float) -> bool:
         joints = [spec.joints[int(model.dof_jntid[dof])] for dof in self.where.dofs]
-        if k <= 0 or any(joint.stiffness[0] for joint in joints):
+        if k == 0 or any(joint.stiffness[0] for joint in joints):
             return False
         for joint in joints:
             joint.stiffness[0], joint.springref = k, in_file(spec, joint, torque / k)

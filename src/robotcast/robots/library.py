@@ -125,6 +125,9 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
         "pair": pairs,
         **_free_parts(robot),
         "body": _links(model, bodies),
+        "every body": [
+            Where("every_link", (), tuple(np.unique(model.dof_bodyid).tolist()), (), ())
+        ],
         "drive": drives,
         "every drive": [_where(robot, "every_joint", driven)] if several else [],
         "robot": [_where(robot, "", tuple(range(model.nv)), range(len(robot.drive)))],
@@ -297,6 +300,7 @@ def _needed(robot: RobotFile, what: str | None, where: Where, sizes: Sizes) -> b
         "limited servo": servo and bool(model.actuator_forcelimited[own].all()),
         "filter": bool(own) and all(model.actuator_dyntype[a] in FILTERS for a in own),
         "others": encoders and len(where.dofs) < model.nv,
+        "compensation": bool(model.body_gravcomp[list(where.bodies)].any()),
         "turning": any(_turns(model, b) for b in where.bodies),
         "contact": sizes.touches,
     }[what]

@@ -33,7 +33,7 @@ FIELDS = {  # what may be set of each: a field of MjModel, most of them called a
         "stiffness": "jnt_stiffness",
         "springref": "qpos_spring",
     },
-    "body": _called_after("body_", "mass ipos inertia"),
+    "body": _called_after("body_", "mass ipos inertia gravcomp"),
     "actuator": {
         "kp": "actuator_gainprm",
         **_called_after("actuator_", "gainprm biasprm dynprm gear forcerange damping armature"),

@@ -171,6 +171,9 @@ def _copy(model: mujoco.MjModel, spec: mujoco.MjSpec, at: Address) -> None:
                 setattr(owner, name, float(values[row]))
         elif at.field.startswith("body_"):
             body = spec.bodies[row]
+            body.gravcomp = float(model.body_gravcomp[row])
+            if at.field == "body_gravcomp":
+                continue
             body.explicitinertial = True
             body.mass, body.ipos = float(model.body_mass[row]), model.body_ipos[row]
             body.inertia, body.iquat = model.body_inertia[row], model.body_iquat[row]

@@ -49,7 +49,11 @@ def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         found = {**found, "next_actions": case.motions.rows(found["next_actions"], folder)}
     facts["robot"] = shown(case, found["base"], found["model"])
     if found["model"]:
-        facts |= {"patched": PATCHED, "robot": facts["robot"] | _written(case, found, folder)}
+        left_out = _written(case, found, folder)
+        facts |= {"patched": PATCHED, "robot": facts["robot"] | left_out}
+        if names := " or ".join(map(effect_name, left_out["left_out"])):
+            lacks = f"{PATCHED} lacks what an MJCF file cannot hold: {names}"
+            found = {**found, "notes": [*found["notes"], f"{lacks}; apply it in your own loop."]}
     write(found)
     return folder, joined(found)
 
