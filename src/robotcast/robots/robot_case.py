@@ -180,7 +180,8 @@ class RobotCase:
     def about(self, found: Mapping[str, Any]) -> "RobotCase":
         """Return the case with windows and floor by the model that was named.
 
-        With what was missing predictions hold longer, and the step errs by less.
+        With what was missing predictions hold longer, and the step errs by less. Fits may start
+        from that model, too, in the place of what inverse dynamics tell.
         """
         last, old = found["model"], self.model
         values = np.array([p["value"] for p in last["parameters"].values()], float)
@@ -192,6 +193,13 @@ class RobotCase:
             f"in windows of {self.length_s:.2g} s. By that model these are longer or noise leaves "
             "less in them, and it was asked once more."
         )
+        every, at = case.model.effects | case.of_single_parts, len(old.parameters)
+        for effect in (e for e in every.values() if e.depends_on is None):
+            effect.guess = None
+        for effect in known.effects:
+            if effect.name in every:
+                every[effect.name].guess = values[at : at + len(effect.parameters)]
+            at += len(effect.parameters)
         return replace(case, notes=(why, *case.notes))
 
 
