@@ -65,13 +65,12 @@ def read_step(model: RobotModel) -> None:
     if min(np.median(own), np.median(shorter)) > NEAR * floor:
         return
     parts = np.unique([r.together for r in model.records], return_inverse=True)[1]
-    less = misses(own, floor) - misses(shorter, floor)
+    less = np.nan_to_num(misses(own, floor) - misses(shorter, floor))  # 0 where both diverged
     if worse(less, parts, FAR) < SURE:
-        rows, known = _about(_parameters(model), model.known.values), model.known
-        model.step, model.known = (
-            step,
-            replace(known, values=rows[0] + taken @ (rows[1:] - rows[0])),
-        )
+        every, known = _parameters(model), model.known
+        rows, ends = _about(every, known.values), np.array([(p.lower, p.upper) for p in every])
+        values = np.clip(rows[0] + taken @ (rows[1:] - rows[0]), *ends.reshape(-1, 2).T)
+        model.step, model.known = step, replace(known, values=values)
     elif worse(-less, parts, FAR) < SURE:
         model.step = Step(None, 1 / FINER)
 

@@ -174,7 +174,7 @@ class RobotCase:
         noise = old.units.noise * old.units.si
         windows, threads = rollout.windows, rollout.threads
         model = RobotModel(self.robot, self.logs, windows, noise, old.known, threads, units)
-        model.effects, model.step = old.effects, old.step
+        model.effects, model.step = old.effects, old.step.scaled(old.units.si / units.si)
         return replace(self, model=model, floor=RobotFloor.of(model))
 
     def about(self, found: Mapping[str, Any]) -> "RobotCase":

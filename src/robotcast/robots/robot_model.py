@@ -40,6 +40,10 @@ class Step:
     shift: np.ndarray | None = None
     left: float = 1.0  # the part of what the own step errs by that predictions then err by
 
+    def scaled(self, by: np.ndarray) -> "Step":
+        """Return the same in other units, `by` times as small (d,)."""
+        return Step(None if self.shift is None else self.shift * by, self.left)
+
 
 @dataclass(frozen=True)
 class Known:
