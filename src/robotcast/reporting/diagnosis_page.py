@@ -54,7 +54,6 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
     d = _read(diagnosis)
     c, keys = d.comparison, dict.fromkeys(key for trial in d.next_actions for key in trial)
     factors = [name for name in keys if name not in _NOT_ACTIONS]
-    patched = d.patched if d.patched and d.model["parameters"] else None
     return render(
         "diagnosis.html",
         d=d,
@@ -69,7 +68,7 @@ def diagnosis_page(diagnosis: Mapping[str, Any]) -> str:
         factors=[(n, factor_name(n), d.words["factor_units"].get(n, "")) for n in factors],
         outputs=_outputs(d),
         where=_where(json.dumps(c)) if c else None,
-        robot=robot_block(d.robot, patched) if d.robot else "",
+        robot=robot_block(d.robot, d.patched) if d.robot else "",
         # what reloads itself cannot play
         casts=casts_block(c) if c and d.finished and not d.robot else None,
         rig=rig_name(d.rig),

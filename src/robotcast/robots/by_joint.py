@@ -108,7 +108,7 @@ def _tells_more(
     longer, lower = about.length_s / case.length_s, before.reach / floor.reach
     left, rule = about.model.usual_miss(about.model.nominal_misses), question.rule
     above = left > rule.at_floor * floor.reach
-    to_tell = above and not _unfinished(question, {**found})
+    to_tell = above and not _unfinished(question, found)
     to_tell |= lower >= BETTER and (above or bool(found["confusion_set"]))
     return longer >= 1 and (longer >= BETTER or to_tell)
 
@@ -189,7 +189,7 @@ def _standing_out(
     return some, f"{told.replace(' at ', ' is at ', 1)} times what {case.wording.floor}"
 
 
-def _unfinished(question: Case, found: dict[str, Any]) -> bool:
+def _unfinished(question: Case, found: Mapping[str, Any]) -> bool:
     """Tell whether a diagnosis leaves more than noise in the window in the middle, or says so.
 
     That is asked of a named effect, too, which the verdict lets leave more.

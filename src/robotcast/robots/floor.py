@@ -4,7 +4,7 @@ A robot knows no step, though logs of a simulation may follow the model's own. A
 smaller than what the step errs by would be lost in that. So where the known model comes near what
 is measured, its windows tell which of the two they follow, and every prediction is moved by what a
 step as short as can be moves the known model by (a deferred correction, Fox 1947, doi
-10.1098/rspa.1947.0084).
+10.1098/rspa.1947.0060).
 """
 
 from collections.abc import Sequence
@@ -15,13 +15,12 @@ import mujoco
 import numpy as np
 
 from robotcast.diagnosis.errors import misses, worse
+from robotcast.diagnosis.rule import Rule
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.robot_model import FINER, RobotModel, Step
 
 STEP = 0.002  # of a parameter's range, by which slopes are taken
-NEAR = 1.5  # times the floor: farther off, another model's step errs by something else
 SURE = 0.01  # one-sided p-value, over parts of logs, that tells which step they follow
-FAR = 4.0  # robust standard deviations, to which parts of logs are drawn in there
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,8 @@ class RobotFloor:
 def read_step(model: RobotModel) -> None:
     """Let a model follow the step that the logs tell, by what each of the two leaves to it.
 
-    What the other step moves it by, its known parameters may take up.
+    What the other step moves it by, its known parameters may take up. Where it is not at the floor
+    with either, another model's step may err by something else.
     """
     errors, found = step_errors(model), []
     whole, _ = _taken_up(model, errors[0], errors[1:])
@@ -62,16 +62,16 @@ def read_step(model: RobotModel) -> None:
         means = [np.linalg.norm(one, axis=1).mean() if len(one) else np.inf for one in seen]
         found.append((100 / model.scale * np.array(means), step, taken))
     (own, model.step, _), (shorter, step, taken) = found
-    if min(np.median(own), np.median(shorter)) > NEAR * floor:
+    if min(np.median(own), np.median(shorter)) > Rule.at_floor * floor:
         return
     parts = np.unique([r.together for r in model.records], return_inverse=True)[1]
     less = np.nan_to_num(misses(own, floor) - misses(shorter, floor))  # 0 where both diverged
-    if worse(less, parts, FAR) < SURE:
+    if worse(less, parts, Rule.far) < SURE:
         every, known = _parameters(model), model.known
         rows, ends = _about(every, known.values), np.array([(p.lower, p.upper) for p in every])
         values = np.clip(rows[0] + taken @ (rows[1:] - rows[0]), *ends.reshape(-1, 2).T)
         model.step, model.known = step, replace(known, values=values)
-    elif worse(-less, parts, FAR) < SURE:
+    elif worse(-less, parts, Rule.far) < SURE:
         model.step = Step(None, 1 / FINER)
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from robotcast.diagnosis.rule import Rule
 from robotcast.robots.couplings import serve
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import in_file
@@ -25,7 +26,12 @@ QUANTILES = (0.5, 0.9, 1.0)  # of the windows, by what the model as it is misses
 OF_JOINTS = {field: name for name, field in FIELDS["joint"].items()}
 
 
-def shown(case: RobotCase, base: Mapping[str, Any], last: Mapping[str, Any]) -> dict[str, Any]:
+def shown(
+    case: RobotCase,
+    base: Mapping[str, Any],
+    last: Mapping[str, Any],
+    least_noise: float = Rule.least_noise,
+) -> dict[str, Any]:
     """Return `robot` of diagnosis.json: windows with traces, and torques against speed.
 
     From its `base` and its `model`, the last, which may be empty.
@@ -34,20 +40,22 @@ def shown(case: RobotCase, base: Mapping[str, Any], last: Mapping[str, Any]) -> 
     after = before
     if last:
         after = _predicted(case, last["effects"], [p["value"] for p in last["parameters"].values()])
-    return {**_traces(case, before, after), "torques": _torques(case)}
+    return {**_traces(case, before, after, least_noise), "torques": _torques(case)}
 
 
 def preview(case: RobotCase) -> dict[str, Any]:
     """Return signals and windows of the model as the file has it."""
     path = _predicted(case, (), [p.nominal for p in case.model.parameters])
-    return _traces(case, path, path)
+    return _traces(case, path, path, Rule.least_noise)
 
 
 def _predicted(case: RobotCase, effects: Sequence[str], values: Sequence[float]) -> np.ndarray:
     return case.model.predict(case.model.records, effects, np.array([values], float))[0]
 
 
-def _traces(case: RobotCase, before: np.ndarray, after: np.ndarray) -> dict[str, Any]:
+def _traces(
+    case: RobotCase, before: np.ndarray, after: np.ndarray, least_noise: float
+) -> dict[str, Any]:
     """Return signals with what is missed of them, and windows with their traces, in their units."""
     model, axes = case.model, case.wording.axes
     scale = np.array([axis.scale for axis in axes])
@@ -70,10 +78,11 @@ def _traces(case: RobotCase, before: np.ndarray, after: np.ndarray) -> dict[str,
                 "model": after[record.trial, :k] * scale,
             }
         )
+    floors = scale * case.signal_floors(least_noise)
     usual = [scale * model.usual_misses(some) for some in (off, off_after)]
     signals = [
         {"name": axis.name, "unit": axis.unit, "base": base, "model": last, "floor": least}
-        for axis, base, last, least in zip(axes, *usual, scale * case.floor.signals, strict=True)
+        for axis, base, last, least in zip(axes, *usual, floors, strict=True)
     ]
     return {"signals": signals, "floor": case.wording.floor, "windows": found}
 

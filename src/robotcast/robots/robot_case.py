@@ -151,20 +151,23 @@ class RobotCase:
             idle=self.model.idle,
         )
 
-    def times_floor(self, found: Mapping[str, Any], least_noise: float) -> np.ndarray:
-        """Return how many times its floor the found model misses each signal, (n_signals,).
+    def signal_floors(self, least_noise: float) -> np.ndarray:
+        """Return every signal's floor, (n_signals,) in its units.
 
-        Less than the least noise, of how far the signal moves in the window in the middle, is not
-        believed.
+        Less than the least noise, of how far it moves in the window in the middle, is not believed.
         """
+        paths = [r.measured - np.nanmean(r.measured, axis=0) for r in self.model.records]
+        return np.maximum(self.floor.signals, least_noise * self.model.usual_misses(paths))
+
+    def times_floor(self, found: Mapping[str, Any], least_noise: float) -> np.ndarray:
+        """Return how many times its floor the found model misses each signal, (n_signals,)."""
         model, last = self.model, found["model"]
         if not last:
             return np.zeros(len(self.floor.signals))
         values = np.array([[p["value"] for p in last["parameters"].values()]], float)
         paths = model.predict(model.records, last["effects"], values)[0]
-        moved = model.usual_misses([r.measured - np.nanmean(r.measured, 0) for r in model.records])
-        least = np.maximum(self.floor.signals, least_noise * moved)
-        missed = np.array([model.usual_misses(model.misses(paths)), least])
+        floors = self.signal_floors(least_noise)
+        missed = np.array([model.usual_misses(model.misses(paths)), floors])
         return np.divide(*(of_quaternions(list(self.robot.measured), one) for one in missed))
 
     def weighing(self, some: np.ndarray) -> "RobotCase":
@@ -281,7 +284,7 @@ def _note_on_step(model: RobotModel, floor: RobotFloor) -> list[str]:
         return [f"{errs}: a shorter timestep shows more."]
     if model.step.shift is None:
         return [f"{errs}. But the logs follow that step, as those of a simulation do."]
-    return [f"{errs}. The logs tell, so predictions are those of a shorter step."]
+    return [f"{errs}. The logs follow a shorter step, so predictions are put right for that."]
 
 
 def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:

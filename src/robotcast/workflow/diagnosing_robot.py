@@ -47,13 +47,11 @@ def diagnose_robot(config: DictConfig) -> tuple[Path, dict[str, Any]]:
         case, found = diagnose(case, lambda asked: asked.question(*said), write, progress)
     if found["next_actions"]:
         found = {**found, "next_actions": case.motions.rows(found["next_actions"], folder)}
-    facts["robot"] = shown(case, found["base"], found["model"])
-    if found["model"]:
-        left_out = _written(case, found, folder)
-        facts |= {"patched": PATCHED, "robot": facts["robot"] | left_out}
-        if names := " or ".join(map(effect_name, left_out["left_out"])):
-            lacks = f"{PATCHED} lacks what an MJCF file cannot hold: {names}"
-            found = {**found, "notes": [*found["notes"], f"{lacks}; apply it in your own loop."]}
+    least = case.question(*said).rule.least_noise
+    facts["robot"] = shown(case, found["base"], found["model"], least)
+    if found["model"] and found["model"]["parameters"]:
+        facts["patched"] = PATCHED
+        found = {**found, "notes": [*found["notes"], *_written(case, found["model"], folder)]}
     write(found)
     return folder, joined(found)
 
@@ -68,16 +66,17 @@ def tune_robot(config: DictConfig) -> list[str]:
     """Fit as `compare_robot`, write model, parameters and page; return sentences on it."""
     folder, case, question = _asked(config)
     found, model, held = _compared(config, case, question)
-    found |= {"patched": PATCHED}
-    found["robot"] |= _written(case, {"model": model}, folder)
+    lacks = _written(case, model, folder)
+    found |= {"patched": PATCHED, "notes": [*found["notes"], *lacks]}
     write_text(folder / "tuned.json", json.dumps(plain(model), ensure_ascii=False, indent=1))
     write_page(folder / "index.html", comparison_page(plain(found)))
     fell = f"{found['waypoint_error_percent']:.2f} {found['error_unit']}"
     return [
         f"{folder}: {fell} on the windows that it was fitted to, {held:.2f} on windows held out, "
-        f"noise floor {case.floor.percent:.2f}; open {folder / 'index.html'}",
+        f"noise floor {found['noise_floor_percent']:.2f}; open {folder / 'index.html'}",
         *(f"- {name} = {p['value']:.5g}" for name, p in model["parameters"].items()),
         f"the model with them: {folder / PATCHED}, {folder / PARAMETERS}",
+        *lacks,
     ]
 
 
@@ -132,12 +131,13 @@ def _compared(
 ) -> tuple[dict[str, Any], dict[str, Any], float]:
     """Return the comparison, the fitted model, and its mean error on windows held out [%]."""
     model, records, effects = case.model, question.records, tuple(config.effects)
+    floor, noise = floor_and_noise(question)
     with bar("compare") as progress:
 
         def told(done: int, total: int, note: str = "") -> None:
             progress(done, total, "simulated windows")
 
-        inquiry = Inquiry(model, records, floor_and_noise(question)[1], told)
+        inquiry = Inquiry(model, records, noise, told)
         revision = fit_base(inquiry, effects, question.effort)
         errors = held_out(inquiry, revision, question.effort)
         values = inquiry.values(effects, revision.fit.vector)
@@ -149,15 +149,17 @@ def _compared(
     with_effects = f" with {' and '.join(map(effect_name, effects))}" if effects else ""
     facts = {
         "model": f"the MJCF{with_effects}, {how}",
-        "noise_floor_percent": case.floor.percent,
+        "noise_floor_percent": floor.percent,
         "notes": list(case.notes),
-        "robot": plain(shown(case, start, said)),
+        "robot": plain(shown(case, start, said, question.rule.least_noise)),
     }
     return found.as_dict() | _facts(config) | facts, said, float(errors.waypoint.mean())
 
 
-def _written(case: RobotCase, found: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Write model and parameters; return the effects that MJCF cannot hold."""
-    left_out = write_patched(case.robot, case.model.effects, found["model"], folder / PATCHED)
-    write_parameters(folder / PARAMETERS, found["model"]["parameters"])
-    return {"left_out": left_out}
+def _written(case: RobotCase, model: Mapping[str, Any], folder: Path) -> list[str]:
+    """Write model and parameters; return what to know of them."""
+    left_out = write_patched(case.robot, case.model.effects, model, folder / PATCHED)
+    write_parameters(folder / PARAMETERS, model["parameters"])
+    names = ", ".join(map(effect_name, left_out))
+    lacks = f"{PATCHED} lacks what an MJCF file cannot hold: {names}. Apply it in your own loop."
+    return [lacks] if left_out else []
