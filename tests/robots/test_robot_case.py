@@ -427,9 +427,9 @@ def test_the_page_opens_in_a_browser(
     rows = slider.motions.rows(4 * [{"motion": 0, "separates": ["drive_gain_axis"]}], tmp_path)
     rows = [{**row, "difference_percent": 3.0, "why": "so far apart"} for row in rows]
     said = {**named, "next_actions": rows, "measurements": "a/robot", "overrides": ["model=mjcf"]}
-    left_out = write_patched(slider.robot, slider.model.effects, last, tmp_path / "model.xml")
+    write_patched(slider.robot, slider.model.effects, last, tmp_path / "model.xml")
     write_parameters(tmp_path / "parameters.yaml", last["parameters"])
-    said |= {"robot": {**shown(slider, base, last), "left_out": left_out}, "patched": "model.xml"}
+    said |= {"robot": shown(slider, base, last), "patched": "model.xml"}
     (tmp_path / "index.html").write_text(diagnosis_page(plain(said)))
     errors: list[str] = []
     with playwright.sync_playwright() as driver:

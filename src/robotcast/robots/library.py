@@ -119,15 +119,14 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
     ]
     driven = tuple(dict.fromkeys(dof for one in drives for dof in one.dofs))
     several = sum(bool(one.dofs) for one in drives) > 1
+    lifted = tuple(b for b in np.unique(model.dof_bodyid).tolist() if model.body_gravcomp[b])
     return {
         "joint": joints,
         "each joint": [w for w in _each(robot, joints) if _differ(model, w.dofs)],
         "pair": pairs,
         **_free_parts(robot),
         "body": _links(model, bodies),
-        "every body": [
-            Where("every_link", (), tuple(np.unique(model.dof_bodyid).tolist()), (), ())
-        ],
+        "compensated": [Where("every_link", (), lifted, (), ())] if len(lifted) > 1 else [],
         "drive": drives,
         "every drive": [_where(robot, "every_joint", driven)] if several else [],
         "robot": [_where(robot, "", tuple(range(model.nv)), range(len(robot.drive)))],
