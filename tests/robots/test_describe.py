@@ -70,6 +70,7 @@ SERVO_OF_SHOULDER = '<position name="s" joint="shoulder" kp="25" kv="1.2"/>'
 MOTOR_OF_SHOULDER = '<motor name="s" joint="shoulder" gear="-5" ctrlrange="-40 40"/>'
 VALVE = '<general name="drive" joint="elbow" gainprm="3"/>'
 TENDON = '<motor name="drive" tendon="cable"/>'
+PULL = '<position name="drive" tendon="cable" kp="900"/>'
 
 
 @pytest.mark.parametrize(
@@ -85,6 +86,7 @@ TENDON = '<motor name="drive" tendon="cable"/>'
         (GEARED, "elbow_tau_cmd", "joint[elbow].torque", "N m"),
         (SERVO, "tau", "joint[elbow].torque", "N m"),
         (TENDON, "drive_N", "actuator[drive]", "N"),
+        (PULL, "drive_mm", "actuator[drive]", "mm"),
         (MOTOR, "elbow_Nm", "actuator[drive]", "N m"),
         (VALVE, "drive_V", "actuator[drive]", None),
     ],
@@ -101,6 +103,26 @@ def test_a_drive_and_its_unit_are_told_by_the_name_of_a_column(
     path, _ = describe(tmp_path)
     drive = {target: {"column": column, **({"unit": unit} if unit else {})}}
     assert yaml.safe_load(path.read_text())["drive"] == drive
+
+
+def test_columns_that_no_name_tells_are_matched_in_order(tmp_path: Path) -> None:
+    joints, motors, ends = "", "", ""
+    for name, kind in (("J1", "hinge"), ("J2", "hinge"), ("Z", "slide")):
+        joints += f'<body><joint name="{name}" type="{kind}"/><geom size="0.1"/>'
+        motors, ends = (
+            f'{motors}<motor name="m{name[-1].lower()}" joint="{name}"/>',
+            ends + "</body>",
+        )
+    body = f"<worldbody>{joints}{ends}</worldbody><actuator>{motors}</actuator>"
+    (tmp_path / "scara.xml").write_text(f"<mujoco>{body}</mujoco>")
+    columns = ["t_s", "q1", "q2", "z_mm", "i1_mA", "i2_mA", "iz_mA"]
+    pl.DataFrame({c: np.arange(0, 2, 0.01) for c in columns}).write_csv(tmp_path / "log.csv")
+    said = yaml.safe_load(describe(tmp_path)[0].read_text())
+    found = {at: one["column"] for at, one in (said["drive"] | said["measured"]).items()}
+    drives = {"actuator[m1]": "i1_mA", "actuator[m2]": "i2_mA", "actuator[mz]": "iz_mA"}
+    places = {"J1": "q1", "J2": "q2", "Z": "z_mm"}
+    assert found == drives | {f"joint[{j}].position": c for j, c in places.items()}
+    assert {one["unit"] for one in said["drive"].values()} == {"mA"}
 
 
 @pytest.mark.parametrize("unit", ["rad", "deg"])

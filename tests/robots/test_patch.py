@@ -21,15 +21,18 @@ def arm(tmp_path_factory: pytest.TempPathFactory) -> RobotCase:
     windows = {"length_s": 0.4, "most": 4}
     more = {"windows": windows, "tune": tune, "servos": {"actuator[e]": {"kp": 2.0, "kd": 0.1}}}
     xml = ARM.replace('name="e"', 'name="e" ctrlrange="-0.05 0.2"')
-    cable = '<tendon><fixed name="cable"><joint joint="elbow" coef="1"/></fixed></tendon>'
-    xml = xml.replace("<actuator>", f"{cable}<actuator>")
+    cable = '<fixed name="cable"><joint joint="elbow" coef="1"/></fixed>'
+    rope = '<joint joint="shoulder" coef="0.5"/><joint joint="elbow" coef="-0.4"/>'
+    tendons = f'<tendon>{cable}<fixed name="rope" damping="0.01">{rope}</fixed></tendon>'
+    xml = xml.replace("<actuator>", f"{tendons}<actuator>")
     return read_case(write_folder(folder, xml, logs=3, **more))
 
 
 NATIVE = """dry_friction_elbow drag_shoulder armature_elbow spring_elbow centre_of_mass_fore
 inertia_fore tilted_base drive_gain_shoulder servo_stiffness_shoulder torque_limit_shoulder
 friction_of_difference_shoulder_and_elbow encoder_offset_shoulder encoder_offset_elbow
-command_limit_elbow"""
+command_limit_elbow tendon_friction_tendon_rope tendon_damping_tendon_rope
+tendon_stiffness_tendon_rope"""
 
 
 @pytest.mark.parametrize("name", NATIVE.split())

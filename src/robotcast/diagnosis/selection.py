@@ -10,6 +10,7 @@ from robotcast.diagnosis.found import Effects, Found, Rung, Step
 from robotcast.diagnosis.inquiry import Inquiry, Revision, fit_base, held_out
 from robotcast.diagnosis.library import Beginnings, Library, fit_library, level, library_at
 from robotcast.diagnosis.rule import Effort, Rule
+from robotcast.diagnosis.sizes import may_be, sizes
 from robotcast.fitting.least_squares import Fit
 
 
@@ -356,8 +357,21 @@ class Selection:
         """
         cost = {r.effects: self._inquiry.expected_loss(r.effects, r.revision.fit) for r in rungs}
         best = min(rungs, key=lambda rung: cost[rung.effects])
-        level = [r for r in rungs if r is best or self._undecided(best, r) or self._step(best, r)]
+        level = [
+            r
+            for r in rungs
+            if r is best or self._undecided(best, r) or self._step(best, r) or self._case(best, r)
+        ]
         return min(level, key=lambda r: (self._strengths(r.effects), cost[r.effects])).effects
+
+    def _case(self, best: Rung, other: Rung) -> bool:
+        """Tell whether another set has a special case of a law, and what else it does may be 0."""
+        lost, gained = ([*({*a.effects} - {*b.effects})] for a, b in ((best, other), (other, best)))
+        if len(lost) != 1 or not self._inquiry.special_cases(lost[0], gained):
+            return False
+        own = sizes(self._inquiry, best.revision, best.errors.vectors, self._rule.discrepancy)
+        law = own[self._inquiry.entries(best.effects, lost[0])]
+        return may_be(law, self._inquiry.model.effects[gained[0]].parameters)
 
     def _step(self, one: Rung, other: Rung) -> bool:
         """Tell whether the model's own step may be all that parts two models."""

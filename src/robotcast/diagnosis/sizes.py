@@ -1,5 +1,6 @@
 """How large the parameters of a fitted revision are, with intervals."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +67,14 @@ def sizes(
         value, low, high = parameter.from_unit(ends).tolist()
         found.append(Size(parameter, value, low, high))
     return tuple(found)
+
+
+def may_be(law: Sequence[Size], case: Sequence[Parameter]) -> bool:
+    """Tell whether the intervals of all that a law has beyond its special case hold their nulls."""
+    more = [one for one in law if one.parameter.name not in {p.name for p in case}]
+    return all(
+        one.low <= p.null <= one.high for one in more if (p := one.parameter).null is not None
+    )
 
 
 def _shift(fit: Fit, inverse: np.ndarray, discrepancy: float) -> np.ndarray:

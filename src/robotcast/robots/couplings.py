@@ -14,9 +14,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from robotcast.robots.effect import RobotEffect
-from robotcast.robots.model_fields import ModelFields
-from robotcast.robots.names import Address
+from robotcast.robots.effect import Where
+from robotcast.robots.names import names_of
 
 WORLD = "world"
 PACKAGE = "package://"  # of a mesh that a URDF names by its ROS package
@@ -70,11 +69,43 @@ def serve(spec: Any, servos: Mapping[str, tuple[float, float]], where: str) -> N
         one.gainprm[0] = kp / gear
 
 
-def coupled(model: mujoco.MjModel) -> list[tuple[str, str]]:
-    """Return the names of the joints that a model has tendons between, the inner one first."""
-    names = [model.joint(j).name for j in range(model.njnt)]
-    found = (model.tendon(t).name.partition("+")[::2] for t in range(model.ntendon))
-    return [(one, other) for one, other in found if one in names and other in names]
+def tendon_arms(model: mujoco.MjModel) -> np.ndarray:
+    """Return by how much tendons grow or shrink with every joint at the file's pose, (ntendon, nv).
+
+    What is less than a thousandth of a tendon's largest counts as 0.
+    """
+    data, arms = mujoco.MjData(model), np.zeros((model.ntendon, model.nv))
+    mujoco.mj_fwdPosition(model, data)
+    if model.ntendon:
+        of = model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
+        mujoco.mju_sparse2dense(arms, data.ten_J, *of)
+    arms = np.abs(arms)
+    return np.where(arms > 1e-3 * arms.max(axis=1, keepdims=True, initial=0.0), arms, 0.0)
+
+
+def tendon_parts(model: mujoco.MjModel, most: int | None = None) -> dict[str, list[Where]]:
+    """Return tendons of sums and differences of joints, and the own ones: above `most` as one.
+
+    What pulls at one joint alone is the joint's.
+    """
+    found: dict[str, list[Where]] = {"sum": [], "difference": [], "tendon": []}
+    joints, arms = names_of(model, "joint"), tendon_arms(model)
+    between = {
+        _name(one, other, sign): (kind, one, other)
+        for kind, sign in (("sum", 1.0), ("difference", -1.0))
+        for one in joints
+        for other in joints
+    }
+    for tendon, name in enumerate(names_of(model, "tendon")):
+        kind, *pair = between.get(name, ("tendon",))
+        name = "_and_".join(pair) or (name if "tendon" in name.lower() else f"tendon_{name}")
+        if len(dofs := np.flatnonzero(arms[tendon]).tolist()) > 1:
+            found[kind] += [Where(name, tuple(dofs), (), (), (), (tendon,))]
+    if most is not None and len(own := found["tendon"]) > most:
+        dofs = tuple(sorted({dof for one in own for dof in one.dofs}))
+        every = tuple(t for one in own for t in one.tendons)
+        found["tendon"] = [Where("every_tendon", dofs, (), (), (), every)]
+    return found
 
 
 def moved_by(body: Any) -> Any:
@@ -95,25 +126,6 @@ def _neighbours(spec: mujoco.MjSpec) -> list[tuple[str, str]]:
             if one.name and other.name and one.type == other.type and one.type in SINGLE
         ]
     return found
-
-
-class CoupledFriction(RobotEffect):
-    """Dry friction of the sum or of the difference of two joints' speeds, by its `sign`."""
-
-    def __init__(self, *args: Any, sign: float, **more: Any) -> None:
-        super().__init__(*args, **more)
-        self.sign = sign
-
-    def write(self, fields: ModelFields, *, friction: np.ndarray) -> None:
-        model = fields.model
-        one, other = (model.joint(int(model.dof_jntid[dof])).name for dof in self.where.dofs)
-        row = model.tendon(_name(one, other, self.sign)).id
-        fields.add(Address("tendon.frictionloss", "tendon_frictionloss", (row,), None), friction)
-
-    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, **values: float) -> bool:
-        if not any(tendon.name == model.tendon(model.ntendon - 1).name for tendon in spec.tendons):
-            couple(spec)  # the file's own tendons come before
-        return True
 
 
 def _name(one: str, other: str, sign: float) -> str:

@@ -261,17 +261,18 @@ def _control(model: mujoco.MjModel, actuator: int) -> str:
     plain = model.actuator_gaintype[actuator] == int(mujoco.mjtGain.mjGAIN_FIXED)
     joint = joint_of_actuator(model, actuator)
     hinge = joint is not None and is_hinge(model, joint)
+    pulls = model.actuator_trntype[actuator] == int(mujoco.mjtTrn.mjTRN_TENDON)
     if not plain or model.actuator_dyntype[actuator] == int(mujoco.mjtDyn.mjDYN_INTEGRATOR):
         return ""
     if model.actuator_biastype[actuator] == int(mujoco.mjtBias.mjBIAS_NONE):
         return ("N m" if hinge else "N") if gain[0] == 1 else ""
-    if joint is None or gain[0] not in (-bias[1], -bias[2]):
+    if (joint is None and not pulls) or gain[0] not in (-bias[1], -bias[2]):
         return ""
     return ("rad" if hinge else "m") + ("" if bias[1] else "/s")
 
 
 def _tokens(name: str) -> set[str]:
-    apart = re.sub(r"([a-z])([A-Z0-9])", r"\1 \2", name)
+    apart = re.sub(r"([a-z])([A-Z0-9])", r"\1 \2", name.replace("_mA", "_ma"))
     return {token.lower() for token in re.split(r"[^A-Za-z0-9]+", apart) if token}
 
 
@@ -290,6 +291,8 @@ def _kind(column: str, joints: Sequence[str], actuators: Sequence[str]) -> str |
     said = more(joints) or tokens  # a joint may be called pos_1
     if said == tokens and column.endswith("V") and more(actuators) == {"v"}:
         return "command"  # in volts
+    if re.search("_m?A$", column) and not tokens & KINDS["command"]:
+        return "torque"  # a current
     for kind, words in KINDS.items():
         if said & words:
             return kind
@@ -303,11 +306,16 @@ def _kind(column: str, joints: Sequence[str], actuators: Sequence[str]) -> str |
 def _assigned(
     columns: Sequence[str], called: Mapping[str, Sequence[str]], in_order: Sequence[str] = ()
 ) -> dict[str, str]:
-    """Match columns to things by what these are called, else in order where there are enough."""
+    """Match columns to things by what these are called, else in order where there are enough.
+
+    Those left over are matched in order where they are as many, and several.
+    """
     found, order = _called_alike(columns, called), in_order or list(called)
     if not found and len(columns) >= len(order):
-        found = dict(zip(order, columns, strict=False))
-    return found
+        return dict(zip(order, columns, strict=False))
+    things = [thing for thing in order if thing not in found]
+    left = [column for column in columns if column not in found.values()]
+    return found | (dict(zip(things, left, strict=True)) if len(things) == len(left) > 1 else {})
 
 
 def _called_alike(columns: Sequence[str], called: Mapping[str, Sequence[str]]) -> dict[str, str]:

@@ -19,13 +19,14 @@ from robotcast.robots.model_fields import ModelFields
 
 @dataclass(frozen=True)
 class Where:
-    """What one effect acts on: the joints, bodies and driven channels of a part of the robot."""
+    """What one effect acts on: joints, bodies, driven channels or tendons of a part of a robot."""
 
     name: str  # as it is read, "elbow"; empty for the whole robot
     dofs: tuple[int, ...]
     bodies: tuple[int, ...]
     channels: tuple[int, ...]  # numbers in the order of robot.yaml's `drive`
     actuators: tuple[int, ...]
+    tendons: tuple[int, ...] = ()
     each: bool = False  # joints have parameters of their own, one after the other; else all share
 
 
@@ -46,7 +47,7 @@ class RobotEffect:
 
     Its `name` is its id in reports and `diagnosis.json`, its `text` says in a few words what it is,
     its `parameters` stand in the order of parameter vectors, `part` is what it acts on, as in
-    conf/robot_effects.yaml: joint, free motion, pair, body, drive, robot. A flexible field that
+    conf/robot_effects.yaml: joint, free motion, tendon, body, drive, robot. A flexible field that
     stands for any mechanism says what it `depends_on`, all others None.
     """
 
@@ -87,9 +88,11 @@ class RobotEffect:
     def is_part_of(self, other: "RobotEffect") -> bool:
         """Tell whether another effect does the same to more, or to each joint in a size of its own.
 
-        More are joints, links or drives.
+        More are joints, links, drives or tendons.
         """
-        own, more = (({*e.dofs}, {*e.bodies}, {*e.channels}) for e in (self.where, other.where))
+        own, more = (
+            ({*e.dofs}, {*e.bodies}, {*e.channels}, {*e.tendons}) for e in (self.where, other.where)
+        )
         within = all(some <= others for some, others in zip(own, more, strict=True))
         fewer = own != more or self.where.each < other.where.each
         return self.kind == other.kind and within and fewer and self.where.each <= other.where.each

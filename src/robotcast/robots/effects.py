@@ -60,6 +60,8 @@ class ModelField(RobotEffect):
 
     def _objects(self, model: mujoco.MjModel) -> tuple[str, Sequence[int]]:
         """Return the kind and the numbers of what is changed; of the whole robot what may touch."""
+        if self.where.tendons:
+            return "tendon", self.where.tendons
         if self.part == "joint":
             return "joint", [int(model.dof_jntid[dof]) for dof in self.where.dofs]
         if self.part == "body":
@@ -419,3 +421,10 @@ class FrictionField(Field):
 
     def friction(self, motion: Motion, **values: np.ndarray) -> np.ndarray:
         return self.curve(motion, values)
+
+
+class GainField(Field):
+    """Drives push 1 + a curve times as hard: a battery that sags, a motor that warms up."""
+
+    def force(self, motion: Motion, **values: np.ndarray) -> np.ndarray:
+        return self.curve(motion, values) * motion.torque

@@ -13,9 +13,9 @@ import yaml
 
 from robotcast.build import CONFIGURATION, build
 from robotcast.fitting.parameter import Parameter
-from robotcast.robots.couplings import coupled
+from robotcast.robots.couplings import tendon_parts
 from robotcast.robots.effect import RobotEffect, Where
-from robotcast.robots.effects import FrictionField, ModelField, TorqueField
+from robotcast.robots.effects import Field, FrictionField, GainField, ModelField, TorqueField
 from robotcast.robots.names import driven_dof, loose, name_of_dof, names_of, turning
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.sizes import Sizes
@@ -41,8 +41,13 @@ FIELDS = {  # what a field is, and what it depends on
     ),
     "log": ("friction in {joint} that changes from log to log", "{log}"),
     "warmth": ("friction in {joint} that changes within a log", "the time into the log"),
+    "log_gain": ("a drive gain of {joint} that changes from log to log", "{log}"),
+    "warmth_gain": ("a drive gain of {joint} that changes within a log", "the time into the log"),
 }
-FRICTIONS = ("log", "warmth")
+OTHERS: dict[str, type[Field]] = {  # than torques
+    **dict.fromkeys(("log", "warmth"), FrictionField),
+    **dict.fromkeys(("log_gain", "warmth_gain"), GainField),
+}
 FEW_LOGS, MANY_LOGS = 3, 5  # from so many on there is a field of them, of no more knots than that
 PROBE, BOUND = 0.1, 2.0  # of a field, in usual torques
 
@@ -96,6 +101,7 @@ def alone(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
         "each joint": [w for w in _each(robot, parts["joint"]) if w not in parts["each joint"]],
         "drive": [*(one for one in joints if one.channels), *(_drive(robot, c) for c in others)],
         "body": [one for one in _links(model, model.dof_bodyid) if not known & {*one.bodies}],
+        "tendon": [one for one in tendon_parts(model)["tendon"] if one not in parts["tendon"]],
     }
 
 
@@ -113,17 +119,13 @@ def parts_of(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
         free = {int(model.dof_bodyid[dof]) for dof in np.flatnonzero(loose(model))}
         carry = {int(model.body_weldid[model.body_parentid[b]]) for b in bodies}
         bodies = [b for b in bodies if b in free or b not in carry]
-    pairs = [
-        _where(robot, "_and_".join(pair), tuple(int(model.joint(j).dofadr[0]) for j in pair), ())
-        for pair in coupled(model)
-    ]
     driven = tuple(dict.fromkeys(dof for one in drives for dof in one.dofs))
     several = sum(bool(one.dofs) for one in drives) > 1
     lifted = tuple(b for b in np.unique(model.dof_bodyid).tolist() if model.body_gravcomp[b])
     return {
         "joint": joints,
         "each joint": [w for w in _each(robot, joints) if _differ(model, w.dofs)],
-        "pair": pairs,
+        **tendon_parts(model, FEW_JOINTS),
         **_free_parts(robot),
         "body": _links(model, bodies),
         "compensated": [Where("every_link", (), lifted, (), ())] if len(lifted) > 1 else [],
@@ -329,7 +331,8 @@ def _parameter(
     as the `heaviest` link weighs, in its own masses; a first look at it is taken in between.
     What an encoder shows late moved before the window: so much of it is measured, not predicted.
     """
-    on, null = (given["of"], where.dofs, where.channels), given.get("null_at")
+    on = given["of"], where.dofs, where.channels, where.tendons
+    null = given.get("null_at")
     size, unit = sizes.of(*on)
     nominal = size * (given["nominal"] if null is None else null)
     lower = size * given["lower"]
@@ -353,7 +356,7 @@ def _keep_physical(model: mujoco.MjModel, effect: RobotEffect) -> None:
     """Keep what is added to friction, damping and armature from making them negative."""
     if (
         not isinstance(effect, ModelField)
-        or effect.part != "joint"
+        or effect.part not in ("joint", "tendon")
         or "scale" in effect.how.values()
     ):
         return
@@ -394,7 +397,7 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
     """Make the flexible fields of every joint, with a curve for each axis of a free motion."""
     found: list[RobotEffect] = []
     for where in joints:
-        (torque, unit), (speed, _) = (sizes.of(s, where.dofs, ()) for s in ("torque", "speed"))
+        (torque, unit), (speed, _) = (sizes.of(s, where.dofs) for s in ("torque", "speed"))
         at, free = list(where.dofs), bool(loose(model)[list(where.dofs)].any())
         own = sizes.wave[at]
         (wave, *sine), hinge = own[np.argsort(own[:, 0])[len(at) // 2]].tolist(), unit == "N m"
@@ -407,6 +410,7 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
             "log": np.linspace(1.0, sizes.logs, min(sizes.logs, MANY_LOGS)),
             "warmth": np.linspace(0.0, sizes.log_s, TIMES),
         }
+        knots |= {f"{name}_gain": knots[name] for name in ("log", "warmth")}
         lacks = {
             "position": turning(model)[at].any(),
             "torque": not where.channels,
@@ -414,6 +418,7 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
             "log": free or sizes.logs < FEW_LOGS,
             "warmth": free,
         }
+        lacks |= {f"{name}_gain": lacks[name] or not where.channels for name in ("log", "warmth")}
         words = {
             "joint": where.name.replace("_", " "),
             "torque": "torque" if hinge else "force",
@@ -423,17 +428,16 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
         for name, places in knots.items():
             if lacks.get(name):
                 continue
-            bound, probes, repeats = BOUND * torque, (PROBE * torque,), name == "ripple"
+            kind, repeats = OTHERS.get(name, TorqueField), name == "ripple"
+            usual, in_unit = (1.0, "1") if kind is GainField else (torque, unit)
+            bound, own = BOUND * usual, float(model.dof_frictionloss[at].min())
+            least = -min(bound, {FrictionField: own, GainField: 1.0}.get(kind, bound))
             n = (len(where.dofs) if free else 1) * (len(places) - repeats)
-            brakes = name in FRICTIONS
-            least = max(-bound, -float(model.dof_frictionloss[at].min())) if brakes else -bound
-            own = [
-                Parameter(f"c{k}", unit, least, bound, 0.0, null=0.0, probes=probes)
-                for k in range(n)
-            ]
+            one = Parameter("", in_unit, least, bound, 0.0, null=0.0, probes=(PROBE * usual,))
+            own = [replace(one, name=f"c{k}") for k in range(n)]
             text, depends_on = (said.format(**words) for said in FIELDS[name])
-            kind = FrictionField if brakes else TorqueField
-            of = {"ripple": "position", "warmth": "time"}.get(name, name)
+            of = name.removesuffix("_gain")
+            of = {"ripple": "position", "warmth": "time"}.get(of, of)
             more = {"of": of, "knots": places, "repeats": repeats}
             if repeats:
                 angle = 2 * np.pi * places[:-1] / wave

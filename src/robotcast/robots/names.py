@@ -16,7 +16,14 @@ from typing import Any, Literal
 import mujoco
 import numpy as np
 
-OBJECTS = {"joint": "njnt", "body": "nbody", "actuator": "nu", "geom": "ngeom", "sensor": "nsensor"}
+OBJECTS = {
+    "joint": "njnt",
+    "body": "nbody",
+    "actuator": "nu",
+    "tendon": "ntendon",
+    "geom": "ngeom",
+    "sensor": "nsensor",
+}
 
 
 def _called_after(prefix: str, names: str) -> dict[str, str]:
@@ -38,6 +45,7 @@ FIELDS = {  # what may be set of each: a field of MjModel, most of them called a
         "kp": "actuator_gainprm",
         **_called_after("actuator_", "gainprm biasprm dynprm gear forcerange damping armature"),
     },
+    "tendon": _called_after("tendon_", "frictionloss damping stiffness"),
     "geom": _called_after("geom_", "friction solref"),
     "option": _called_after("opt.", "gravity wind density viscosity"),
 }

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from robotcast.diagnosis.rule import Rule
-from robotcast.robots.couplings import serve
+from robotcast.robots.couplings import couple, serve
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.effects import in_file
 from robotcast.robots.model_fields import OneModel
@@ -143,6 +143,8 @@ def patched(
     spec = load_spec(robot.model_path)
     moving: Any = Moving(spec, robot.weld)
     serve(moving, robot.servos, str(robot.path))
+    if any(t >= len(spec.tendons) for effect, _ in acting for t in effect.where.tendons):
+        couple(moving)  # the file's own tendons come before
     left_out = []
     zeros = [one for one in acting if one[0].acts_through("closes")]
     for effect, values in (one for one in acting if one not in zeros):
@@ -174,10 +176,8 @@ def _copy(model: mujoco.MjModel, spec: mujoco.MjSpec, at: Address) -> None:
                 owner.springref = in_file(spec, owner, float(values[row]))
             elif name == "dampingpoly":
                 owner.damping[1:] = values[row]
-            elif name in ("damping", "stiffness"):
-                getattr(owner, name)[0] = values[row]
             else:
-                setattr(owner, name, float(values[row]))
+                _put(owner, name, values[row])
         elif at.field.startswith("body_"):
             body = spec.bodies[row]
             body.gravcomp = float(model.body_gravcomp[row])
@@ -188,9 +188,15 @@ def _copy(model: mujoco.MjModel, spec: mujoco.MjSpec, at: Address) -> None:
             body.inertia, body.iquat = model.body_inertia[row], model.body_iquat[row]
         else:
             kind, _, name = at.field.partition("_")
-            owner = getattr(spec, f"{kind}s")[row]
-            many = np.ndim(getattr(owner, name)) > 0
-            setattr(owner, name, np.atleast_1d(values[row]) if many else float(values[row]))
+            _put(getattr(spec, f"{kind}s")[row], name, values[row])
+
+
+def _put(owner: Any, name: str, values: np.ndarray) -> None:
+    """Write a number of a spec, or the first ones where it holds more than the model."""
+    if np.ndim(getattr(owner, name)):
+        getattr(owner, name)[: np.size(values)] = values
+    else:
+        setattr(owner, name, float(values))
 
 
 def _joint(model: mujoco.MjModel, field: str, row: int) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from robotcast.robots.closure import ways
+from robotcast.robots.couplings import tendon_arms
 from robotcast.robots.logs import Log, periods
 from robotcast.robots.model_fields import loaded
 from robotcast.robots.names import coordinates, loose, turning
@@ -60,10 +61,21 @@ class Sizes:
     # the cosine and the sine of a torque that would act so, (nv, 3)
     wave: np.ndarray
     logs: int  # how many there are
+    arms: np.ndarray  # by how much tendons grow with joints, (ntendon, nv)
     window_s: float = np.inf  # how long the windows are
 
-    def of(self, kind: str, dofs: Sequence[int], channels: Sequence[int]) -> tuple[float, str]:
-        """Return the size of a kind over joints or channels, and its unit; of others 1."""
+    def of(
+        self,
+        kind: str,
+        dofs: Sequence[int],
+        channels: Sequence[int] = (),
+        tendons: Sequence[int] = (),
+    ) -> tuple[float, str]:
+        """Return the size of a kind over joints, channels or tendons, and its unit; of others 1.
+
+        A torque is a tendon's force by its arm. Tendons have lengths in m, but where they add up
+        the positions of joints as they are.
+        """
         if kind == "length":
             return self.reach_m, "m"
         if kind == "per command":
@@ -71,8 +83,14 @@ class Sizes:
         if kind not in SIZES:
             return 1.0, kind
         of_hinge, of_slide, size = SIZES[kind]
-        at = list(dofs)
-        return float(np.median(size(self)[at])), of_hinge if self.hinge[at[0]] else of_slide
+        at, own = list(dofs), size(self)
+        if tendons:
+            arms = self.arms[list(tendons)]
+            power = 1 if kind == "torque" else 2  # by speed or position, which the arm shortens
+            own = own / np.where(arms > 0, arms, np.nan) ** power
+            plain = bool(np.isin(arms, (0.0, 1.0)).all())
+            return float(np.nanmedian(own)), of_hinge if plain and self.hinge[at[0]] else of_slide
+        return float(np.median(own[at])), of_hinge if self.hinge[at[0]] else of_slide
 
 
 @dataclass(frozen=True)
@@ -188,6 +206,7 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         touches=found.touches,
         wave=np.array([_wave(*own, periods(logs)) for own in zip(*by_joint, strict=True)]),
         logs=len(logs),
+        arms=tendon_arms(model),
     )
 
 
