@@ -4,7 +4,8 @@ import numpy as np
 
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.model import Record
-from robotcast.diagnosis.sizes import Size, sizes
+from robotcast.diagnosis.sizes import Size, may_be, sizes
+from robotcast.fitting.parameter import Parameter
 from tests.diagnosis.sliding_puck import LATE, NOISE_M, Puck, pushes
 from tests.diagnosis.test_library import NOMINAL, TIMES_S, Cart
 
@@ -58,3 +59,11 @@ def test_what_is_held_has_no_width_and_what_no_trial_tells_that_of_what_was_expe
     assert rate.low == rate.value == rate.high == NOMINAL
     assert strength.low < 0 < strength.high < 0.05
     assert place.low < 0.1 and place.high > 0.9
+
+
+def test_a_law_may_be_its_special_case_where_all_else_may_be_nothing() -> None:
+    k, torque = (Parameter(name, "1", -9.0, 9.0, 0.0, null=0.0) for name in ("k", "torque"))
+    shape = Parameter("shape", "1", 0.0, 9.0, 1.0)  # no strength
+    for low in (-0.1, 0.05):
+        spring = [Size(k, 0.1, low, 0.3), Size(torque, 2.0, 1.9, 2.1), Size(shape, 1.0, 0.5, 2.0)]
+        assert may_be(spring, [torque]) == (low <= 0)

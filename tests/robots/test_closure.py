@@ -12,10 +12,9 @@ from robotcast.fitting.parameter import Parameter
 from robotcast.robots.closure import Followers, equalities
 from robotcast.robots.describe import describe
 from robotcast.robots.effect import Where
-from robotcast.robots.effects import ElasticJoint
 from robotcast.robots.robot_case import read_case
 from robotcast.robots.sizes import dynamics
-from robotcast.robots.transmission import Transmission, link_inertia
+from robotcast.robots.transmission import ElasticJoint, Transmission, link_inertia
 from tests.robots.made_up_robot import write_folder
 
 LINKAGE = """

@@ -90,3 +90,15 @@ def test_a_link_whose_weight_is_not_compensated_falls_as_in_the_file(tmp_path: P
     other = Rollout(replace(case.robot, model=fallen), rollout.logs, rollout.windows)
     np.testing.assert_allclose(falls, other.simulate(*own, [], np.zeros((1, 0)))[0], atol=1e-9)
     assert np.abs(falls - still).max() > 0.01
+
+
+def test_tendons_of_several_joints_have_effects_and_those_of_one_are_the_joint(
+    arm: RobotCase,
+) -> None:
+    found = {n for n in arm.model.effects if n.startswith("tendon_")}
+    assert found == {f"tendon_{what}_tendon_rope" for what in ("friction", "damping", "stiffness")}
+    units = [arm.model.effects[name].parameters[0].unit for name in sorted(found)]
+    assert units == ["N s/m", "N", "N/m"]
+    (friction,) = arm.model.effects["tendon_friction_tendon_rope"].parameters
+    torque = np.median(arm.sizes.torque / [0.5, 0.4])  # by the arms of the shoulder and the elbow
+    assert friction.upper == pytest.approx(2 * torque)

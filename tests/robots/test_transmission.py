@@ -12,11 +12,10 @@ from mujoco.batch import Batch
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots import robot_model
 from robotcast.robots.effect import Where
-from robotcast.robots.effects import Backlash, ElasticJoint
 from robotcast.robots.logs import read_logs
 from robotcast.robots.robot_case import read_case
 from robotcast.robots.robot_file import read_robot
-from robotcast.robots.transmission import Transmission
+from robotcast.robots.transmission import Backlash, ElasticJoint, Transmission
 from robotcast.robots.windows import StartStates
 from tests.robots.made_up_robot import SLIDER, rewrite, write_folder
 

@@ -109,6 +109,9 @@ class RobotEffect:
     def delay_s(self, **values: np.ndarray) -> Any:
         """Return by how much the channels' commands come late, (n_sim, 1)."""
 
+    def pace(self, **values: np.ndarray) -> Any:
+        """Return how many seconds of the log pass in one that is simulated, (n_sim, 1)."""
+
     def command(self, drive: np.ndarray, step_s: float, **values: np.ndarray) -> Any:
         """Return what becomes of the channels' commands (n_sim, n_steps, n_channels)."""
 

@@ -9,14 +9,8 @@ import numpy as np
 
 from robotcast.robots.effect import Motion, RobotEffect
 from robotcast.robots.model_fields import ModelFields, spread
-from robotcast.robots.names import Address, address, is_hinge, names_of
-from robotcast.robots.transmission import LEAST_ROTOR, drives_of, is_servo, link_inertia
-
-
-def in_file(spec: mujoco.MjSpec, joint: Any, value: float) -> float:
-    """Return a position of a joint [rad, m] as the file has it, which may be in degrees."""
-    angular = joint.type == mujoco.mjtJoint.mjJNT_HINGE
-    return float(np.degrees(value)) if angular and spec.compiler.degree else value
+from robotcast.robots.names import Address, address, in_file, names_of
+from robotcast.robots.transmission import drives_of, is_servo
 
 
 class ModelField(RobotEffect):
@@ -229,51 +223,6 @@ class SpeedLimit(RobotEffect):
         return -motion.torque * np.clip((along - 0.8) / 0.2, 0.0, 1.0)
 
 
-class Transmitted(RobotEffect):
-    """Something between a drive and its link, see `Transmission`."""
-
-    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, **values: float) -> bool:
-        """Insert a second joint behind each, so that the old one is the rotor's."""
-        given = {name: np.array([[v]]) for name, v in values.items()}
-        compliance, retardation_s, half_gap, _ = map(np.ndarray.item, self.transmission(**given))
-        joints = [int(model.dof_jntid[dof]) for dof in self.where.dofs]
-        if spec.keys or not all(is_hinge(model, joint) for joint in joints):
-            # MuJoCo takes two slides along one axis of a body for orthogonal ones, and the
-            # positions of a keyframe would be one too few
-            return False
-        for dof, joint in zip(self.where.dofs, joints, strict=True):
-            old = spec.joints[joint]
-            new = old.parent.add_joint(name=f"{old.name}_{self.name}", type=old.type)
-            new.axis, new.pos = old.axis, old.pos
-            rotor = LEAST_ROTOR * float(link_inertia(model, [dof])[0])
-            old.armature = max(old.armature, rotor)
-            if compliance:
-                new.stiffness[0], new.damping[0] = 1 / compliance, retardation_s / compliance
-            if half_gap:
-                reach = in_file(spec, old, half_gap)
-                new.limited, new.range = int(mujoco.mjtLimited.mjLIMITED_TRUE), [-reach, reach]
-                new.solref_limit = [2 * model.opt.timestep, 1.0]  # as stiff as a step allows
-        return True
-
-
-class ElasticJoint(Transmitted):
-    """The link hangs on its drive by a spring of compliance `c`, damped as c d = `retardation`."""
-
-    def transmission(self, *, c: np.ndarray, retardation: np.ndarray) -> tuple[np.ndarray, ...]:
-        return c, retardation, np.zeros_like(c), np.zeros_like(c)
-
-
-class Backlash(Transmitted):
-    """The link is free within `gap` about its drive; teeth yield to the `usual` torque by half."""
-
-    def __init__(self, *args: Any, usual: float, **more: Any) -> None:
-        super().__init__(*args, **more)
-        self.usual = usual
-
-    def transmission(self, *, gap: np.ndarray) -> tuple[np.ndarray, ...]:
-        return np.zeros_like(gap), np.zeros_like(gap), gap / 2, gap / 2 / self.usual
-
-
 class Stribeck(RobotEffect):
     """Dry friction that is larger near rest: torque + peak · exp(−(v / speed)²)."""
 
@@ -310,6 +259,20 @@ class Spring(RobotEffect):
         for joint in joints:
             joint.stiffness[0], joint.springref = k, in_file(spec, joint, torque / k)
         return True
+
+
+class EarlyCommand(RobotEffect):
+    """Commands act `tau` before their time stamps."""
+
+    def delay_s(self, *, tau: np.ndarray) -> np.ndarray:
+        return -tau
+
+
+class Clock(RobotEffect):
+    """The clock of the logs runs 1 + k times as fast as time."""
+
+    def pace(self, *, k: np.ndarray) -> np.ndarray:
+        return 1 + k
 
 
 class EncoderLatency(RobotEffect):

@@ -54,7 +54,7 @@ def read_step(model: RobotModel) -> None:
     """
     errors, found = step_errors(model), []
     whole, _ = _taken_up(model, errors[0], errors[1:])
-    floor = float(np.hypot(model.usual_miss(model.perfect_misses), model.usual_miss(whole)))
+    noise, err = model.usual_miss(model.perfect_misses), model.usual_miss(whole)
     for step in (Step(), Step(-errors[0], 1 / _times_less(model))):
         model.step = step
         left, taken = _taken_up(model, model.misses(model.known_paths()), errors[1:])
@@ -62,10 +62,10 @@ def read_step(model: RobotModel) -> None:
         means = [np.linalg.norm(one, axis=1).mean() if len(one) else np.inf for one in seen]
         found.append((100 / model.scale * np.array(means), step, taken))
     (own, model.step, _), (shorter, step, taken) = found
-    if min(np.median(own), np.median(shorter)) > Rule.at_floor * floor:
+    if min(np.median(own), np.median(shorter)) > Rule.at_floor * float(np.hypot(noise, err)):
         return
     parts = np.unique([r.together for r in model.records], return_inverse=True)[1]
-    less = np.nan_to_num(misses(own, floor) - misses(shorter, floor))  # 0 where both diverged
+    less = np.nan_to_num(misses(own, noise) - misses(shorter, noise))  # 0 where both diverged
     if worse(less, parts, Rule.far) < SURE:
         every, known = _parameters(model), model.known
         rows, ends = _about(every, known.values), np.array([(p.lower, p.upper) for p in every])

@@ -157,6 +157,12 @@ def is_hinge(model: mujoco.MjModel, joint: int) -> bool:
     return int(model.jnt_type[joint]) == int(mujoco.mjtJoint.mjJNT_HINGE)
 
 
+def in_file(spec: mujoco.MjSpec, joint: Any, value: float) -> float:
+    """Return a position of a joint [rad, m] as the file has it, which may be in degrees."""
+    angular = joint.type == mujoco.mjtJoint.mjJNT_HINGE
+    return float(np.degrees(value)) if angular and spec.compiler.degree else value
+
+
 def address(model: mujoco.MjModel, text: str, where: str) -> Address:
     """Return what `joint[elbow].damping` or `actuator[*].gainprm[0]` stands for."""
     kind, pattern, attribute, index = _parsed(text, where)

@@ -15,9 +15,8 @@ import numpy as np
 from robotcast.diagnosis.rule import Rule
 from robotcast.robots.couplings import couple, serve
 from robotcast.robots.effect import RobotEffect
-from robotcast.robots.effects import in_file
 from robotcast.robots.model_fields import OneModel
-from robotcast.robots.names import FIELDS, Address, loose, name_of_dof, turning
+from robotcast.robots.names import FIELDS, Address, in_file, loose, name_of_dof, turning
 from robotcast.robots.robot_case import RobotCase
 from robotcast.robots.robot_file import Moving, RobotFile, compiled, load_spec
 from robotcast.robots.sizes import dynamics

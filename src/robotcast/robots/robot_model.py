@@ -18,11 +18,11 @@ import numpy as np
 from robotcast.diagnosis.model import Record
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.effect import RobotEffect
-from robotcast.robots.effects import ElasticJoint
 from robotcast.robots.logs import Log
 from robotcast.robots.names import moved, turning
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.rollout import Rollout
+from robotcast.robots.transmission import ElasticJoint
 from robotcast.robots.windows import PART, Units, Window
 
 MOST_SD = 3.0  # standard deviations that a start state may move by

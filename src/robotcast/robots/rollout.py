@@ -60,6 +60,8 @@ class Rollout:
         self._controls = [(c, at.actuator) for c, at in channels if at.actuator is not None]
         self._torques = [(c, at.dof) for c, at in channels if at.dof is not None]
         self._signals = list(robot.measured)
+        shown = {s.dof for s in self._signals if s.kind == "velocity"}
+        self._differ = [dof not in shown for dof in range(self._model.nv)]  # speeds by the clock
         self._delay_s, self._latency_s = self._own_delays()
         self.qpos_of_dof = coordinates(self._model)
 
@@ -141,8 +143,13 @@ class Rollout:
         fields.finish()
         for effect, own in _through("closes", acting):
             effect.closes(self._model, batch.expand("actuator_biasprm"), **own)
+        pace = np.ones(len(windows))
+        for effect, own in _through("pace", acting):
+            pace *= effect.pace(**own)[:, 0]
+        times_s = [t / fast for t, fast in zip(times_s, pace, strict=True)]
+        away[:, 1] += self._differ * (pace[:, None] - 1) * [w.qvel for w in windows]
         n_steps = int(np.ceil(max(t[-1] for t in times_s) / self._step_s - 1e-9)) + 1
-        before, drive = self._drive(windows, acting, n_steps)
+        before, drive = self._drive(windows, acting, n_steps, pace)
         if self._model.na:
             self._recall(batch, windows, before)
         self._place(batch, windows, away, acting)
@@ -218,7 +225,7 @@ class Rollout:
         return qpos, at_s >= log.times_s[0]
 
     def _drive(
-        self, windows: Sequence[Window], acting: Acting, n_steps: int
+        self, windows: Sequence[Window], acting: Acting, n_steps: int, pace: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return what drives the steps before the start and those after, (n_sim, n, n_channels)."""
         lead_s = LEAD_S if any(True for _ in _through("command", acting)) else 0.0
@@ -228,12 +235,12 @@ class Rollout:
             delay_s[:, list(effect.where.channels)] += effect.delay_s(**own)
         since_s = self._step_s * np.arange(-lead, n_steps + 1)
         drive = np.empty((len(windows), lead + n_steps, len(self.robot.drive)))
-        known: dict[tuple[int, int, bytes], np.ndarray] = {}
-        for row, window, late in zip(drive, windows, delay_s, strict=True):
-            key = (window.log, window.first, late.tobytes())
+        known: dict[tuple[int, int, float, bytes], np.ndarray] = {}
+        for row, window, fast, late in zip(drive, windows, pace, delay_s, strict=True):
+            key = (window.log, window.first, fast, late.tobytes())
             if key not in known:
                 from_s = self.logs[window.log].times_s[window.first]
-                known[key] = self.logs[window.log].mean_drive(from_s + since_s, late)
+                known[key] = self.logs[window.log].mean_drive(from_s + fast * since_s, fast * late)
             row[:] = known[key]
         for effect, own in _through("command", acting):
             at = list(effect.where.channels)

@@ -19,14 +19,15 @@ equation is stiff. No second joint is compiled, so that the whole library can be
 """
 
 from collections.abc import Collection, Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
 from robotcast.robots.closure import Followers, equalities
-from robotcast.robots.effect import Acting
-from robotcast.robots.names import coordinates, joint_of_actuator
+from robotcast.robots.effect import Acting, RobotEffect
+from robotcast.robots.names import coordinates, in_file, is_hinge, joint_of_actuator
 
 LEAST_ROTOR = 0.02  # of a joint's inertia, taken from its link where the model gives no armature
 IMPLICIT = 2 / 3  # of a step, by which a spring that it does not resolve is damped
@@ -280,3 +281,48 @@ class Transmission:
             drive[:, k] += gear * np.clip(force, ends[:, 0], ends[:, 1])
             brake[:, k] += gear**2 * np.maximum(0.0, -law[:, 3])
         return drive, brake
+
+
+class Transmitted(RobotEffect):
+    """Something between a drive and its link, see `Transmission`."""
+
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, **values: float) -> bool:
+        """Insert a second joint behind each, so that the old one is the rotor's."""
+        given = {name: np.array([[v]]) for name, v in values.items()}
+        compliance, retardation_s, half_gap, _ = map(np.ndarray.item, self.transmission(**given))
+        joints = [int(model.dof_jntid[dof]) for dof in self.where.dofs]
+        if spec.keys or not all(is_hinge(model, joint) for joint in joints):
+            # MuJoCo takes two slides along one axis of a body for orthogonal ones, and the
+            # positions of a keyframe would be one too few
+            return False
+        for dof, joint in zip(self.where.dofs, joints, strict=True):
+            old = spec.joints[joint]
+            new = old.parent.add_joint(name=f"{old.name}_{self.name}", type=old.type)
+            new.axis, new.pos = old.axis, old.pos
+            rotor = LEAST_ROTOR * float(link_inertia(model, [dof])[0])
+            old.armature = max(old.armature, rotor)
+            if compliance:
+                new.stiffness[0], new.damping[0] = 1 / compliance, retardation_s / compliance
+            if half_gap:
+                reach = in_file(spec, old, half_gap)
+                new.limited, new.range = int(mujoco.mjtLimited.mjLIMITED_TRUE), [-reach, reach]
+                new.solref_limit = [2 * model.opt.timestep, 1.0]  # as stiff as a step allows
+        return True
+
+
+class ElasticJoint(Transmitted):
+    """The link hangs on its drive by a spring of compliance `c`, damped as c d = `retardation`."""
+
+    def transmission(self, *, c: np.ndarray, retardation: np.ndarray) -> tuple[np.ndarray, ...]:
+        return c, retardation, np.zeros_like(c), np.zeros_like(c)
+
+
+class Backlash(Transmitted):
+    """The link is free within `gap` about its drive; teeth yield to the `usual` torque by half."""
+
+    def __init__(self, *args: Any, usual: float, **more: Any) -> None:
+        super().__init__(*args, **more)
+        self.usual = usual
+
+    def transmission(self, *, gap: np.ndarray) -> tuple[np.ndarray, ...]:
+        return np.zeros_like(gap), np.zeros_like(gap), gap / 2, gap / 2 / self.usual
