@@ -194,7 +194,7 @@ class RobotCase:
         why = (
             f"First {' and '.join(old.effects[name].text for name in found['verdict'])} was named, "
             f"in windows of {self.length_s:.2g} s. By that model these are longer or noise leaves "
-            "less in them, and it was asked once more."
+            "less in them, and it was asked once more; compare keeps to the first windows."
         )
         every, at = case.model.effects | case.of_single_parts, len(old.parameters)
         for effect in (e for e in every.values() if e.depends_on is None):
