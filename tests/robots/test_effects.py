@@ -329,25 +329,32 @@ def test_friction_that_fades_within_a_log_is_found(tmp_path: Path) -> None:
     assert first > 1.2 and abs(last) < 0.4
 
 
-def sticks(model: mujoco.MjModel, number: int) -> None:
-    model.dof_frictionloss[:] = 0.4 * number
+def sticks(level: float, model: mujoco.MjModel) -> None:
+    model.dof_frictionloss[:] = 0.4 * level
 
 
-def tires(model: mujoco.MjModel, number: int) -> None:
-    model.actuator_gainprm[:, 0] -= 0.08 * number
+def tires(level: float, model: mujoco.MjModel) -> None:
+    model.actuator_gainprm[:, 0] -= 0.08 * level
 
 
-@pytest.mark.parametrize(("change", "last"), [(sticks, 2.0), (tires, -0.4)])
+LOGS, WARM = "the order of the logs", "temperature"
+
+
+@pytest.mark.parametrize(
+    ("change", "by", "last"), [(sticks, LOGS, 2.0), (tires, LOGS, -0.4), (sticks, WARM, 2.0)]
+)
 def test_friction_and_gains_that_change_from_log_to_log_are_found(
-    tmp_path: Path, change: Callable[[mujoco.MjModel, int], None], last: float
+    tmp_path: Path, change: Callable[[float, mujoco.MjModel], None], by: str, last: float
 ) -> None:
-    for number in range(6):
-        changed = partial(change, number=number)
-        made = write_folder(tmp_path / str(number), logs=number + 1, change=changed)
+    factors = {WARM: {"column": "warmth"}} if by == WARM else {}
+    for number, level in enumerate((0, 3, 1, 5, 2, 4) if factors else range(6)):
+        own = tmp_path / str(number)
+        made = write_folder(own, logs=number + 1, change=partial(change, level), factors=factors)
+        rewrite(made, pl.lit(20.0 + 8 * level).alias("warmth"))
         for name in (f"log{number}.csv", "robot.xml", "robot.yaml"):
             (made / name).replace(tmp_path / name)
     found = diagnosed(read_case(tmp_path))
     assert found["verdict"] == ["unknown"]
-    assert found["unexplained"]["depends_on"] == "the order of the logs"
+    assert found["unexplained"]["depends_on"] == by
     values = np.ravel(found["unexplained"]["field"]["values"])
     np.testing.assert_allclose(values, np.linspace(0, last, 5), atol=0.075 * abs(last))

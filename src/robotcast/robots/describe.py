@@ -384,7 +384,12 @@ def _text(folder: Path, model_path: Path, logs: Sequence[Path], guess: _Guess) -
         "# tune:  # parameters that the nominal fit may change, with bounds; others are trusted\n"
         f"#   {joint}.damping: [0.0, 1.0]\n"
         "#   body[*].mass: { factor: [0.8, 1.2] }\n"
-        + (f"# not used: {', '.join(guess.unused)}\n" if guess.unused else "")
+        + (
+            f"# factors:  # what else may matter, such as {{ temperature: COLUMN }}; not used: "
+            f"{', '.join(guess.unused)}\n"
+            if guess.unused
+            else ""
+        )
     )
 
 

@@ -5,9 +5,9 @@ the effect's parameters by name, arrays of shape (n_sim, 1), one row a simulatio
 its null an effect must change no bit: add 0, multiply by 1.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import mujoco
@@ -40,6 +40,8 @@ class Motion:
     qpos: np.ndarray
     qvel: np.ndarray
     torque: np.ndarray  # what drove them in the step before [N m or N]
+    # what robot.yaml calls a factor, its mean in the window, (n_sim, 1) each
+    factors: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 class RobotEffect:
@@ -143,6 +145,17 @@ class RobotEffect:
     def acts_through(self, hook: str) -> bool:
         """Tell whether the effect overrides this hook."""
         return getattr(type(self), hook) is not getattr(RobotEffect, hook)
+
+
+def effect_of_joints(name: str, effects: Iterable[RobotEffect]) -> RobotEffect | None:
+    """Return the effect of this name that is one of others in some of its joints, if any."""
+    for one in (e for e in effects if e.where.each):
+        joints = name.removeprefix(f"{one.kind}_").split("_and_")
+        pairs = zip(one.where.dofs, one.parameters, strict=True)
+        dofs = [dof for dof, p in pairs if p.name.partition("_")[2] in joints]
+        if len(dofs) > 1 and (found := one.of_joints(dofs)).name == name:
+            return found
+    return None
 
 
 Acting = list[tuple[RobotEffect, dict[str, np.ndarray]]]

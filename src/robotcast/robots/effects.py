@@ -329,7 +329,8 @@ class EncoderScale(Encoder):
 class Field(RobotEffect):
     """A flexible field that depends on one quantity, piecewise linear between knots.
 
-    It is a field `of` "position", "speed", "torque", "time" or "log", with a parameter at each knot
+    It is a field `of` "position", "speed", "torque", "time", "log" or "by_" and the name of a
+    factor that was logged, with a parameter at each knot
     (n,): of one curve for all joints, or of one after the other for each. What repeats ends as it
     began, so that its last knot, a wave from the first, has no parameter.
     """
@@ -359,6 +360,7 @@ class Field(RobotEffect):
             "torque": motion.torque,
             "time": motion.log_time_s,
             "log": motion.log,
+            **{f"by_{name}": values for name, values in motion.factors.items()},
         }[self.of]
         at = np.broadcast_to(at, motion.qpos.shape)
         if self.repeats:

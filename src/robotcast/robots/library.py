@@ -4,7 +4,6 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from difflib import get_close_matches
 from typing import Any
 
 import mujoco
@@ -15,7 +14,7 @@ from robotcast.build import CONFIGURATION, build
 from robotcast.fitting.parameter import Parameter
 from robotcast.robots.couplings import tendon_parts
 from robotcast.robots.effect import RobotEffect, Where
-from robotcast.robots.effects import Field, FrictionField, GainField, ModelField, TorqueField
+from robotcast.robots.effects import FrictionField, GainField, ModelField, TorqueField
 from robotcast.robots.names import driven_dof, loose, name_of_dof, names_of, turning
 from robotcast.robots.robot_file import RobotFile
 from robotcast.robots.sizes import Sizes
@@ -23,7 +22,6 @@ from robotcast.robots.transmission import FILTERS, drives_of, is_plain, is_servo
 
 FEW_JOINTS = 4  # up to as many, each is looked at alone; of more, groups of them
 MANY_JOINTS = 8  # of more, a size for each is only looked at where one for all was named
-NEAR = 5  # names that are said where one is wrong
 FIELD_KNOTS = np.array([-2.0, -1.0, -0.4, 0.0, 0.4, 1.0, 2.0])
 PLACES = 21  # of a field over the range of positions: ripple has several waves there
 PHASES, TIMES = 9, 5  # of a field that repeats, and of one over the time
@@ -44,10 +42,8 @@ FIELDS = {  # what a field is, and what it depends on
     "log_gain": ("a drive gain of {joint} that changes from log to log", "{log}"),
     "warmth_gain": ("a drive gain of {joint} that changes within a log", "the time into the log"),
 }
-OTHERS: dict[str, type[Field]] = {  # than torques
-    **dict.fromkeys(("log", "warmth"), FrictionField),
-    **dict.fromkeys(("log_gain", "warmth_gain"), GainField),
-}
+BY = "{what} of {joint} that changes with {factor}"  # of what was logged, as a temperature
+FRICTIONS = ("log", "warmth")
 FEW_LOGS, MANY_LOGS = 3, 5  # from so many on there is a field of them, of no more knots than that
 PROBE, BOUND = 0.1, 2.0  # of a field, in usual torques
 
@@ -79,13 +75,6 @@ def lacking(robot: RobotFile, sizes: Sizes) -> list[RobotEffect]:
     where = replace(_where(robot, "every_joint", dofs), each=True)
     made = (_made(robot, name, library()[name], where, sizes) for name in sizes.lacks if dofs)
     return [one for one in made if one]
-
-
-def refuse_unknown(key: str, names: Iterable[str], known: Sequence[str]) -> None:
-    """Raise ValueError for a name of no effect, with those that are most like it."""
-    if unknown := sorted({*names} - {*known}):
-        near = get_close_matches(unknown[0], known, NEAR, cutoff=0.0)
-        raise ValueError(f"{key}: no effect is called {unknown[0]}; nearest is {', '.join(near)}")
 
 
 def alone(robot: RobotFile) -> Mapping[str, Sequence[Where]]:
@@ -141,17 +130,6 @@ def _each(robot: RobotFile, joints: Iterable[Where]) -> list[Where]:
     long = "each_joint_of_{}" if robot.groups else "each_{}"
     several = (one for one in joints if len(one.dofs) > 1)
     return [replace(w, name=short.get(w.name, long.format(w.name)), each=True) for w in several]
-
-
-def effect_of_joints(name: str, effects: Iterable[RobotEffect]) -> RobotEffect | None:
-    """Return the effect of this name that is one of others in some of its joints, if any."""
-    for one in (e for e in effects if e.where.each):
-        joints = name.removeprefix(f"{one.kind}_").split("_and_")
-        pairs = zip(one.where.dofs, one.parameters, strict=True)
-        dofs = [dof for dof, p in pairs if p.name.partition("_")[2] in joints]
-        if len(dofs) > 1 and (found := one.of_joints(dofs)).name == name:
-            return found
-    return None
 
 
 def _depth(model: mujoco.MjModel, dof: int) -> int:
@@ -410,7 +388,10 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
             "log": np.linspace(1.0, sizes.logs, min(sizes.logs, MANY_LOGS)),
             "warmth": np.linspace(0.0, sizes.log_s, TIMES),
         }
-        knots |= {f"{name}_gain": knots[name] for name in ("log", "warmth")}
+        by = {f"by_{name}": np.linspace(*ends, TIMES) for name, ends in sizes.factors.items()}
+        knots |= {name: places for name, places in by.items() if places[0] < places[-1]}
+        slow = [*FRICTIONS, *by]
+        knots |= {f"{name}_gain": knots[name] for name in slow if name in knots}
         lacks = {
             "position": turning(model)[at].any(),
             "torque": not where.channels,
@@ -418,7 +399,8 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
             "log": free or sizes.logs < FEW_LOGS,
             "warmth": free,
         }
-        lacks |= {f"{name}_gain": lacks[name] or not where.channels for name in ("log", "warmth")}
+        lacks |= dict.fromkeys(by, free)
+        lacks |= {f"{name}_gain": lacks[name] or not where.channels for name in slow}
         words = {
             "joint": where.name.replace("_", " "),
             "torque": "torque" if hinge else "force",
@@ -428,15 +410,19 @@ def _fields(model: mujoco.MjModel, joints: Sequence[Where], sizes: Sizes) -> lis
         for name, places in knots.items():
             if lacks.get(name):
                 continue
-            kind, repeats = OTHERS.get(name, TorqueField), name == "ripple"
+            kind, repeats = TorqueField, name == "ripple"
+            if name.removesuffix("_gain") in slow:
+                kind = GainField if name.endswith("_gain") else FrictionField
             usual, in_unit = (1.0, "1") if kind is GainField else (torque, unit)
             bound, own = BOUND * usual, float(model.dof_frictionloss[at].min())
             least = -min(bound, {FrictionField: own, GainField: 1.0}.get(kind, bound))
             n = (len(where.dofs) if free else 1) * (len(places) - repeats)
             one = Parameter("", in_unit, least, bound, 0.0, null=0.0, probes=(PROBE * usual,))
             own = [replace(one, name=f"c{k}") for k in range(n)]
-            text, depends_on = (said.format(**words) for said in FIELDS[name])
             of = name.removesuffix("_gain")
+            words |= {"factor": of.removeprefix("by_").replace("_", " ")}
+            words |= {"what": "a drive gain" if kind is GainField else "friction"}
+            text, depends_on = (part.format(**words) for part in FIELDS.get(name, (BY, "{factor}")))
             of = {"ripple": "position", "warmth": "time"}.get(of, of)
             more = {"of": of, "knots": places, "repeats": repeats}
             if repeats:

@@ -1,8 +1,8 @@
 """Logs of a robot: read, converted to SI units, and checked before anything is simulated."""
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -41,6 +41,7 @@ class Log:
     measured: np.ndarray  # (k, n_signals), NaN where a sample is missing
     payloads: tuple[Payload, ...] = ()  # what was fixed to the robot then
     motion: int = 0  # number of the first log of the same motion
+    factors: Mapping[str, np.ndarray] = field(default_factory=dict)  # (k,), what else was logged
     number: float = math.inf  # in the order of robot.yaml, from 1; of one to come, after all others
 
     @property
@@ -54,6 +55,10 @@ class Log:
         times_s = np.r_[self.times_s, self.times_s[-1] + self.period_s]
         steps = np.diff(times_s)[:, None] * self.drive
         return times_s, np.vstack([np.zeros(self.drive.shape[1]), np.cumsum(steps, axis=0)])
+
+    def factor(self, name: str, first: int, end: int) -> float:
+        """Return the mean of a factor over some samples, NaN where it was not logged."""
+        return float(self.factors[name][first:end].mean()) if name in self.factors else math.nan
 
     def mean_drive(self, edges_s: np.ndarray, delay_s: np.ndarray) -> np.ndarray:
         """Return the means (n, n_channels) between n + 1 edges, every channel so much later."""
@@ -134,7 +139,19 @@ def _read(path: Path, table: pl.DataFrame, robot: RobotFile) -> Log:
     if not any(_moves(one) for one in measured.T):
         raise ValueError(f"{path}: nothing moves in it; take it out of logs")
     _refuse_frozen(path, robot, drive, measured)
-    return Log(path, times_s, drive, measured)
+    factors = {
+        name: _filled(path, times_s, _numbers(path, table, c, f"factors {name}"), c.name)
+        for name, c in robot.factors.items()
+    }
+    return Log(path, times_s, drive, measured, factors=factors)
+
+
+def _filled(path: Path, times_s: np.ndarray, values: np.ndarray, name: str) -> np.ndarray:
+    """Return a factor between the rows that hold it, since slow things are logged seldom."""
+    seen = np.isfinite(values)
+    if not seen.any():
+        raise ValueError(f"{path}: {name} holds no number; take it out of factors")
+    return np.interp(times_s, times_s[seen], values[seen])
 
 
 def _run_on(robot: RobotFile, drive: np.ndarray, measured: np.ndarray) -> None:

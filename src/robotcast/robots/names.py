@@ -8,7 +8,9 @@ q ⊗ exp(v / 2).
 
 import math
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Literal
@@ -53,6 +55,7 @@ FIRST_OF = ("kp", "gainprm", "gear", "friction")  # without an index, their firs
 FORM = re.compile(r"(\w+)(?:\[([^\]]+)\])?(?:\.(\w+))?(?:\[(\d)\])?")
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 WIDTH = {FREE: 6, BALL: 3}  # degrees of freedom; of others 1
+NEAR = 5  # names that are said where one is wrong
 PLACE, AXES = ("x", "y", "z"), ("w", "x", "y", "z")
 
 
@@ -161,6 +164,13 @@ def in_file(spec: mujoco.MjSpec, joint: Any, value: float) -> float:
     """Return a position of a joint [rad, m] as the file has it, which may be in degrees."""
     angular = joint.type == mujoco.mjtJoint.mjJNT_HINGE
     return float(np.degrees(value)) if angular and spec.compiler.degree else value
+
+
+def refuse_unknown(key: str, names: Iterable[str], known: Sequence[str]) -> None:
+    """Raise ValueError for a name of no effect, with those that are most like it."""
+    if unknown := sorted({*names} - {*known}):
+        near = get_close_matches(unknown[0], known, NEAR, cutoff=0.0)
+        raise ValueError(f"{key}: no effect is called {unknown[0]}; nearest is {', '.join(near)}")
 
 
 def address(model: mujoco.MjModel, text: str, where: str) -> Address:

@@ -17,19 +17,12 @@ from robotcast.diagnosis.inquiry import Inquiry
 from robotcast.diagnosis.model import Axis, Wording
 from robotcast.diagnosis.rule import Effort, Rule
 from robotcast.fitting.starts import spread
-from robotcast.robots.effect import RobotEffect
+from robotcast.robots.effect import RobotEffect, effect_of_joints
 from robotcast.robots.effects import Field
 from robotcast.robots.floor import RobotFloor, read_step
-from robotcast.robots.library import (
-    alone,
-    candidates,
-    effect_of_joints,
-    lacking,
-    parts_of,
-    refuse_unknown,
-)
+from robotcast.robots.library import alone, candidates, lacking, parts_of
 from robotcast.robots.logs import Log, periods, read_logs
-from robotcast.robots.names import name_of_dof, names_of, to_si
+from robotcast.robots.names import name_of_dof, names_of, refuse_unknown, to_si
 from robotcast.robots.next_motions import Motions, motions
 from robotcast.robots.robot_file import RobotFile, read_robot
 from robotcast.robots.robot_model import Known, RobotModel
@@ -294,11 +287,12 @@ def draw_field(inquiry: Inquiry, left: Unexplained) -> dict[str, Any] | None:
         return None
     torque = field.parameters[0].unit
     length = "rad" if torque == "N m" else "m"
-    unit = {"position": length, "speed": f"{length}/s", "torque": torque, "time": "s", "log": ""}
+    unit = {"position": length, "speed": f"{length}/s", "torque": torque, "time": "s"}
     within = " within a wave" if field.repeats else ""
+    own = f" [{unit[field.of]}]" if field.of in unit else ""
     return {
         "acts_on": field.where.name.replace("_", " "),
-        "axes": [f"{field.of}{within} [{unit[field.of]}]"],
+        "axes": [f"{field.of.removeprefix('by_')}{within}{own}"],
         "unit": torque,
         "points": [[knot] for knot in field.knots],
         "values": field.table(strengths(inquiry, left)[None])[0].T.tolist(),

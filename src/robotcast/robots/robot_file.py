@@ -36,7 +36,7 @@ NEEDED = {
     "measured": "what the columns measure",
 }
 KEYS = """model logs time drive measured servos weld tune sysid groups payloads repeats windows
-exclude"""
+exclude factors"""
 MOST_WINDOWS = 60
 COLUMN_KEYS = ("column", "unit", "scale", "offset", "noise", "torque_constant")
 
@@ -83,6 +83,7 @@ class RobotFile:
     groups: Mapping[str, tuple[int, ...]]  # joints' dofs
     payloads: Mapping[str, tuple[Payload, ...]]  # by log
     repeats: tuple[tuple[str, ...], ...]
+    factors: Mapping[str, Column]  # what else may matter, such as a temperature
     length_s: float | None
     most_windows: int
     exclude: tuple[str, ...]
@@ -219,7 +220,7 @@ def read_robot(folder: Path) -> RobotFile:
         what = "it names what the columns drive; if nothing does, say drive: {}"
         raise ValueError(f"{path}: 'drive' is missing: {what}")
     known = read_parameters(folder / str(said.get("sysid"))) if said.get("sysid") else {}
-    logs, windows = _log_paths(folder, said), said.part("windows")
+    logs, windows, factors = _log_paths(folder, said), said.part("windows"), said.part("factors")
     windows.allow("length_s", "most")
     for key in windows.values:
         if (number := windows.number(key)) is not None and number <= 0:
@@ -239,6 +240,7 @@ def read_robot(folder: Path) -> RobotFile:
         groups=_groups(said.part("groups"), model),
         payloads=_payloads(said.part("payloads"), model),
         repeats=_repeats(said),
+        factors={str(k): _column(factors.part(k, "column"), "") for k in factors.values},
         length_s=windows.number("length_s"),
         most_windows=int(windows.number("most") or MOST_WINDOWS),
         exclude=tuple(said.names("exclude")),

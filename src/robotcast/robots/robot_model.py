@@ -98,7 +98,11 @@ class RobotModel:
                     held_out_with=w.part,
                     times_s=times_s - times_s[0],
                     measured=log.measured[w.first : w.end] / self.units.si,
-                    factors={"log": w.log + 1, "time in the log": times_s[0] - log.times_s[0]},
+                    factors={
+                        "log": w.log + 1,
+                        "time in the log": times_s[0] - log.times_s[0],
+                        **{name: log.factor(name, w.first, w.end) for name in log.factors},
+                    },
                 )
             )
         return tuple(found)

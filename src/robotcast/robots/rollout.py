@@ -391,6 +391,12 @@ class _Forces:
         began = [owner.logs[w.log].times_s[w.first] - owner.logs[w.log].times_s[0] for w in windows]
         self._log_time_s = np.array(began)[:, None]
         self._log = np.array([owner.logs[w.log].number for w in windows])[:, None]
+        self._factors = {
+            name: np.array([owner.logs[w.log].factor(name, w.first, w.end) for w in windows])[
+                :, None
+            ]
+            for name in owner.robot.factors
+        }
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
         self._applied, self._actuated = batch.bind("qfrc_applied"), batch.bind("qfrc_actuator")
         self._qpos_of_dof = owner.qpos_of_dof
@@ -405,7 +411,7 @@ class _Forces:
 
         def of(dofs: list[int]) -> Motion:
             seen = qpos[:, dofs], self._qvel[:, dofs], torque[:, dofs]
-            return Motion(self._log, log_time_s, *seen)
+            return Motion(self._log, log_time_s, *seen, factors=self._factors)
 
         for dofs, force, own in self._forces:
             self._applied[:, dofs] += force(of(dofs), **own)
@@ -429,13 +435,8 @@ def stepwise(
 
 
 def _acting(tune: Sequence[Tunable], effects: Sequence[RobotEffect], values: np.ndarray) -> Acting:
-    acting, at = [], len(tune)
-    for effect in effects:
-        own = {}
-        for parameter in effect.parameters:
-            own[parameter.name], at = values[:, at : at + 1], at + 1
-        acting.append((effect, own))
-    return acting
+    columns = iter(values.T[len(tune) :])
+    return [(e, {p.name: next(columns)[:, None] for p in e.parameters}) for e in effects]
 
 
 def _through(hook: str, acting: Acting):

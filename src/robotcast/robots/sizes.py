@@ -62,6 +62,7 @@ class Sizes:
     wave: np.ndarray
     logs: int  # how many there are
     arms: np.ndarray  # by how much tendons grow with joints, (ntendon, nv)
+    factors: Mapping[str, tuple[float, float]]  # the least and the most of what else was logged
     window_s: float = np.inf  # how long the windows are
 
     def of(
@@ -207,6 +208,11 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         wave=np.array([_wave(*own, periods(logs)) for own in zip(*by_joint, strict=True)]),
         logs=len(logs),
         arms=tendon_arms(model),
+        factors={
+            name: (float(values.min()), float(values.max()))
+            for name in robot.factors
+            for values in [np.concatenate([log.factors[name] for log in logs])]
+        },
     )
 
 
