@@ -133,7 +133,9 @@ def _curves(field: Field) -> Figure:
         axes.scatter(at, curve, 36, color, lw=0, urls=links, zorder=3)
     if values.shape[1] > 1:
         axes.legend()
-    axes.set(xlabel=field["axes"][0], ylabel=f"missing force [{field['unit']}]")
+    unit = field["unit"]  # a gain has none: it is a share of what drives
+    force = "missing share of the drive" if unit == "1" else f"missing force [{unit}]"
+    axes.set(xlabel=field["axes"][0], ylabel=force)
     return figure
 
 
