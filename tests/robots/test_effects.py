@@ -76,7 +76,7 @@ def test_late_columns_and_a_wrong_clock_are_undone(
     tmp_path: Path, effect: str, logged: pl.Expr, size: float
 ) -> None:
     windows = {"length_s": 0.4, "most": 6}
-    folder = write_folder(tmp_path, ARM, logs=3, windows=windows, noise=0.0)
+    folder = write_folder(tmp_path, ARM, logs=3, windows=windows, noise=0.0, finer=1)
     model = read_case(rewrite(folder, logged.fill_null(strategy="backward"))).model
     found = model.predict(model.records, [effect], np.array([[0.0], [size]]))
     off = [
@@ -124,7 +124,7 @@ def test_a_drive_pushes_no_faster_than_its_speed_but_brakes_from_any() -> None:
     effect = SpeedLimit("limit", "", parameters("s"), WHERE)
     speed = np.array([[0.5], [1.0], [2.0], [2.0]])
     torque = np.array([[3.0], [3.0], [3.0], [-3.0]])
-    motion = Motion(np.ones((4, 1)), np.zeros((4, 1)), speed, speed, torque)
+    motion = Motion({}, np.zeros((4, 1)), speed, speed, torque)
     left = torque + effect.force(motion, s=np.ones((4, 1)))
     np.testing.assert_allclose(left[:, 0], [3.0, 0.0, 0.0, -3.0], atol=1e-12)
 
@@ -132,7 +132,7 @@ def test_a_drive_pushes_no_faster_than_its_speed_but_brakes_from_any() -> None:
 def test_stribeck_friction_falls_from_its_peak_to_dry_friction() -> None:
     effect = Stribeck("stribeck", "", parameters("torque", "peak", "speed"), WHERE)
     speed = np.array([[0.0, 0.1, 5.0]])
-    motion = Motion(np.ones((1, 1)), np.zeros((1, 1)), speed, speed, speed)
+    motion = Motion({}, np.zeros((1, 1)), speed, speed, speed)
     one = {name: np.array([[v]]) for name, v in (("torque", 2.0), ("peak", 1.0), ("speed", 0.1))}
     found = effect.friction(motion, **one)
     np.testing.assert_allclose(found[0], [3.0, 2 + np.exp(-1), 2.0])

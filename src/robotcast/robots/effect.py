@@ -7,7 +7,7 @@ its null an effect must change no bit: add 0, multiply by 1.
 
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -34,14 +34,12 @@ class Where:
 class Motion:
     """A batch of simulations at one instant."""
 
-    log: np.ndarray  # its number from 1, in the order of robot.yaml's `logs`, (n_sim, 1)
-    log_time_s: np.ndarray  # since its start, (n_sim, 1)
+    slow: Mapping[str, np.ndarray]  # one value a window (see `Log.slow`), (n_sim, 1) each
+    log_time_s: np.ndarray  # since the log's start, (n_sim, 1)
     # of the effect's joints, (n_sim, n_dofs) each
     qpos: np.ndarray
     qvel: np.ndarray
     torque: np.ndarray  # what drove them in the step before [N m or N]
-    # what robot.yaml calls a factor, its mean in the window, (n_sim, 1) each
-    factors: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 class RobotEffect:
@@ -98,6 +96,10 @@ class RobotEffect:
         within = all(some <= others for some, others in zip(own, more, strict=True))
         fewer = own != more or self.where.each < other.where.each
         return self.kind == other.kind and within and fewer and self.where.each <= other.where.each
+
+    def in_window(self, slow: Mapping[str, np.ndarray], **values: np.ndarray) -> dict[str, Any]:
+        """Return what the hooks get in the place of parameters (see `Motion`), (n_sim, 1) each."""
+        return values
 
     def write(self, fields: ModelFields, **values: np.ndarray) -> None:
         """Change fields of the model, before the first step."""

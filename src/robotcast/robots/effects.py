@@ -354,15 +354,17 @@ class Field(RobotEffect):
 
     def curve(self, motion: Motion, values: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the field's value at every joint, (n_sim, n_dofs)."""
-        at = {
+        here = {
             "position": motion.qpos,
             "speed": motion.qvel,
             "torque": motion.torque,
             "time": motion.log_time_s,
-            "log": motion.log,
-            **{f"by_{name}": values for name, values in motion.factors.items()},
-        }[self.of]
-        at = np.broadcast_to(at, motion.qpos.shape)
+        }
+        at = here[self.of] if self.of in here else motion.slow[self.of]
+        return self.value(np.broadcast_to(at, motion.qpos.shape), values)
+
+    def value(self, at: np.ndarray, values: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the field where what it depends on is `at`, (n_sim, n)."""
         if self.repeats:
             at = np.mod(at, self.knots[-1])
         table = self.table(np.hstack(list(values.values())))
@@ -388,8 +390,8 @@ class FrictionField(Field):
         return self.curve(motion, values)
 
 
-class GainField(Field):
+class GainField(Field, DriveGain):
     """Drives push 1 + a curve times as hard: a battery that sags, a motor that warms up."""
 
-    def force(self, motion: Motion, **values: np.ndarray) -> np.ndarray:
-        return self.curve(motion, values) * motion.torque
+    def in_window(self, slow: Mapping[str, np.ndarray], **values: np.ndarray) -> dict[str, Any]:
+        return {"k": self.value(slow[self.of], values)}

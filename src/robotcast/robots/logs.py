@@ -56,9 +56,15 @@ class Log:
         steps = np.diff(times_s)[:, None] * self.drive
         return times_s, np.vstack([np.zeros(self.drive.shape[1]), np.cumsum(steps, axis=0)])
 
-    def factor(self, name: str, first: int, end: int) -> float:
-        """Return the mean of a factor over some samples, NaN where it was not logged."""
-        return float(self.factors[name][first:end].mean()) if name in self.factors else math.nan
+    def slow(self, first: int, end: int) -> dict[str, float]:
+        """Return what samples have one value of, all together.
+
+        That is the number of the "log", the "time" into it in their middle [s], and the means of
+        what else was logged, as "by_temperature".
+        """
+        of = {f"by_{name}": float(some[first:end].mean()) for name, some in self.factors.items()}
+        time_s = self.times_s[first:end].mean() - self.times_s[0]
+        return {"log": self.number, "time": float(time_s), **of}
 
     def mean_drive(self, edges_s: np.ndarray, delay_s: np.ndarray) -> np.ndarray:
         """Return the means (n, n_channels) between n + 1 edges, every channel so much later."""

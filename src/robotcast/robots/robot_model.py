@@ -101,7 +101,7 @@ class RobotModel:
                     factors={
                         "log": w.log + 1,
                         "time in the log": times_s[0] - log.times_s[0],
-                        **{name: log.factor(name, w.first, w.end) for name in log.factors},
+                        **{n: log.slow(w.first, w.end)[f"by_{n}"] for n in log.factors},
                     },
                 )
             )

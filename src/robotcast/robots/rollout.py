@@ -60,8 +60,8 @@ class Rollout:
         self._controls = [(c, at.actuator) for c, at in channels if at.actuator is not None]
         self._torques = [(c, at.dof) for c, at in channels if at.dof is not None]
         self._signals = list(robot.measured)
-        shown = {s.dof for s in self._signals if s.kind == "velocity"}
-        self._differ = [dof not in shown for dof in range(self._model.nv)]  # speeds by the clock
+        self._differ = np.ones(self._model.nv, bool)  # speeds that are told by the clock
+        self._differ[[s.index for s in self._signals if s.kind == "velocity"]] = False
         self._delay_s, self._latency_s = self._own_delays()
         self.qpos_of_dof = coordinates(self._model)
 
@@ -131,6 +131,8 @@ class Rollout:
         by_steps: bool,
     ) -> list[np.ndarray]:
         """Simulate one batch; row by row a start with its own values (n_sim, n)."""
+        slow = self.slow(windows)
+        acting = [(effect, effect.in_window(slow, **own)) for effect, own in acting]
         batch = Batch(self._model, len(windows), nthread=self.threads)
         fields = BatchFields(batch)
         for k, tunable in enumerate(self.robot.tune):
@@ -143,15 +145,14 @@ class Rollout:
         fields.finish()
         for effect, own in _through("closes", acting):
             effect.closes(self._model, batch.expand("actuator_biasprm"), **own)
-        pace = np.ones(len(windows))
-        for effect, own in _through("pace", acting):
-            pace *= effect.pace(**own)[:, 0]
+        paces = (effect.pace(**own)[:, 0] for effect, own in _through("pace", acting))
+        pace = np.prod([np.ones(len(windows)), *paces], axis=0)
         times_s = [t / fast for t, fast in zip(times_s, pace, strict=True)]
         away[:, 1] += self._differ * (pace[:, None] - 1) * [w.qvel for w in windows]
         n_steps = int(np.ceil(max(t[-1] for t in times_s) / self._step_s - 1e-9)) + 1
         before, drive = self._drive(windows, acting, n_steps, pace)
         if self._model.na:
-            self._recall(batch, windows, before)
+            self._recall(batch, windows, before, pace)
         self._place(batch, windows, away, acting)
         if by_steps:
             bends = np.array([w.bends for w in windows]) + away[:, 2:]
@@ -186,15 +187,23 @@ class Rollout:
         for row, window in enumerate(windows):
             self.robot.followers.settle(qpos[row], qvel[row], window.qpos)
 
-    def _recall(self, batch: Batch, windows: Sequence[Window], drive: np.ndarray) -> None:
+    def slow(self, windows: Sequence[Window]) -> dict[str, np.ndarray]:
+        """Return what windows have one value of (see `Log.slow`), (n_windows, 1) each."""
+        own = [self.logs[w.log].slow(w.first, w.end) for w in windows]
+        return {name: np.array([[one.get(name, np.nan)] for one in own]) for name in own[0]}
+
+    def _recall(
+        self, batch: Batch, windows: Sequence[Window], drive: np.ndarray, pace: np.ndarray
+    ) -> None:
         """Bring the actuators' own states to where the time before the start leaves them.
 
         It is simulated with the joints led along as they were measured. When a log begins, drives
         are taken to be at rest: servos want to be where they are, filters had the first command.
         """
         since_s = self._step_s * np.arange(-drive.shape[1], 0)
-        led = {(w.log, w.first): self._led(w, since_s) for w in windows}
-        qpos, logged = (np.array([led[w.log, w.first][k] for w in windows]) for k in (0, 1))
+        keys = [(w.log, w.first, fast) for w, fast in zip(windows, pace, strict=True)]
+        led = {key: self._led(w, key[2] * since_s) for key, w in zip(keys, windows, strict=True)}
+        qpos, logged = (np.array([led[key][k] for key in keys]) for k in (0, 1))
         qvel = rates(self._model, qpos, self._step_s)
         model, ctrl, act = self._model, batch.bind("ctrl"), batch.bind("act")
         own = np.flatnonzero(model.actuator_actnum == 1)
@@ -390,13 +399,7 @@ class _Forces:
         )
         began = [owner.logs[w.log].times_s[w.first] - owner.logs[w.log].times_s[0] for w in windows]
         self._log_time_s = np.array(began)[:, None]
-        self._log = np.array([owner.logs[w.log].number for w in windows])[:, None]
-        self._factors = {
-            name: np.array([owner.logs[w.log].factor(name, w.first, w.end) for w in windows])[
-                :, None
-            ]
-            for name in owner.robot.factors
-        }
+        self._slow = owner.slow(windows)
         self._qpos, self._qvel = batch.bind("qpos"), batch.bind("qvel")
         self._applied, self._actuated = batch.bind("qfrc_applied"), batch.bind("qfrc_actuator")
         self._qpos_of_dof = owner.qpos_of_dof
@@ -407,11 +410,10 @@ class _Forces:
     def apply(self, time_s: float) -> None:
         """Write the forces of the step that begins at `time_s`."""
         torque, log_time_s = self._actuated + self._applied, self._log_time_s + time_s
-        qpos = self._qpos[:, self._qpos_of_dof]
 
         def of(dofs: list[int]) -> Motion:
-            seen = qpos[:, dofs], self._qvel[:, dofs], torque[:, dofs]
-            return Motion(self._log, log_time_s, *seen, factors=self._factors)
+            seen = self._qpos[:, self._qpos_of_dof[dofs]], self._qvel[:, dofs], torque[:, dofs]
+            return Motion(self._slow, log_time_s, *seen)
 
         for dofs, force, own in self._forces:
             self._applied[:, dofs] += force(of(dofs), **own)
