@@ -1,12 +1,16 @@
 """When a fitted size says that an effect is there."""
 
 import numpy as np
+import pytest
 
+from robotcast.diagnosis.errors import Floor
 from robotcast.diagnosis.inquiry import Inquiry, Revision
 from robotcast.diagnosis.model import Record
+from robotcast.diagnosis.rule import RULE, Effort
+from robotcast.diagnosis.selection import Selection
 from robotcast.diagnosis.sizes import Size, may_be, sizes
 from robotcast.fitting.parameter import Parameter
-from tests.diagnosis.sliding_puck import LATE, NOISE_M, Puck, pushes
+from tests.diagnosis.sliding_puck import LATE, NOISE_M, Mechanism, Puck, pushes
 from tests.diagnosis.test_library import NOMINAL, TIMES_S, Cart
 
 
@@ -67,3 +71,41 @@ def test_a_law_may_be_its_special_case_where_all_else_may_be_nothing() -> None:
     for low in (-0.1, 0.05):
         spring = [Size(k, 0.1, low, 0.3), Size(torque, 2.0, 1.9, 2.1), Size(shape, 1.0, 0.5, 2.0)]
         assert may_be(spring, [torque]) == (low <= 0)
+
+
+@pytest.mark.parametrize(("truth", "named"), [((0.0, 0.1, 0.1), "payload"), ((0.3, 0, 0), "mass")])
+def test_strengths_that_only_hold_zero_together_are_no_special_case(
+    truth: tuple[float, ...], named: str
+) -> None:
+    """What a payload's k, x and z do is alike where a link hardly swings; two explain, one not."""
+    k, x, z = (Parameter(n, "1", -2.0, 2.0, 0.0, null=0.0, probes=(-0.1, 0.1)) for n in "kxz")
+    rng, times_s = np.random.default_rng(1), np.linspace(0, 1, 41)
+    own = [np.sin(2 * np.pi * (rng.uniform(0.5, 2) * times_s + rng.uniform())) for _ in range(48)]
+    swings = np.deg2rad(12) * np.array(own)
+    acts = {"k": np.sin(swings), "x": np.cos(swings + 0.8), "z": np.sin(swings + 0.8)}
+
+    class Link:
+        scale, error_unit, parameters = 1.0, "% of a newton metre", ()
+
+        def __init__(self) -> None:
+            laws = {"payload": (k, x, z), "mass": (k,)}
+            self.effects = {name: Mechanism(name, "", some) for name, some in laws.items()}
+
+        def predict(self, records, active, vectors):
+            names = [p.name for name in active for p in self.effects[name].parameters]
+            trials, n = [r.trial for r in records], max(len(r.times_s) for r in records)
+            moved = np.zeros((len(vectors), len(trials), n))
+            for name, size in zip(names, vectors.T, strict=True):
+                moved += size[:, None, None] * acts[name][trials, :n]
+            return moved[..., None]
+
+    model, empty = Link(), [Record(n, n // 3, times_s, np.zeros((41, 1))) for n in range(48)]
+    seen = model.predict(empty, ["payload"], np.array([truth]))[0]
+    noisy = seen + 0.02 * rng.normal(size=seen.shape)
+    records = [Record(n, n // 3, times_s, noisy[n]) for n in range(48)]
+    floor, effort = Floor.known(1.6, 0.1), Effort(some=12)
+    laws = ("payload", "mass")
+    search = Selection(
+        Inquiry(model, records, 0.02), laws, (), floor, RULE, effort, lambda *_: None
+    )
+    assert search.run().chosen == (named,)

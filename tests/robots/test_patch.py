@@ -6,6 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+import yaml
 
 from robotcast.robots.outcome import patched, write_patched
 from robotcast.robots.robot_case import RobotCase, read_case
@@ -102,3 +103,31 @@ def test_tendons_of_several_joints_have_effects_and_those_of_one_are_the_joint(
     (friction,) = arm.model.effects["tendon_friction_tendon_rope"].parameters
     torque = np.median(arm.sizes.torque / [0.5, 0.4])  # by the arms of the shoulder and the elbow
     assert friction.upper == pytest.approx(2 * torque)
+
+
+def test_a_tendon_lies_between_its_own_joints_where_one_between_them_is_welded(
+    tmp_path: Path,
+) -> None:
+    wrist = '<body name="wrist"><joint name="lock" axis="0 1 0"/><geom size="0.01" mass="0.1"/>'
+    fore = '<body name="fore" pos="0 0 -0.3">'
+    xml = ARM.replace(fore, f"{wrist}{fore}").replace(
+        "</body></worldbody>", "</body></body></worldbody>"
+    )
+    said = {"weld": ["lock"], "tune": {"tendon[*].damping": [0.0, 1.0]}}
+    rope = '<joint joint="shoulder" coef="0.2"/><joint joint="elbow" coef="0.2"/>'
+    tendon = f'<tendon><fixed name="rope" damping="0.01">{rope}</fixed></tendon>'
+    folder = write_folder(tmp_path, xml.replace("<actuator>", f"{tendon}<actuator>"), logs=2)
+    path = folder / "robot.yaml"
+    known = yaml.safe_load(path.read_text()) | said
+    del known["measured"]["joint[lock].position"]
+    path.write_text(yaml.safe_dump(known))
+    case = read_case(folder)
+    assert [one.at.rows for one in case.robot.tune] == [(0,)]  # the file's own alone
+    assert "friction_of_sum_shoulder_and_elbow" not in case.model.effects  # it is the rope's
+    effect = case.model.effects["friction_of_difference_shoulder_and_elbow"]
+    spec, left_out = patched(case.robot, [0.02], [(effect, {"friction": 0.7})])
+    model = spec.compile()
+    assert not left_out and model.ntendon == 2
+    assert model.tendon("shoulder-elbow").id == 1
+    np.testing.assert_allclose(model.tendon_damping, [0.02, 0.0])
+    np.testing.assert_allclose(model.tendon_frictionloss, [0.0, 0.7])

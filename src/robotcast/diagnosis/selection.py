@@ -365,9 +365,14 @@ class Selection:
         return min(level, key=lambda r: (self._strengths(r.effects), cost[r.effects])).effects
 
     def _case(self, best: Rung, other: Rung) -> bool:
-        """Tell whether another set has a special case of a law, and what else it does may be 0."""
+        """Tell whether another set has a special case of a law, and what else it does may be 0.
+
+        It must do about as well: intervals of strengths that are like each other hold 0 together.
+        """
         lost, gained = ([*({*a.effects} - {*b.effects})] for a, b in ((best, other), (other, best)))
         if len(lost) != 1 or not self._inquiry.special_cases(lost[0], gained):
+            return False
+        if self.found.gain(other, best).matters(self._rule):
             return False
         own = sizes(self._inquiry, best.revision, best.errors.vectors, self._rule.discrepancy)
         law = own[self._inquiry.entries(best.effects, lost[0])]

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from robotcast.robots.effect import Where
-from robotcast.robots.names import names_of
+from robotcast.robots.names import SIGNS, inserted, moved, names_of
 
 WORLD = "world"
 PACKAGE = "package://"  # of a mesh that a URDF names by its ROS package
@@ -26,17 +26,24 @@ MOTOR = (
     mujoco.mjtBias.mjBIAS_NONE,
     mujoco.mjtDyn.mjDYN_NONE,
 )
+AWAY = 0.3  # rad or m, by which joints are turned to see what tendons pull at
+ALIKE = 0.999  # cosine, from which two tendons pull alike
 SINGLE = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 
 
 def couple(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     """Insert the tendons into a spec; return it."""
     for one, other in _neighbours(spec):
-        for sign in (1.0, -1.0):
-            tendon = spec.add_tendon(name=_name(one, other, sign))
-            tendon.wrap_joint(one, 1.0)
-            tendon.wrap_joint(other, sign)
+        for mark in SIGNS:
+            insert(spec, one, mark, other)
     return spec
+
+
+def insert(spec: Any, one: str, mark: str, other: str) -> None:
+    """Insert one of the tendons into a spec."""
+    tendon = spec.add_tendon(name=f"{one}{mark}{other}")
+    tendon.wrap_joint(one, 1.0)
+    tendon.wrap_joint(other, SIGNS[mark])
 
 
 def serve(spec: Any, servos: Mapping[str, tuple[float, float]], where: str) -> None:
@@ -70,40 +77,49 @@ def serve(spec: Any, servos: Mapping[str, tuple[float, float]], where: str) -> N
 
 
 def tendon_arms(model: mujoco.MjModel) -> np.ndarray:
-    """Return by how much tendons grow or shrink with every joint at the file's pose, (ntendon, nv).
+    """Return by how much tendons grow with every joint, (ntendon, nv).
 
-    What is less than a thousandth of a tendon's largest counts as 0.
+    That is where they grow most of a few poses about the file's, since on a stretched chain a
+    tendon may pull at nothing. What is less than a thousandth of a tendon's largest counts as 0.
     """
-    data, arms = mujoco.MjData(model), np.zeros((model.ntendon, model.nv))
-    mujoco.mj_fwdPosition(model, data)
-    if model.ntendon:
-        of = model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
-        mujoco.mju_sparse2dense(arms, data.ten_J, *of)
-    arms = np.abs(arms)
-    return np.where(arms > 1e-3 * arms.max(axis=1, keepdims=True, initial=0.0), arms, 0.0)
+    data, poses, angles = mujoco.MjData(model), [], np.arange(model.nv)
+    for by in np.array([0 * angles, AWAY * np.cos(angles), AWAY * np.sin(angles)]):
+        data.qpos[:] = moved(model, model.qpos0[None], by[None])[0]
+        mujoco.mj_fwdPosition(model, data)
+        poses.append(np.zeros((model.ntendon, model.nv)))
+        if model.ntendon:
+            of = model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
+            mujoco.mju_sparse2dense(poses[-1], data.ten_J, *of)
+    at = np.abs(poses).argmax(axis=0)
+    arms = np.take_along_axis(np.array(poses), at[None], axis=0)[0]
+    size = np.abs(arms)
+    return np.where(size > 1e-3 * size.max(axis=1, keepdims=True, initial=0.0), arms, 0.0)
 
 
 def tendon_parts(model: mujoco.MjModel, most: int | None = None) -> dict[str, list[Where]]:
     """Return tendons of sums and differences of joints, and the own ones: above `most` as one.
 
-    What pulls at one joint alone is the joint's.
+    What pulls at one joint alone is the joint's; a sum or a difference that the file has a tendon
+    of is that tendon's.
     """
     found: dict[str, list[Where]] = {"sum": [], "difference": [], "tendon": []}
-    joints, arms = names_of(model, "joint"), tendon_arms(model)
-    between = {
-        _name(one, other, sign): (kind, one, other)
-        for kind, sign in (("sum", 1.0), ("difference", -1.0))
-        for one in joints
-        for other in joints
-    }
-    for tendon, name in enumerate(names_of(model, "tendon")):
-        kind, *pair = between.get(name, ("tendon",))
-        name = "_and_".join(pair) or (name if "tendon" in name.lower() else f"tendon_{name}")
-        if len(dofs := np.flatnonzero(arms[tendon]).tolist()) > 1:
+    pairs, arms = inserted(model), tendon_arms(model)
+    ways = arms / np.linalg.norm(arms, axis=1, keepdims=True).clip(1e-12)
+    own = [t for t in range(model.ntendon) if t not in pairs]
+    names = names_of(model, "tendon")
+    for tendon in range(model.ntendon):
+        if tendon in pairs:
+            one, mark, other = pairs[tendon]
+            kind, name = ("sum" if SIGNS[mark] > 0 else "difference"), f"{one}_and_{other}"
+            twice = bool((np.abs(ways[own] @ ways[tendon]) > ALIKE).any())
+        else:
+            kind, name, twice = "tendon", f"tendon_{names[tendon]}", False
+        dofs = np.flatnonzero(arms[tendon]).tolist()
+        if len(dofs) > 1 and not twice and not {*"[]"} & {*name}:
             found[kind] += [Where(name, tuple(dofs), (), (), (), (tendon,))]
-    if most is not None and len(own := found["tendon"]) > most:
-        dofs = tuple(sorted({dof for one in own for dof in one.dofs}))
-        every = tuple(t for one in own for t in one.tendons)
+    if most is not None and len(some := found["tendon"]) > most:
+        dofs = tuple(sorted({dof for one in some for dof in one.dofs}))
+        every = tuple(t for one in some for t in one.tendons)
         found["tendon"] = [Where("every_tendon", dofs, (), (), (), every)]
     return found
 
@@ -126,10 +142,6 @@ def _neighbours(spec: mujoco.MjSpec) -> list[tuple[str, str]]:
             if one.name and other.name and one.type == other.type and one.type in SINGLE
         ]
     return found
-
-
-def _name(one: str, other: str, sign: float) -> str:
-    return f"{one}{'+' if sign > 0 else '-'}{other}"
 
 
 def find_meshes(spec: Any, path: Path) -> None:

@@ -291,8 +291,6 @@ def _kind(column: str, joints: Sequence[str], actuators: Sequence[str]) -> str |
     said = more(joints) or tokens  # a joint may be called pos_1
     if said == tokens and column.endswith("V") and more(actuators) == {"v"}:
         return "command"  # in volts
-    if re.search("_m?A$", column) and not tokens & KINDS["command"]:
-        return "torque"  # a current
     for kind, words in KINDS.items():
         if said & words:
             return kind
@@ -300,6 +298,8 @@ def _kind(column: str, joints: Sequence[str], actuators: Sequence[str]) -> str |
         return "position"
     if said & FORCES and said <= {*FORCES, "m", "k"} and said < tokens:
         return "torque"
+    if re.search("_m?A$", column) and "a" not in set[str]().union(*map(_tokens, joints)):
+        return "torque"  # a current
     return "command" if more(actuators) < tokens and more(actuators) <= ANY else None
 
 
@@ -308,14 +308,18 @@ def _assigned(
 ) -> dict[str, str]:
     """Match columns to things by what these are called, else in order where there are enough.
 
-    Those left over are matched in order where they are as many, and several.
+    Those left over are matched in order where they are as many and all pairs share a word, or a
+    number: q1 and J1.
     """
     found, order = _called_alike(columns, called), in_order or list(called)
     if not found and len(columns) >= len(order):
         return dict(zip(order, columns, strict=False))
     things = [thing for thing in order if thing not in found]
     left = [column for column in columns if column not in found.values()]
-    return found | (dict(zip(things, left, strict=True)) if len(things) == len(left) > 1 else {})
+    pairs = dict(zip(things, left, strict=False)) if len(things) == len(left) else {}
+    words = ([{*re.findall(r"[a-z]+|\d+", n.lower())} for n in pair] for pair in pairs.items())
+    alike = all(one & other for one, other in words)
+    return found | pairs if alike else found
 
 
 def _called_alike(columns: Sequence[str], called: Mapping[str, Sequence[str]]) -> dict[str, str]:

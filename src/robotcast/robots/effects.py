@@ -247,17 +247,17 @@ class ConstantTorque(RobotEffect):
 
 
 class Spring(RobotEffect):
-    """A spring, or a cable that pulls: −k q + torque."""
+    """A spring, or a cable that pulls: −k q + bias."""
 
-    def force(self, motion: Motion, *, k: np.ndarray, torque: np.ndarray) -> np.ndarray:
-        return torque - k * motion.qpos
+    def force(self, motion: Motion, *, k: np.ndarray, bias: np.ndarray) -> np.ndarray:
+        return bias - k * motion.qpos
 
-    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, k: float, torque: float) -> bool:
+    def patch(self, spec: mujoco.MjSpec, model: mujoco.MjModel, *, k: float, bias: float) -> bool:
         joints = [spec.joints[int(model.dof_jntid[dof])] for dof in self.where.dofs]
         if k == 0 or any(joint.stiffness[0] for joint in joints):
             return False
         for joint in joints:
-            joint.stiffness[0], joint.springref = k, in_file(spec, joint, torque / k)
+            joint.stiffness[0], joint.springref = k, in_file(spec, joint, bias / k)
         return True
 
 

@@ -62,7 +62,7 @@ def read_step(model: RobotModel) -> None:
         means = [np.linalg.norm(one, axis=1).mean() if len(one) else np.inf for one in seen]
         found.append((100 / model.scale * np.array(means), step, taken))
     (own, model.step, _), (shorter, step, taken) = found
-    if min(np.median(own), np.median(shorter)) > Rule.at_floor * float(np.hypot(noise, err)):
+    if min(np.median(own), np.median(shorter)) > np.hypot(noise, err):
         return
     parts = np.unique([r.together for r in model.records], return_inverse=True)[1]
     less = np.nan_to_num(misses(own, noise) - misses(shorter, noise))  # 0 where both diverged

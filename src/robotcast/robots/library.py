@@ -318,9 +318,8 @@ def _parameter(
     much = 0.0 if guess is None else float(np.median(guess[list(where.dofs)]))
     wide = max(1.0, much * given.get("of_guess", 0.0) / size / given["upper"])
     upper = size * wide * given["upper"]
-    upper = max(
-        upper, driven * given.get("of_driven", 0.0), heaviest * given.get("of_heaviest", 0.0)
-    )
+    more = {"driven": driven, "heaviest": heaviest, "period": sizes.period_s}
+    upper = max(upper, *(own * given.get(f"of_{what}", 0.0) for what, own in more.items()))
     if "of_heaviest" in given:
         wide = math.sqrt(upper / given["upper"])
     upper = min(upper, given.get("of_window", np.inf) * sizes.window_s)

@@ -55,6 +55,7 @@ FIRST_OF = ("kp", "gainprm", "gear", "friction")  # without an index, their firs
 FORM = re.compile(r"(\w+)(?:\[([^\]]+)\])?(?:\.(\w+))?(?:\[(\d)\])?")
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 WIDTH = {FREE: 6, BALL: 3}  # degrees of freedom; of others 1
+SIGNS = {"+": 1.0, "-": -1.0}  # of tendons between joints, called shoulder+elbow
 NEAR = 5  # names that are said where one is wrong
 PLACE, AXES = ("x", "y", "z"), ("w", "x", "y", "z")
 
@@ -128,6 +129,13 @@ def field_of(model: mujoco.MjModel, field: str) -> np.ndarray:
 def names_of(model: mujoco.MjModel, kind: str) -> list[str]:
     """Return the names of all objects of a kind; one without is called by its number."""
     return [getattr(model, kind)(i).name or str(i) for i in range(getattr(model, OBJECTS[kind]))]
+
+
+def inserted(model: mujoco.MjModel) -> dict[int, tuple[str, str, str]]:
+    """Return the tendons that are not the file's: of which joint, with which sign, the other."""
+    joints, tendons = names_of(model, "joint"), names_of(model, "tendon")
+    made = {f"{a}{mark}{b}": (a, mark, b) for a in joints for b in joints for mark in SIGNS}
+    return {tendon: made[name] for tendon, name in enumerate(tendons) if name in made}
 
 
 def name_of_dof(model: mujoco.MjModel, dof: int) -> str:
@@ -273,6 +281,8 @@ def matching(model: mujoco.MjModel, kind: str, pattern: str, where: str) -> list
         raise ValueError(f"{where}: expected one of {', '.join(OBJECTS)}, option; got {kind!r}")
     names = names_of(model, kind)
     found = [i for i, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
+    hidden = inserted(model) if kind == "tendon" and pattern not in names else {}
+    found = [i for i in found if i not in hidden]
     if not found:
         has = ", ".join(names) or "none"
         raise ValueError(f"{where}: the model has no {kind} {pattern!r}; it has {has}")

@@ -13,10 +13,10 @@ import mujoco
 import numpy as np
 
 from robotcast.diagnosis.rule import Rule
-from robotcast.robots.couplings import couple, serve
+from robotcast.robots.couplings import insert, serve
 from robotcast.robots.effect import RobotEffect
 from robotcast.robots.model_fields import OneModel
-from robotcast.robots.names import FIELDS, Address, in_file, loose, name_of_dof, turning
+from robotcast.robots.names import FIELDS, Address, in_file, inserted, loose, name_of_dof, turning
 from robotcast.robots.robot_case import RobotCase
 from robotcast.robots.robot_file import Moving, RobotFile, compiled, load_spec
 from robotcast.robots.sizes import dynamics
@@ -142,8 +142,11 @@ def patched(
     spec = load_spec(robot.model_path)
     moving: Any = Moving(spec, robot.weld)
     serve(moving, robot.servos, str(robot.path))
-    if any(t >= len(spec.tendons) for effect, _ in acting for t in effect.where.tendons):
-        couple(moving)  # the file's own tendons come before
+    rows = {t for effect, _ in acting for t in effect.where.tendons}
+    rows |= {t for one in robot.tune if one.at.field.startswith("tendon_") for t in one.at.rows}
+    between = inserted(robot.model)
+    for tendon in sorted(rows & {*between}):
+        insert(moving, *between[tendon])
     left_out = []
     zeros = [one for one in acting if one[0].acts_through("closes")]
     for effect, values in (one for one in acting if one not in zeros):
@@ -187,7 +190,9 @@ def _copy(model: mujoco.MjModel, spec: mujoco.MjSpec, at: Address) -> None:
             body.inertia, body.iquat = model.body_inertia[row], model.body_iquat[row]
         else:
             kind, _, name = at.field.partition("_")
-            _put(getattr(spec, f"{kind}s")[row], name, values[row])
+            inner = kind == "tendon" and row in inserted(model)
+            one = spec.tendon(model.tendon(row).name) if inner else getattr(spec, f"{kind}s")[row]
+            _put(one, name, values[row])
 
 
 def _put(owner: Any, name: str, values: np.ndarray) -> None:

@@ -63,6 +63,7 @@ class Sizes:
     logs: int  # how many there are
     arms: np.ndarray  # by how much tendons grow with joints, (ntendon, nv)
     factors: Mapping[str, tuple[float, float]]  # the least and the most of what else was logged
+    period_s: float  # of the logs
     window_s: float = np.inf  # how long the windows are
 
     def of(
@@ -86,7 +87,7 @@ class Sizes:
         of_hinge, of_slide, size = SIZES[kind]
         at, own = list(dofs), size(self)
         if tendons:
-            arms = self.arms[list(tendons)]
+            arms = np.abs(self.arms[list(tendons)])
             power = 1 if kind == "torque" else 2  # by speed or position, which the arm shortens
             own = own / np.where(arms > 0, arms, np.nan) ** power
             plain = bool(np.isin(arms, (0.0, 1.0)).all())
@@ -208,6 +209,7 @@ def sizes_of(robot: RobotFile, logs: Sequence[Log], starts: StartStates) -> Size
         wave=np.array([_wave(*own, periods(logs)) for own in zip(*by_joint, strict=True)]),
         logs=len(logs),
         arms=tendon_arms(model),
+        period_s=periods(logs),
         factors={
             name: (float(values.min()), float(values.max()))
             for name in robot.factors
