@@ -67,7 +67,9 @@ class Hidden:
     springs: Mapping[str, Sequence[float]] = field(default_factory=dict)
     gaps: Mapping[str, float] = field(default_factory=dict)
     law: Mapping[str, Any] = field(default_factory=dict)  # a force on a joint, see `pushed`
-    delay_s: float = 0.0
+    delay_s: float = 0.0  # of commands; negative where they are stamped late
+    clock: float = 0.0  # by how much that of the logs runs fast
+    tires: float = 0.0  # by how much less drives push from log to log
     lag_s: float = 0.0
     limits: Mapping[str, float] = field(default_factory=dict)  # of the torque of servos
     late_s: Mapping[str, float] = field(default_factory=dict)
@@ -216,13 +218,14 @@ class Truth:
         servo = model.actuator_biasprm[:, 1] != 0
         driven = [model.joint(j).name for j in model.actuator_trnid[:, 0]]
         off = servo * [hidden.offset.get(j, 0.0) for j in driven]
+        gain = 1 - hidden.tires * np.arange(logs)[:, None]
         keep = np.exp(-step_s / hidden.lag_s) if hidden.lag_s else 0.0
         reached, path = command[:, 0], np.empty((logs, n * per_sample, len(joints)))
         for step in range(n * per_sample):
             path[:, step] = qpos[:, at]
-            wanted = command[:, max(step - late, 0) // per_sample]
+            wanted = command[:, min(max(step - late, 0) // per_sample, n - 1)]
             reached = wanted + keep * (reached - wanted)
-            ctrl[:] = reached - off
+            ctrl[:] = gain * (reached - off)
             if hidden.law:
                 k = joints.index(hidden.law["joint"])
                 moved = qpos[:, at[k]], qvel[:, dofs[k]], actuated[:, dofs[k]]
@@ -235,7 +238,8 @@ class Truth:
             seen[:, :, k] = path[:, steps, k] + hidden.offset.get(joint, 0.0)
         quantum = np.array(self.mechanism.quantum)
         seen = np.round((seen + quantum * self.rng.normal(size=seen.shape)) / quantum) * quantum
-        times = np.broadcast_to((PERIOD_S * np.arange(n))[:, None], (logs, n, 1))
+        times_s = (1 + hidden.clock) * PERIOD_S * np.arange(n)
+        times = np.broadcast_to(times_s[:, None], (logs, n, 1))
         return np.concatenate([times, command, seen], axis=-1)
 
     def write(self, table: np.ndarray, path: Path) -> None:
