@@ -47,6 +47,8 @@ AXIS = "joint[axis].position"
     [
         (key("measured", AXIS, value="q2"), "log0.csv: robot.yaml takes joint.* 'q2'.* lacks; it"),
         (key("measured", "joint[elbw].position", value="q"), "no joint 'elbw'; it has axis"),
+        (key("factors", "heat", value="q2"), "log0.csv: robot.yaml takes factors heat.* 'q2'"),
+        (key("factors", value=["q2"]), "factors: expected `key: value` lines"),
         (key("drive", "actuator[m]", value="u"), "no actuator 'm'; it has motor"),
         (key("measured", AXIS, "unit", value="furlong"), "unit 'furlong' is none of m, mm"),
         (key("measured", "joint[axis].angle", value="q"), "expected joint.NAME..position"),

@@ -99,9 +99,9 @@ class RobotModel:
                     times_s=times_s - times_s[0],
                     measured=log.measured[w.first : w.end] / self.units.si,
                     factors={
+                        **{n: log.slow(w.first, w.end)[f"by_{n}"] for n in log.factors},
                         "log": w.log + 1,
                         "time in the log": times_s[0] - log.times_s[0],
-                        **{n: log.slow(w.first, w.end)[f"by_{n}"] for n in log.factors},
                     },
                 )
             )
