@@ -353,8 +353,17 @@ def test_friction_and_gains_that_change_from_log_to_log_are_found(
         rewrite(made, pl.lit(20.0 + 8 * level).alias("warmth"))
         for name in (f"log{number}.csv", "robot.xml", "robot.yaml"):
             (made / name).replace(tmp_path / name)
-    found = diagnosed(read_case(tmp_path))
+    case = read_case(tmp_path)
+    found = diagnosed(case)
     assert found["verdict"] == ["unknown"]
     assert found["unexplained"]["depends_on"] == by
+    if factors:  # the motions to log next are those of a usual warmth
+        further, fields = (
+            case.motions.further,
+            [f"by_{WARM}_field_axis", f"by_{WARM}_gain_field_axis"],
+        )
+        for name in fields:
+            sizes = np.full((1, len(further.model.effects[name].parameters)), 0.1)
+            assert np.isfinite(further.model.predict(further.records[:1], [name], sizes)).any()
     values = np.ravel(found["unexplained"]["field"]["values"])
     np.testing.assert_allclose(values, np.linspace(0, last, 5), atol=0.075 * abs(last))

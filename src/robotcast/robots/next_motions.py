@@ -179,7 +179,8 @@ def _moved(
         row[:] = [from_data.get(at.kind, data.qpos)[at.index] for at in signals]
         if n > 0:  # the last command is never held
             mujoco.mj_step(model, data, n)
-    return Log(path, times_s, drive, seen, payloads)
+    usual = {name: np.full(len(drive), values.mean()) for name, values in log.factors.items()}
+    return Log(path, times_s, drive, seen, payloads, factors=usual)
 
 
 def _fastest(log: Log) -> np.ndarray:
