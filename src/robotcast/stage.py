@@ -252,8 +252,8 @@ def bar(title: str) -> Iterator[Callable[..., None]]:
         running.say(title=title, begun_s=time.time(), done=0, total=0, note="")
 
         def progress(done: int, total: int, note: str = "") -> None:
-            # set past `update`, which forgets the rate whenever the total changes
-            shown.tasks[0].total = total
+            # set past `update`, which forgets the rate whenever the total changes; 0 is not known
+            shown.tasks[0].total = total or None
             shown.update(task, completed=done, note=note)
             running.say(now=done == total, done=done, total=total, note=note)
 
