@@ -89,6 +89,7 @@ PULL = '<position name="drive" tendon="cable" kp="900"/>'
         (PULL, "drive_mm", "actuator[drive]", "mm"),
         (MOTOR, "elbow_Nm", "actuator[drive]", "N m"),
         (VALVE, "drive_V", "actuator[drive]", None),
+        (VALVE, "drive_volts", "actuator[drive]", None),
     ],
 )
 def test_a_drive_and_its_unit_are_told_by_the_name_of_a_column(

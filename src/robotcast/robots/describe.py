@@ -41,7 +41,7 @@ SPELLED = {  # SI unit → how a column's name has a unit of its kind → the un
     for si, known in UNITS.items()
 } | {"A": {"ma": "mA"}}  # of a drive: a torque by its constant, which robot.yaml must be given
 LENGTHS = {*SPELLED["rad"], *SPELLED["m"]}
-FORCES = {"n", "nm"}
+FORCES, VOLTS = {"n", "nm"}, {"volt", "volts"}
 ANY = LENGTHS.union(*SPELLED.values()) - set(SPELLED["s"])
 TORQUES = ("N m", "N")
 AS_COMMANDED = 0.5  # of a joint's variance: what is nearer to it is the position that it follows
@@ -300,7 +300,7 @@ def _kind(column: str, joints: Sequence[str], actuators: Sequence[str]) -> str |
         return "torque"
     if re.search("_m?A$", column) and "a" not in set[str]().union(*map(_tokens, joints)):
         return "torque"  # a current
-    return "command" if more(actuators) < tokens and more(actuators) <= ANY else None
+    return "command" if more(actuators) < tokens and more(actuators) <= {*ANY, *VOLTS} else None
 
 
 def _assigned(

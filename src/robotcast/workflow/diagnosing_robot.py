@@ -171,5 +171,5 @@ def _written(case: RobotCase, model: Mapping[str, Any], folder: Path) -> list[st
     left_out = write_patched(case.robot, case.model.effects, model, folder / PATCHED)
     write_parameters(folder / PARAMETERS, model["parameters"])
     names = ", ".join(map(effect_name, left_out))
-    lacks = f"{PATCHED} lacks what an MJCF file cannot hold: {names}. Apply it in your own loop."
-    return [lacks] if left_out else []
+    lacks = f"{PATCHED} lacks what an MJCF file cannot hold: {names}."
+    return [f"{lacks} Apply it in your own loop, or to the logs."] if left_out else []
