@@ -47,8 +47,8 @@ class RobotEffect:
 
     Its `name` is its id in reports and `diagnosis.json`, its `text` says in a few words what it is,
     its `parameters` stand in the order of parameter vectors, `part` is what it acts on, as in
-    conf/robot_effects.yaml: joint, free motion, tendon, body, drive, robot. A flexible field that
-    stands for any mechanism says what it `depends_on`, all others None.
+    conf/robot_effects.yaml: joint, free motion, sum, difference, tendon, body, drive, robot. A
+    flexible field that stands for any mechanism says what it `depends_on`, all others None.
     """
 
     guess: np.ndarray | None = None  # what a look at the logs promises of its parameters, (n,)
