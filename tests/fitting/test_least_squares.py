@@ -95,6 +95,25 @@ def test_a_difference_at_which_most_runs_are_lost_is_taken_shorter(measured: np.
     np.testing.assert_allclose(found, whole, rtol=0.01, atol=1e-6)
 
 
+def test_slopes_of_a_simulation_that_jitters_are_those_beyond_it(measured: np.ndarray) -> None:
+    smooth = residuals(measured)
+
+    def jittery(vectors: np.ndarray, trials: np.ndarray) -> np.ndarray:
+        values = smooth(vectors, trials)
+        for vector, some in zip(vectors, values, strict=True):
+            seed = np.frombuffer(vector.tobytes(), np.uint32)
+            some += np.random.default_rng(seed).normal(0, 1 / np.sqrt(len(TIMES_S)), some.shape)
+        return values
+
+    def steepness(evaluate, stepping: Stepping) -> np.ndarray:
+        return np.linalg.norm(fit(evaluate, stepping=stepping).jacobian, axis=(0, 1))
+
+    smoothly = steepness(smooth, Stepping())
+    found = steepness(jittery, Stepping(may_jitter=True)) / smoothly
+    assert np.all((found > 2 / 3) & (found < 1.1))  # what moves trials counts a little less
+    assert np.all(steepness(jittery, Stepping()) > 5 * smoothly)
+
+
 def test_what_is_frozen_and_what_is_out_of_bounds_stays(measured: np.ndarray) -> None:
     found = fit(residuals(measured), start=(0.8, 0.65), free=np.array([True, False]))
     assert found.vector[1] == 0.65

@@ -29,7 +29,8 @@ from robotcast.running import Progress, silent
 
 EXPECTED = 4.0  # times its largest probe: how strong an effect may be before any trial is seen
 
-STEPPING = Stepping(most=2)  # a second step for each Jacobian costs little beside it
+# a second step for each Jacobian costs little beside it
+STEPPING = Stepping(most=2, may_jitter=True)
 
 
 class Inquiry:
@@ -390,7 +391,7 @@ def held_out(inquiry: Inquiry, revision: Revision, effort: Effort) -> HeldOut:
     vectors, near = [], replace(STEPPING, most=1)
     for fold in folds(inquiry.groups, effort.folds, effort.seed):
         rest = np.setdiff1d(inquiry.everything, fold)
-        known = Fit(whole.vector, whole.residual[rest], whole.jacobian[rest])
+        known = replace(whole, residual=whole.residual[rest], jacobian=whole.jacobian[rest])
         fit = inquiry.fit(
             effects, whole.vector, effort.fold, trials=rest, known=known, stepping=near
         )

@@ -161,7 +161,7 @@ class Library:
         Its slopes are the library's.
         """
         residual = self.early.residuals(effects)(start[None], self.early.everything)[0]
-        return Fit(start, residual, self.fit.jacobian[:, :, self._kept(effects)])
+        return Fit(start, residual, self.fit.jacobian[:, :, self._kept(effects)], self.fit.jitter)
 
     def again(self, effects: tuple[str, ...], part: Fit, effort: Effort) -> "Library":
         """Return the whole fitted from where the model with a few of its effects was, if better."""

@@ -21,6 +21,8 @@ DAMPINGS = (1e-5, 1e-2, 0.3, 8.0)  # tried side by side, in units of the curvatu
 DIFFERENCE = 0.02  # of a parameter's range; of an effect's strength, from its probes
 REACH = 0.15  # of a parameter's range: no difference is taken over more
 LEAST = 1e-3  # of the noise, that a difference moves the residuals by
+NUDGE = 1e-9  # of a range, by which a smooth model moves nothing
+CLEAR_OF = 3.0  # jitters, that a difference moves the residuals by
 PAYS = 0.02  # of the loss, that a step must shed for another one by the same Jacobian
 ENOUGH = 1e-3  # two steps that lower the loss by less than this share end the fit
 LOST = 1e5  # noises, by which a run that diverged misses in a fit
@@ -41,6 +43,8 @@ class Fit:
     vector: np.ndarray  # (n,), in [0, 1]
     residual: np.ndarray  # (n_trials, D)
     jacobian: np.ndarray  # (n_trials, D, n), of the residuals, near the vector
+    # root mean square by which trials move where parameters move by nothing, 0 where not looked at
+    jitter: float = 0.0
 
     @cached_property
     def loss(self) -> float:
@@ -69,6 +73,9 @@ class Stepping:
     nearer: float = 2.0  # median misses: below the noise, differences are no longer than that
     most: int = 1  # steps for one Jacobian, which those after the first correct (Broyden 1965)
     central: bool = True  # whether the first differences are taken on both sides of the start
+    # whether to look how a simulation jitters, as contacts and friction of light bodies do: a
+    # difference that moves it by no more tells no slope
+    may_jitter: bool = False
 
 
 @dataclass(frozen=True)
@@ -149,7 +156,7 @@ def fit_robustly(
             losses = _whole_loss(values, tried, prior, unit)
             chosen = int(np.argmin(losses))
             if losses[chosen] < before:
-                best = Fit(tried[chosen], values[chosen], best.jacobian)
+                best = replace(best, vector=tried[chosen], residual=values[chosen])
             if losses[chosen] > before * (1 - PAYS):
                 break
             before = losses[chosen]
@@ -171,14 +178,27 @@ def _differentiated(
 ) -> Fit:
     """Return a fit with the slopes about the first of `rows` (m, n), at the best of them."""
     rows = np.clip(rows, 0.0, 1.0)
-    values = residuals(rows, trials)
+    nudged = rows[:0]
+    if stepping.may_jitter:
+        moves = (rows != rows[0]).any(axis=0)
+        nudged = rows[:1] + np.where(moves, np.where(rows[0] < 0.5, NUDGE, -NUDGE), 0.0)
+    values = residuals(np.vstack([rows, nudged]), trials)
+    values, again = values[: len(rows)], values[len(rows) :]
     wild = _lost(values).mean(axis=1) > 0.5  # where most runs are lost, a tenth as far
     if wild.any():
         rows[wild] = rows[0] + (rows[wild] - rows[0]) / 10
         values[wild] = residuals(rows[wild], trials)
     losses = _whole_loss(values, rows, prior, miss_unit(values[0], stepping.least_unit))
     chosen = int(np.argmin(losses))
-    return Fit(rows[chosen], values[chosen], steady_slopes(rows, values))
+    jitter = _jitter(values[0], again[0]) if stepping.may_jitter else 0.0
+    jacobian = steady_slopes(rows, values, max(1.0, CLEAR_OF * jitter))
+    return Fit(rows[chosen], values[chosen], jacobian, jitter)
+
+
+def _jitter(residual: np.ndarray, again: np.ndarray) -> float:
+    """Return the root mean square by which trials, (n_trials, D), moved from one to the other."""
+    weights = trial_weights(residual) * ~_lost(np.stack([residual, again]))[1]
+    return float(np.sqrt(((again - residual) ** 2).sum(axis=-1) @ weights / weights.sum()))
 
 
 def _downhill(last: Fit, free: np.ndarray, nearer: float) -> np.ndarray:
@@ -204,8 +224,10 @@ def slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
     return found.reshape(*values[0].shape, vectors.shape[1])
 
 
-def steady_slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
+def steady_slopes(vectors: np.ndarray, values: np.ndarray, unit: float = 1.0) -> np.ndarray:
     """Return the slopes, each trial's as far as it can be trusted.
+
+    The vectors are meant to move trials by a `unit`, in noises.
 
     A trial that tips over at one of the vectors has no slope that a fit could follow: it weighs
     by its mean square over all of them, not at the first. One whose run is lost at one of them,
@@ -217,7 +239,7 @@ def steady_slopes(vectors: np.ndarray, values: np.ndarray) -> np.ndarray:
         kept = ~lost[:, trial]
         found[trial] = slopes(vectors[kept], values[kept, trial : trial + 1])[0]
     mean = np.where(lost, 0.0, mean_square).sum(axis=0) / (~lost).sum(axis=0)
-    trust = np.minimum(np.sqrt((1 + mean_square[0]) / (1 + mean)), 1.0)
+    trust = np.minimum(np.sqrt((unit**2 + mean_square[0]) / (unit**2 + mean)), 1.0)
     return found * trust[:, None, None]
 
 
@@ -230,10 +252,12 @@ def _lost(values: np.ndarray) -> np.ndarray:
 def noise_axes(fit: Fit, free: np.ndarray, nearer: float = Stepping.nearer) -> np.ndarray:
     """Return the curvature's axes (n_free, n), each moving the residuals by about the noise.
 
-    Where a fit misses much less than the noise, as it may a made-up truth, they are shorter.
+    Where a fit misses much less than the noise, as it may a made-up truth, they are shorter; where
+    the simulation jitters, so long that the jitter adds a tenth to the curvature.
     """
     values, vectors = np.linalg.eigh(curvature(fit)[np.ix_(free, free)])
     moved = np.clip(nearer * median_miss(fit.residual), LEAST, 1.0)
+    moved = max(moved, CLEAR_OF * fit.jitter)
     lengths = moved * np.sqrt(fit.weights.sum() / np.maximum(values, 1e-9))
     axes = np.zeros((len(values), len(fit.vector)))
     axes[:, free] = (vectors * np.minimum(lengths, REACH)).T
