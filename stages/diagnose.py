@@ -8,6 +8,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
+from robotcast.reporting.diagnosis_page import figures_told
 from robotcast.stage import require, stage, tell
 from robotcast.workflow.diagnosing import diagnose_set
 from robotcast.workflow.diagnosing_robot import diagnose_robot
@@ -18,7 +19,7 @@ def diagnose(config: DictConfig) -> None:
     require(config, "robot" if of_robot else "measurements", "output")
     folder, found = (diagnose_robot if of_robot else diagnose_set)(config)
     tell(f"{folder}: {found['sentence']}")
-    for note in found["notes"]:
+    for note in (*figures_told(found), *found["notes"]):
         tell(f"- {note}")
     tell(f"open {folder / 'index.html'}")
     if not of_robot and (sealed := Path(config.measurements) / "answer.sealed").is_file():

@@ -6,8 +6,9 @@ import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import InstantiationException
 
+from robotcast import stage as stage_module
 from robotcast.measurements.reader import write_measurement_set
-from robotcast.stage import _names, _sentence, as_typed
+from robotcast.stage import _names, _sentence, as_typed, bar
 from tests.good_casts import good_set
 from tests.stages import ROOT, run_stage
 
@@ -74,3 +75,12 @@ def test_outputs_are_tried_before_the_work(tmp_path: Path) -> None:
         "tune", f"paths.measurements={folder}", f"paths.tuned={tmp_path}/out", "effects=tilt+drag"
     )
     assert status == 2 and "3" in said
+
+
+def test_where_no_terminal_shows_a_bar_lines_say_where_a_stage_stands(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(stage_module, "TELL_EVERY_S", 0.0)
+    with bar("diagnose") as progress:
+        progress(40, 0, "simulated windows")
+    assert "diagnose: 40 of ? simulated windows" in capsys.readouterr().err

@@ -44,6 +44,7 @@ class _StageConsole(Console):
 
 
 console = _StageConsole(stderr=True)
+TELL_EVERY_S = 60.0  # how often a long stage says where it stands, where nobody sees its bar
 
 
 def stage(body: Callable[[DictConfig], None]) -> Callable[[], None]:
@@ -236,8 +237,9 @@ class _Rate(ProgressColumn):
 def bar(title: str) -> Iterator[Callable[..., None]]:
     """Show a progress bar with a rate and what is left; yield its `progress(done, total, note)`.
 
-    `robotcast watch` shows it too.
+    `robotcast watch` shows it too. Where the output is no terminal, a line a minute says it.
     """
+    told_s = time.monotonic()
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(bar_width=20),
@@ -252,9 +254,13 @@ def bar(title: str) -> Iterator[Callable[..., None]]:
         running.say(title=title, begun_s=time.time(), done=0, total=0, note="")
 
         def progress(done: int, total: int, note: str = "") -> None:
+            nonlocal told_s
             # set past `update`, which forgets the rate whenever the total changes; 0 is not known
             shown.tasks[0].total = total or None
             shown.update(task, completed=done, note=note)
             running.say(now=done == total, done=done, total=total, note=note)
+            if not console.is_terminal and time.monotonic() - told_s > TELL_EVERY_S:
+                told_s = time.monotonic()
+                tell(f"{title}: {done} of {total or '?'} {note}")
 
         yield progress

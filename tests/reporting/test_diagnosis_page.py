@@ -105,11 +105,11 @@ def test_an_unknown_force_is_drawn_drafted_as_an_effect_and_said_to_be_the_missi
     assert "fitted field" in page
     assert "(1.05, −0.250)" in text_of(page)
     assert "class MyEffect(Effect)" in page and "conf/effects.yaml" in page
-    assert "What the missing force depends on: place" in page
+    assert "What is missing depends on: place" in page
     nearest = {**explained, "unexplained": {**explained["unexplained"], "explains": False}}
     page = diagnosis_page(nearest)
-    assert "What comes nearest to the missing force: place" in page
-    assert "What the missing force depends on" not in page
+    assert "What comes nearest depends on: place" in page
+    assert "What is missing depends on" not in page
     nameless = dict.fromkeys(explained["unexplained"])
     page = diagnosis_page({**effect(), "unexplained": nameless})
     assert 'id="field"' not in page and 'id="write"' in page

@@ -5,7 +5,7 @@ Its prose stands in diagnosis.html and next_steps.html, chosen by codes.
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from types import SimpleNamespace
@@ -132,7 +132,7 @@ def _ladder(d: SimpleNamespace) -> Markup | None:
         above, before = reached, effects
     left = d.unexplained
     if left and (reached := left["heldout_typical_error_percent"]) is not None:
-        detail = f"any force by {left['depends_on']}"
+        detail = f"by {left['depends_on']}"
         rows.append(Row("fitted field", (Bar(reached, "open", fall(above, reached)),), detail))
     axis = f"typical error on held-out {d.words['trials']} [{d.error_unit}]"
     drawn = bars(rows, axis, d.noise_floor_percent, d.unit)
@@ -151,14 +151,14 @@ def _slices(slices: list[dict[str, Any]], unit: str) -> Markup:
 
 
 def _missing(d: SimpleNamespace) -> dict[str, Any] | None:
-    """Draw the missing force, if it was fitted as a field."""
+    """Draw what is missing, if it was fitted as a field."""
     field = d.unexplained["field"] if d.unexplained else None
     if not field:
         return None
     aimed = focus(field)
     place = ", ".join(number(float(v)) for v in aimed[0]) if aimed else ""
     return {
-        "figure": inline(field_figure(field), "The missing force"),
+        "figure": inline(field_figure(field), "What is missing"),
         "strongest": strongest(field),
         "acts_on": field["acts_on"],
         "place": place,
@@ -188,6 +188,18 @@ def _size(
         "null": null,
         "places": [m if m is None else round(4 + scale * (m - start), 2) for m in marks],
     }
+
+
+def figures_told(diagnosis: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the sizes of what the verdict names, and the noise floor, as a terminal shows them."""
+    for size in _sizes((diagnosis["model"] or {}).get("parameters")):
+        effect, _, own = size["name"].rpartition(".")
+        if effect in diagnosis["verdict"]:
+            interval = f", 95 % interval {size['interval']}" if size["interval"] else ""
+            name = parameter_name(own, size["unit"])
+            yield f"{effect_name(effect)}: {name} = {size['value']}{interval}"
+    if diagnosis["noise_floor_percent"] is not None:
+        yield f"noise floor {error(diagnosis['noise_floor_percent'], diagnosis['error_unit'])}"
 
 
 def _outputs(d: SimpleNamespace) -> str:
