@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from robotcast.robots.couplings import tendon_arms, tendon_parts
 from robotcast.robots.outcome import patched, write_patched
 from robotcast.robots.robot_case import RobotCase, read_case
 from robotcast.robots.rollout import Rollout
@@ -93,7 +94,7 @@ def test_a_link_whose_weight_is_not_compensated_falls_as_in_the_file(tmp_path: P
     assert np.abs(falls - still).max() > 0.01
 
 
-def test_tendons_of_several_joints_have_effects_and_those_of_one_are_the_joint(
+def test_tendons_of_several_joints_have_effects(
     arm: RobotCase,
 ) -> None:
     found = {n for n in arm.model.effects if n.startswith("tendon_")}
@@ -103,6 +104,26 @@ def test_tendons_of_several_joints_have_effects_and_those_of_one_are_the_joint(
     (friction,) = arm.model.effects["tendon_friction_tendon_rope"].parameters
     torque = np.median(arm.sizes.torque / [0.5, 0.4])  # by the arms of the shoulder and the elbow
     assert friction.upper == pytest.approx(2 * torque)
+
+
+def test_a_cylinder_at_one_joint_has_effects_and_a_rope_of_constant_arm_has_none() -> None:
+    xml = """<mujoco><worldbody><site name="base" pos="0.2 0 -0.1"/><body>
+    <joint name="pin" axis="0 -1 0" range="28.65 68.75" limited="true"/>
+    <geom type="capsule" fromto="0 0 0 1 0 0" size="0.03"/><site name="rod" pos="0.4 0 0"/>
+    </body></worldbody><tendon>
+    <spatial name="cylinder"><site site="base"/><site site="rod"/></spatial>
+    <fixed name="rope"><joint joint="pin" coef="0.1"/></fixed>
+    </tendon></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    assert [where.name for where in tendon_parts(model)["tendon"]] == ["tendon_cylinder"]
+    data = mujoco.MjData(model)
+    lengths = []
+    for angle in np.linspace(0.5, 1.2, 100):  # the file's own pose is beyond its stop
+        data.qpos[:] = angle
+        mujoco.mj_forward(model, data)
+        lengths.append(data.ten_length[0])
+    arms = np.diff(lengths) / np.diff(np.linspace(0.5, 1.2, 100))
+    assert arms.min() - 1e-3 < tendon_arms(model)[0, 0] < arms.max() + 1e-3
 
 
 def test_a_tendon_lies_between_its_own_joints_where_one_between_them_is_welded(

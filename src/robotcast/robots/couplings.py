@@ -79,12 +79,17 @@ def serve(spec: Any, servos: Mapping[str, tuple[float, float]], where: str) -> N
 def tendon_arms(model: mujoco.MjModel) -> np.ndarray:
     """Return by how much tendons grow with every joint, (ntendon, nv).
 
-    That is where they grow most of a few poses about the file's, since on a stretched chain a
-    tendon may pull at nothing. What is less than a thousandth of a tendon's largest counts as 0.
+    That is where they grow most of a few poses about the file's, or the nearest within the joints'
+    ranges, since on a stretched chain a tendon may pull at nothing. What is less than a thousandth
+    of a tendon's largest counts as 0.
     """
     data, poses, angles = mujoco.MjData(model), [], np.arange(model.nv)
+    home, single = model.qpos0.copy(), model.jnt_limited & np.isin(model.jnt_type, SINGLE)
+    for joint in np.flatnonzero(single):
+        at = model.jnt_qposadr[joint]
+        home[at] = np.clip(home[at], *model.jnt_range[joint])
     for by in np.array([0 * angles, AWAY * np.cos(angles), AWAY * np.sin(angles)]):
-        data.qpos[:] = moved(model, model.qpos0[None], by[None])[0]
+        data.qpos[:] = moved(model, home[None], by[None])[0]
         mujoco.mj_fwdPosition(model, data)
         poses.append(np.zeros((model.ntendon, model.nv)))
         if model.ntendon:
@@ -99,8 +104,8 @@ def tendon_arms(model: mujoco.MjModel) -> np.ndarray:
 def tendon_parts(model: mujoco.MjModel, most: int | None = None) -> dict[str, list[Where]]:
     """Return tendons of sums and differences of joints, and the own ones: above `most` as one.
 
-    What pulls at one joint alone is the joint's; a sum or a difference that the file has a tendon
-    of is that tendon's.
+    What pulls at one joint alone is the joint's, but along a tendon whose path bends with it, as a
+    cylinder's; a sum or a difference that the file has a tendon of is that tendon's.
     """
     found: dict[str, list[Where]] = {"sum": [], "difference": [], "tendon": []}
     pairs, arms = inserted(model), tendon_arms(model)
@@ -115,7 +120,9 @@ def tendon_parts(model: mujoco.MjModel, most: int | None = None) -> dict[str, li
         else:
             kind, name, twice = "tendon", f"tendon_{names[tendon]}", False
         dofs = np.flatnonzero(arms[tendon]).tolist()
-        if len(dofs) > 1 and not twice and not {*"[]"} & {*name}:
+        fixed = model.wrap_type[model.tendon_adr[tendon]] == mujoco.mjtWrap.mjWRAP_JOINT
+        whole = len(dofs) > 1 or (len(dofs) == 1 and not fixed)
+        if whole and not twice and not {*"[]"} & {*name}:
             found[kind] += [Where(name, tuple(dofs), (), (), (), (tendon,))]
     if most is not None and len(some := found["tendon"]) > most:
         dofs = tuple(sorted({dof for one in some for dof in one.dofs}))
