@@ -236,8 +236,7 @@ def bars(
 
 def _floor(axes: Axes, floor: float, unit: str, left: bool) -> None:
     words = f"noise floor {error(floor, unit)}"
-    why = f"{words}: no model can do better."
-    axes.axvspan(0, floor, color=GREEN, alpha=0.1, lw=0, url=hint(why))
+    axes.axvspan(0, floor, color=GREEN, alpha=0.1, lw=0, url=hint(words))
     above = 1 + 12 / axes.get_ylim()[0]
     axes.axvline(floor, ymax=above, color="#007a59", clip_on=False)
     looks = {"ha": "right" if left else "left", "color": "#00684b", "weight": "bold"}

@@ -25,8 +25,8 @@ def diagnose_robot(
 ) -> tuple[RobotCase, dict[str, Any]]:
     """Diagnose a robot, and once more where windows and floor are better by the model found.
 
-    That counts where it names the same, or more beside it; else it is only noted. Return the case
-    that counts, and what was found, with its notes.
+    That counts where it names the same, or what it cannot tell from it, or more beside it; else it
+    is only noted. Return the case that counts, and what was found, with its notes.
     """
 
     def told(found: dict[str, Any]) -> dict[str, Any]:
@@ -40,7 +40,8 @@ def diagnose_robot(
     if about and _tells_more(about, ask(about), case, question, found):
         case = about
         again = diagnose_by_joint(case, ask(case), told, progress)
-        if {*found["verdict"]} <= {*again["verdict"]}:
+        alike = [{*group} for group in again["confusion_set"] if {*group} & {*again["verdict"]}]
+        if {*found["verdict"]} <= {*again["verdict"]}.union(*alike):
             return case, told(again)
         other = (
             f"Asked once more with windows of {case.length_s:.2g} s, as long as the model found "

@@ -250,7 +250,10 @@ def _case(
 def _cut(
     starts: StartStates, threads: int, known: Known
 ) -> tuple[RobotModel, RobotFloor, float, bool]:
-    """Return model, floor, length of windows [s], and whether the known model can be judged by."""
+    """Return model, floor, length of windows [s], and whether the known model can be judged by.
+
+    One far from its floor does not lead: starts would take up what it lacks.
+    """
     robot, logs, longest_s = starts.robot, starts.logs, _longest(starts.logs)
     length_s = robot.length_s or _length(starts, threads, known, longest_s)
     holds = length_s >= longest_s or robot.length_s is not None
@@ -264,6 +267,11 @@ def _cut(
     length_s = (windows[0].end - windows[0].first) * periods(logs)
     read_step(model)
     floor = RobotFloor.of(model)
+    if model.is_led and model.usual_miss(model.nominal_misses) > Rule.beyond * floor.percent:
+        known = replace(known, leads=False)
+        model = RobotModel(robot, logs, windows, starts.noise, known, threads)
+        read_step(model)
+        floor = RobotFloor.of(model)
     return model, floor, length_s, holds and floor.step_percent < floor.noise_percent
 
 

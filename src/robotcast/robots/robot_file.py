@@ -4,6 +4,7 @@ Last, the ParameterDict of `mujoco.sysid` as it stands on disk, a YAML file of p
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -294,6 +295,9 @@ class _Said:
     def number(self, key: str) -> float | None:
         """Return a number, None where it is not given."""
         value = self.get(key)
+        if isinstance(value, str):  # to YAML 1.0e5 is a word
+            with suppress(ValueError):
+                value = float(value)
         if isinstance(value, bool) or not isinstance(value, int | float | None):
             raise self.wrong("expected a number", value, key)
         return None if value is None else float(value)

@@ -51,6 +51,8 @@ class Known:
 
     effects: tuple[RobotEffect, ...]
     values: np.ndarray
+    # whether bodies that turn freely may start where it says that they did
+    leads: bool = True
 
     @classmethod
     def nominal(cls, robot: RobotFile) -> "Known":
@@ -236,6 +238,11 @@ class RobotModel:
             missed.append(left - self.start_shift(record, left))
         return missed
 
+    @property
+    def is_led(self) -> bool:
+        """Whether slopes are taken where the known model says that the robot started."""
+        return bool(self._starts[0].any())
+
     def starts_are_put_right(self) -> bool:
         """Tell whether slopes put starts right that are off by their noise, to below the noise.
 
@@ -243,7 +250,7 @@ class RobotModel:
         more than `perfect_misses`. Where the slopes are taken at estimated starts, nobody knows.
         """
         start, _ = self._starts
-        if start.any():
+        if self.is_led:
             return True
         rng, every = np.random.default_rng(0), range(len(start))
         paths = [self._paths(every, rng.normal(size=start.shape)) for _ in range(TRIED)]
@@ -345,13 +352,13 @@ class RobotModel:
 
         Both by deviations of every start coordinate, (n_windows, 2 nv), (n_windows, k, d, 2 nv).
         Of hinges and slides alone it is the measured state, which is known well. How a body turns
-        freely is not, and bends its path: there it is where the known model says that the robot
-        started, as far as that can be believed: what it misses anyway counts as noise.
+        freely is not, and bends its path: there it is where the known model, if it leads, says that
+        the robot started, as far as that can be believed: what it misses anyway counts as noise.
         """
         model = self.rollout.robot.model
         start = np.zeros((len(self.records), 2 * model.nv))
         paths, slopes = self._sloped(start)
-        if not turning(model).any():
+        if not (self.known.leads and turning(model).any()):
             return start, slopes
         for own, record, path, by in zip(start, self.records, paths, slopes, strict=True):
             k = len(record.times_s)
