@@ -261,6 +261,7 @@ def bar(title: str) -> Iterator[Callable[..., None]]:
             running.say(now=done == total, done=done, total=total, note=note)
             if not console.is_terminal and time.monotonic() - told_s > TELL_EVERY_S:
                 told_s = time.monotonic()
-                tell(f"{title}: {done} of {total or '?'} {note}")
+                # a total of one more only says that there is more
+                tell(f"{title}: {done} of {total if total > done + 1 else '?'} {note}")
 
         yield progress

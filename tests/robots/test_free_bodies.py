@@ -119,6 +119,13 @@ def test_what_acts_on_a_thrown_box_is_named_where_nothing_drives_it(
     assert not found["next_actions"]
 
 
+def test_a_model_that_is_far_off_does_not_say_where_bodies_started(tmp_path: Path) -> None:
+    for name, drag in (("right", 0.0), ("lacking", 0.2)):
+        (tmp_path / name).mkdir()
+        model = read_case(throw(tmp_path / name, drag=drag)).model
+        assert model.is_led == (drag == 0.0)
+
+
 def test_a_pose_that_shows_late_is_predicted(late: RobotCase) -> None:
     model, tau = late.model, LATE * PERIOD_S
     path = model.predict(model.records, ["encoder_latency_root"], np.array([[tau]]))[0]
