@@ -264,7 +264,6 @@ def _cut(
         if robot.length_s or length_s < least_s or model.starts_are_put_right():
             break
         length_s /= 2
-    length_s = (windows[0].end - windows[0].first) * periods(logs)
     read_step(model)
     floor = RobotFloor.of(model)
     if model.is_led and model.usual_miss(model.nominal_misses) > Rule.beyond * floor.percent:

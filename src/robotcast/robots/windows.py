@@ -33,7 +33,6 @@ LATEST_S = 0.1  # by which an encoder may show late
 CUBIC = 4
 PART = 0.02  # of how far a signal moves: what is missed by so much counts as one
 Signals = list[tuple[bool, np.ndarray, float]]  # of a joint: a rate or not, values, noise
-SHORTER = 0.75  # of a length, that windows may have so that they fill the logs
 GROUPS = 12  # parts that can be held out, at least: where logs are fewer, each is cut
 
 
@@ -305,16 +304,10 @@ def cut(
 ) -> tuple[Window, ...]:
     """Cut all logs into windows of a length, evenly spread, and those into parts to hold out.
 
-    Unless the length was given, they are shorter by up to a quarter where one more of them then
-    fits into most logs.
     Windows of one log are one part, so that nothing held out is seen through its neighbour.
     Where logs are too few for that, each is cut into several parts of consecutive windows.
     """
     n = max(LEAST_SAMPLES, round(length_s / periods(logs)))
-    room = int(np.median([len(log.times_s) for log in logs])) - starts.margin - 1
-    filling = room // -(-room // n)
-    if robot.length_s is None and filling >= max(LEAST_SAMPLES, SHORTER * n):
-        n = filling
     places = [
         (index, first)
         for index, log in enumerate(logs)
