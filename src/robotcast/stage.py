@@ -261,7 +261,6 @@ def bar(title: str) -> Iterator[Callable[..., None]]:
             running.say(now=done == total, done=done, total=total, note=note)
             if not console.is_terminal and time.monotonic() - told_s > TELL_EVERY_S:
                 told_s = time.monotonic()
-                # a total of one more only says that there is more
-                tell(f"{title}: {done} of {total if total > done + 1 else '?'} {note}")
+                tell(f"{title}: {done} of {total or '?'} {note}".rstrip())
 
         yield progress

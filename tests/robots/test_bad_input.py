@@ -65,6 +65,7 @@ AXIS = "joint[axis].position"
         (key("repeats", value=[["log0.csv", "other.csv"]]), "other.csv is none of the logs"),
         (key("windows", "length_s", value=9.0), "no window of 9 s fits"),
         (key("windows", "length_s", value="long"), "length_s: expected a number"),
+        (key("windows", "length_s", value="nan"), "length_s: expected a number"),
         (key("windows", "length", value=1), "no key is called 'length'; there are length_s, most"),
         (key("weld", value=["root"]), "weld: the model has no joint 'root'; it has axis"),
         (key("servos", value={"actuator[motor]": {"kp": 9}}), "actuator.motor.: expected .kp"),

@@ -106,7 +106,7 @@ def test_tendons_of_several_joints_have_effects(
     assert friction.upper == pytest.approx(2 * torque)
 
 
-def test_a_cylinder_at_one_joint_has_effects_and_a_rope_of_constant_arm_has_none() -> None:
+def test_a_cylinder_has_effects_of_its_own_where_its_arm_changes() -> None:
     xml = """<mujoco><worldbody><site name="base" pos="0.2 0 -0.1"/><body>
     <joint name="pin" axis="0 -1 0" range="28.65 68.75" limited="true"/>
     <geom type="capsule" fromto="0 0 0 1 0 0" size="0.03"/><site name="rod" pos="0.4 0 0"/>
@@ -116,6 +116,14 @@ def test_a_cylinder_at_one_joint_has_effects_and_a_rope_of_constant_arm_has_none
     </tendon></mujoco>"""
     model = mujoco.MjModel.from_xml_string(xml)
     assert [where.name for where in tendon_parts(model)["tendon"]] == ["tendon_cylinder"]
+    rail = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><site name="base" pos="-1 0 0"/><body>
+        <joint name="rail" type="slide" axis="1 0 0"/><geom size="0.1"/><site name="rod"/>
+        </body></worldbody><tendon>
+        <spatial name="cylinder"><site site="base"/><site site="rod"/></spatial>
+        </tendon></mujoco>"""
+    )
+    assert not tendon_parts(rail)["tendon"]  # it is the joint's
     data = mujoco.MjData(model)
     lengths = []
     for angle in np.linspace(0.5, 1.2, 100):  # the file's own pose is beyond its stop

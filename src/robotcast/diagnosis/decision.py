@@ -79,7 +79,7 @@ def _fields_together(early: Inquiry, base: Effects, fit: Fit, fields: Sequence[s
         parts.append(np.moveaxis(moved / steps[:, None, None], 0, -1))
     everything = (*base, *fields)
     vector = early.carried(everything, base, fit.vector)
-    whole = Fit(vector, fit.residual, np.concatenate(parts, axis=-1))
+    whole = Fit(vector, fit.residual, np.concatenate(parts, axis=-1), fit.jitter)
     return Library(early, everything, whole)
 
 

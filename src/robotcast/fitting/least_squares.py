@@ -73,8 +73,8 @@ class Stepping:
     nearer: float = 2.0  # median misses: below the noise, differences are no longer than that
     most: int = 1  # steps for one Jacobian, which those after the first correct (Broyden 1965)
     central: bool = True  # whether the first differences are taken on both sides of the start
-    # whether to look how a simulation jitters, as contacts and friction of light bodies do: a
-    # difference that moves it by no more tells no slope
+    # whether to look how a simulation jitters whatever changes, as a solver may that does not
+    # converge: a difference that moves it by no more tells no slope
     may_jitter: bool = False
 
 
@@ -167,7 +167,12 @@ def fit_robustly(
 
 
 def _corrected(behind: Fit, fit: Fit) -> Fit:
-    """Return a fit whose Jacobian agrees with the step that led to it (Broyden 1965)."""
+    """Return a fit whose Jacobian agrees with the step that led to it (Broyden 1965).
+
+    A step that moved trials by no more than their jitter tells nothing of it.
+    """
+    if _moved(behind.residual, fit.residual) < CLEAR_OF * fit.jitter:
+        return fit
     step = fit.vector - behind.vector
     missing = fit.residual - behind.residual - behind.jacobian @ step
     return replace(fit, jacobian=behind.jacobian + missing[..., None] * step / (step @ step))
@@ -190,15 +195,20 @@ def _differentiated(
         values[wild] = residuals(rows[wild], trials)
     losses = _whole_loss(values, rows, prior, miss_unit(values[0], stepping.least_unit))
     chosen = int(np.argmin(losses))
-    jitter = _jitter(values[0], again[0]) if stepping.may_jitter else 0.0
+    jitter = _moved(values[0], again[0]) if stepping.may_jitter else 0.0
     jacobian = steady_slopes(rows, values, max(1.0, CLEAR_OF * jitter))
     return Fit(rows[chosen], values[chosen], jacobian, jitter)
 
 
-def _jitter(residual: np.ndarray, again: np.ndarray) -> float:
-    """Return the root mean square by which trials, (n_trials, D), moved from one to the other."""
-    weights = trial_weights(residual) * ~_lost(np.stack([residual, again]))[1]
-    return float(np.sqrt(((again - residual) ** 2).sum(axis=-1) @ weights / weights.sum()))
+def _moved(before: np.ndarray, after: np.ndarray) -> float:
+    """Return by how much residuals (n_trials, D) moved, the root mean square over trials.
+
+    Of one that tipped over, or was lost, before or after, little or nothing counts.
+    """
+    squares = np.array([(some**2).sum(axis=-1) for some in (before, after)]).max(axis=0)
+    weights = (squares < LOST**2) / (1 + squares)
+    moved = ((after - before) ** 2).sum(axis=-1)
+    return float(np.sqrt(moved @ weights / max(weights.sum(), 1e-30)))
 
 
 def _downhill(last: Fit, free: np.ndarray, nearer: float) -> np.ndarray:

@@ -41,7 +41,8 @@ def diagnose_robot(
         case = about
         again = diagnose_by_joint(case, ask(case), told, progress)
         alike = [{*group} for group in again["confusion_set"] if {*group} & {*again["verdict"]}]
-        if {*found["verdict"]} <= {*again["verdict"]}.union(*alike):
+        as_many = len(found["verdict"]) <= len(again["verdict"])
+        if as_many and {*found["verdict"]} <= {*again["verdict"]}.union(*alike):
             return case, told(again)
         other = (
             f"Asked once more with windows of {case.length_s:.2g} s, as long as the model found "

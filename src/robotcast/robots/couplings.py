@@ -79,10 +79,18 @@ def serve(spec: Any, servos: Mapping[str, tuple[float, float]], where: str) -> N
 def tendon_arms(model: mujoco.MjModel) -> np.ndarray:
     """Return by how much tendons grow with every joint, (ntendon, nv).
 
-    That is where they grow most of a few poses about the file's, or the nearest within the joints'
-    ranges, since on a stretched chain a tendon may pull at nothing. What is less than a thousandth
-    of a tendon's largest counts as 0.
+    That is where they grow most of a few poses, since on a stretched chain a tendon may pull at
+    nothing. What is less than a thousandth of a tendon's largest counts as 0.
     """
+    poses = _arms_by_pose(model)
+    at = np.abs(poses).argmax(axis=0)
+    arms = np.take_along_axis(poses, at[None], axis=0)[0]
+    size = np.abs(arms)
+    return np.where(size > 1e-3 * size.max(axis=1, keepdims=True, initial=0.0), arms, 0.0)
+
+
+def _arms_by_pose(model: mujoco.MjModel) -> np.ndarray:
+    """Return the same in poses about the file's, or the nearest in the joints' ranges, (3, …)."""
     data, poses, angles = mujoco.MjData(model), [], np.arange(model.nv)
     home, single = model.qpos0.copy(), model.jnt_limited & np.isin(model.jnt_type, SINGLE)
     for joint in np.flatnonzero(single):
@@ -95,20 +103,18 @@ def tendon_arms(model: mujoco.MjModel) -> np.ndarray:
         if model.ntendon:
             of = model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
             mujoco.mju_sparse2dense(poses[-1], data.ten_J, *of)
-    at = np.abs(poses).argmax(axis=0)
-    arms = np.take_along_axis(np.array(poses), at[None], axis=0)[0]
-    size = np.abs(arms)
-    return np.where(size > 1e-3 * size.max(axis=1, keepdims=True, initial=0.0), arms, 0.0)
+    return np.array(poses)
 
 
 def tendon_parts(model: mujoco.MjModel, most: int | None = None) -> dict[str, list[Where]]:
     """Return tendons of sums and differences of joints, and the own ones: above `most` as one.
 
-    What pulls at one joint alone is the joint's, but along a tendon whose path bends with it, as a
-    cylinder's; a sum or a difference that the file has a tendon of is that tendon's.
+    What pulls at one joint alone is the joint's, but by an arm that changes with it, as a
+    cylinder's does; a sum or a difference that the file has a tendon of is that tendon's.
     """
     found: dict[str, list[Where]] = {"sum": [], "difference": [], "tendon": []}
-    pairs, arms = inserted(model), tendon_arms(model)
+    pairs, arms, by_pose = inserted(model), tendon_arms(model), np.abs(_arms_by_pose(model))
+    change = by_pose.min(axis=0) < ALIKE * by_pose.max(axis=0)
     ways = arms / np.linalg.norm(arms, axis=1, keepdims=True).clip(1e-12)
     own = [t for t in range(model.ntendon) if t not in pairs]
     names = names_of(model, "tendon")
@@ -120,8 +126,7 @@ def tendon_parts(model: mujoco.MjModel, most: int | None = None) -> dict[str, li
         else:
             kind, name, twice = "tendon", f"tendon_{names[tendon]}", False
         dofs = np.flatnonzero(arms[tendon]).tolist()
-        fixed = model.wrap_type[model.tendon_adr[tendon]] == mujoco.mjtWrap.mjWRAP_JOINT
-        whole = len(dofs) > 1 or (len(dofs) == 1 and not fixed)
+        whole = len(dofs) > 1 or (len(dofs) == 1 and bool(change[tendon, dofs[0]]))
         if whole and not twice and not {*"[]"} & {*name}:
             found[kind] += [Where(name, tuple(dofs), (), (), (), (tendon,))]
     if most is not None and len(some := found["tendon"]) > most:

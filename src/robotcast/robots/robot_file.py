@@ -3,6 +3,7 @@
 Last, the ParameterDict of `mujoco.sysid` as it stands on disk, a YAML file of plain numbers.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -298,7 +299,8 @@ class _Said:
         if isinstance(value, str):  # to YAML 1.0e5 is a word
             with suppress(ValueError):
                 value = float(value)
-        if isinstance(value, bool) or not isinstance(value, int | float | None):
+        known = value is None or (isinstance(value, int | float) and math.isfinite(value))
+        if isinstance(value, bool) or not known:
             raise self.wrong("expected a number", value, key)
         return None if value is None else float(value)
 
