@@ -39,7 +39,6 @@ TOO_MUCH = 30.0  # times the energy that gravity and drives can give: the angle 
 SPELLED = {  # SI unit → how a column's name has a unit of its kind → the unit
     si: {re.sub("/s$| ", "", unit).lower(): unit for unit in reversed(known)}
     for si, known in UNITS.items()
-    if si != "Pa"  # a chamber's pressure is no command
 } | {"A": {"ma": "mA"}}  # of a drive: a torque by its constant, which robot.yaml must be given
 LENGTHS = {*SPELLED["rad"], *SPELLED["m"]}
 FORCES, VOLTS = {"n", "nm"}, {"volt", "volts"}

@@ -412,7 +412,6 @@ UNITS = {
     "m/s": {f"{u}/s": f for u, f in LENGTH.items()},
     "N m": {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "mNm": 1e-3},
     "N": {"N": 1.0, "mN": 1e-3, "kN": 1e3},
-    "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "bar": 1e5, "psi": 6894.757},
 }
 CURRENT = {"A": 1.0, "mA": 1e-3}
 
